@@ -1,0 +1,59 @@
+"""One base class for everything the toolkit raises.
+
+Bad input raises; a numerical failure is a status of the result (see `fcdm_opt.tolerance.solution.Status`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+
+class FcdmError(Exception):
+    """Base of every error that `fcdm_opt` raises on purpose."""
+
+
+class InputError(FcdmError, ValueError):
+    """Input that cannot be used: says where, what was found and what is allowed.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, in one sentence.
+    file : path, optional
+        The file it stands in.
+    key : str, optional
+        The key, argument or body that is wrong, as the user wrote it (`case[0].tolerance`, `body 'lid'`).
+    found : object, optional
+        What was found there.
+    allowed : str, optional
+        What would be accepted.
+    """
+
+    def __init__(
+        self, what: str, *, file: str | Path | None = None, key: str | None = None, found: Any = None, allowed: str = ""
+    ) -> None:
+        self.what, self.file, self.key, self.found, self.allowed = what, file, key, found, allowed
+        place = ": ".join(str(part) for part in (file, key) if part is not None)
+        text = f"{place}: {what}" if place else what
+        if found is not None:
+            shown = repr(found)
+            text += f"; found {shown if len(shown) <= 200 else shown[:197] + '...'}"
+        if allowed:
+            text += f"; allowed: {allowed}"
+        super().__init__(text)
+
+    def within(self, *, file: str | Path | None = None, key: str | None = None) -> InputError:
+        """Return the same error, placed in a file or below a key of an enclosing structure."""
+        joined = ".".join(part for part in (key, self.key) if part) or None
+        return InputError(
+            self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed
+        )
+
+
+class UnsolvedError(FcdmError):
+    """Raised by `solve(..., throw=True)` where the result cannot be used; carries the `Solution`."""
+
+    def __init__(self, solution: Any) -> None:
+        self.solution = solution
+        super().__init__(solution.status.value)

@@ -1,0 +1,1 @@
+"""Bodies, and the Euclidean queries on them."""

@@ -1,0 +1,65 @@
+"""Every tolerance of the toolkit, in relative terms, each with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """Relative tolerances; lengths are taken relative to the size of the bodies, angles in radians.
+
+    Attributes
+    ----------
+    planarity
+        Hull facets whose vertices lie within `planarity` times the part's size of one plane are one face. Drawn
+        quads are not exactly planar in floats (about 1e-16); 1e-12 is far above that and far below any real facet.
+    flatness
+        A part whose thinnest extent is below `flatness` times its largest has no reliable inside and is refused.
+    partition
+        Parts overlap when a ball larger than this fits inside both: ten times the LP solver's own tolerance.
+    tie
+        Two directions, lines or lengths that differ by less are treated as equal by the walk, which then hands
+        over to the path without topology. Rounding in the walk is about 1e-15.
+    line
+        A contact line's side of a scale pair is decided to within this; pieces shorter than it are dropped.
+    nominal
+        A nominal pair this near a switching point is that switching point (design: 1e-9).
+    touch
+        The judge calls a pair touching when its gap is at most this (relative to the static body's size).
+    side
+        Relative opening and closing of the pair at which the judge asks for "apart" and "overlapping".
+    requirement
+        Slack by which a requirement's inequality may be missed through rounding.
+    judge_gjk
+        Tolerance handed to the collision library on bodies of unit size; its default of 1e-6 is a dead zone.
+    solver
+        Constraint tolerance of the NLP solver, in units of the scaled constraints.
+    cut
+        A constraint that was left out is added once it is violated by more than this.
+    determinant
+        Two contact lines whose normalised determinant is below this do not define a switching point.
+    seeds
+        Seeds nearer than this define no screw axis (design: 1e-9).
+    rigid
+        How far a transform may be from orthogonal.
+    """
+
+    planarity: float = 1e-12
+    flatness: float = 1e-12
+    partition: float = 1e-6
+    tie: float = 1e-11
+    line: float = 1e-12
+    nominal: float = 1e-9
+    touch: float = 1e-9
+    side: float = 1e-6
+    requirement: float = 1e-9
+    judge_gjk: float = 1e-12
+    solver: float = 1e-11
+    cut: float = 1e-10
+    determinant: float = 1e-9
+    seeds: float = 1e-9
+    rigid: float = 1e-9
+
+
+DEFAULT = Tolerances()
