@@ -380,6 +380,7 @@ def _hull(points: Array, rows: list[int], name: str, part: int, count: int) -> H
     _, stretch, axes = np.linalg.svd(centred / size, full_matrices=False)
     if stretch[2] <= DEFAULT.flatness * stretch[0]:
         raise InputError("the points lie in one plane", key=key, found=f"thickness ratio {stretch[2] / stretch[0]:.2g}")
+    axes[2] *= np.sign(np.linalg.det(axes))  # no mirror: it would turn the facets inside out
     try:  # hulls are affinely invariant: equal extents keep Qhull from calling thin parts flat
         hull = ConvexHull(centred / size @ (axes.T / stretch), qhull_options="Qt")
     except QhullError as reason:

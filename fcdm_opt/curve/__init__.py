@@ -1,0 +1,1 @@
+"""The decision curve of two bodies: which scale pairs touch, and by which features."""

@@ -1,0 +1,65 @@
+"""Contact features and their labels, as the FCDM paper writes them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Element
+
+_LABEL = re.compile(r"([VEF])1([VEF])2\(P1([V0-9,]+); ?P2([V0-9,]+)\)")
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A contact feature: the element of body 1 and the element of body 2 that touch.
+
+    Attributes
+    ----------
+    one, two : Element
+        Vertex, edge or face of each body, with the body's own 1-based vertex labels.
+    """
+
+    one: Element
+    two: Element
+
+    @property
+    def kind(self) -> str:
+        """For instance "V1F2": vertex of body 1 on a face of body 2."""
+        return f"{self.one.kind}1{self.two.kind}2"
+
+    @property
+    def label(self) -> str:
+        """For instance "V1F2(P1V6; P2V2,V3,V5)"."""
+        one, two = (",".join(f"V{v}" for v in element.vertices) for element in (self.one, self.two))
+        return f"{self.kind}(P1{one}; P2{two})"
+
+    def __str__(self) -> str:
+        return self.label
+
+    @classmethod
+    def from_label(cls, label: str) -> Feature:
+        """Read a label back; raises `InputError` if it is none."""
+        found = _LABEL.fullmatch(label.strip())
+        if not found:
+            raise InputError("not a feature label", found=label, allowed="V1F2(P1V6; P2V2,V3,V5) and the like")
+        kinds, texts = found.group(1, 2), found.group(3, 4)
+        one, two = (
+            Element(kind, tuple(int(v) for v in text.replace("V", "").split(",")))
+            for kind, text in zip(kinds, texts, strict=True)
+        )
+        return cls(one, two)
+
+    def merged(self, other: Feature) -> Feature | None:
+        """Return the contact feature in which two features of one part pair meet, None if they share nothing."""
+        elements = []
+        for mine, theirs in ((self.one, other.one), (self.two, other.two)):
+            common = tuple(v for v in mine.vertices if v in theirs.vertices)
+            if not common:
+                return None
+            if mine == theirs or len(common) > 2:
+                elements.append(mine if len(mine.vertices) <= len(theirs.vertices) else theirs)
+            else:
+                elements.append(Element("VE"[len(common) - 1], common))
+        return Feature(*elements)

@@ -1,0 +1,357 @@
+"""Rigid motions of the movable body: the only file that knows conventions.
+
+A motion is a sequence of steps; each step acts in the world frame on the body as the steps before it left it. Every
+step is written once, on nested tuples of scalars, and so serves floats and CasADi expressions alike. Rotations use
+R = u u' + cos(t) (1 - u u') + sin(t) [u]x, which is smooth at t = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Array, frozen
+from fcdm_opt.tolerances import DEFAULT
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
+Matrix = tuple[tuple[Any, ...], ...]
+IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+
+
+class Parameter(NamedTuple):
+    """One parameter of a motion: its name and whether it is a "translation" (length) or a "rotation" (radians)."""
+
+    name: str
+    kind: Literal["translation", "rotation"]
+
+
+class Motion:
+    """A family of rigid motions with parameters q; zero is the identity.
+
+    Combine with `>>`: `Translation("z") >> Rotation("z")` translates, then rotates.
+    """
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The elementary steps, first to last."""
+        raise TypeError(f"{type(self).__name__} defines no steps")
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Names and kinds of the parameters, in order; repeated names get a number."""
+        seen: dict[str, int] = {}
+        made = []
+        for step in self.steps:
+            for name, kind in step.own_parameters:
+                seen[name] = seen.get(name, 0) + 1
+                made.append(Parameter(name if seen[name] == 1 else f"{name}_{seen[name]}", kind))
+        return tuple(made)
+
+    def __rshift__(self, other: Motion) -> Motion:
+        """Return this motion followed by `other`."""
+        return Sequenced(self.steps + other.steps)
+
+    def weights(self, length: float) -> Array:
+        """Return what each parameter weighs in the amount: 1, `length`, or hypot(pitch, length) for a fixed pitch.
+
+        Parameters
+        ----------
+        length : float
+            Length that turns radians into lengths.
+        """
+        return frozen([weight for step in self.steps for weight in step.own_weights(length)])
+
+    def transform(self, q: Sequence[float] | Array, movable_seed: Any, static_seed: Any) -> Array:
+        """Return the 4x4 transform of body 1.
+
+        Parameters
+        ----------
+        q : (k,) floats
+            Parameters: lengths and radians.
+        movable_seed, static_seed : (3,) arrays
+            Seeds s_1 and s_2 as drawn, world frame.
+
+        Raises
+        ------
+        InputError
+            If the number of parameters is wrong, or a screw along the seeds meets coincident seeds.
+        """
+        values = [float(x) for x in q]
+        if len(values) != len(self.parameters):
+            allowed = ", ".join(p.name for p in self.parameters)
+            raise InputError("wrong number of motion parameters", key="motion", found=len(values), allowed=allowed)
+        return np.array(self._composed(values, [float(x) for x in movable_seed], [float(x) for x in static_seed]))
+
+    def symbolic(self, q: Any, movable_seed: Any, static_seed: Any) -> Any:
+        """Return the 4x4 transform as a CasADi expression of `q` (and of the seeds, numbers or symbols)."""
+        import casadi
+
+        rows = self._composed(*([x[k] for k in range(n)] for x, n in
+                                ((q, len(self.parameters)), (movable_seed, 3), (static_seed, 3))))
+        return casadi.vertcat(*(casadi.horzcat(*row) for row in rows))
+
+    def _composed(self, q: list[Any], movable_seed: list[Any], static_seed: list[Any]) -> Matrix:
+        before, start = IDENTITY, 0
+        for step in self.steps:
+            count = len(step.own_parameters)
+            moved_seed = tuple(
+                sum(before[i][j] * movable_seed[j] for j in range(3)) + before[i][3] for i in range(3)
+            )
+            after = step.own_transform(q[start : start + count], moved_seed, tuple(static_seed))
+            before = tuple(
+                tuple(sum(after[i][k] * before[k][j] for k in range(4)) for j in range(4)) for i in range(4)
+            )
+            start += count
+        return before
+
+    def describe(self, q: Sequence[float] | Array) -> str:
+        """Return the motion in words, lengths and degrees: "TZ 0.25 + RZ 7.02 deg"."""
+        words, start = [], 0
+        for step in self.steps:
+            count = len(step.own_parameters)
+            words.append(step.own_words([float(x) for x in q[start : start + count]]))
+            start += count
+        return " + ".join(words)
+
+
+class Step(Motion):
+    """One elementary motion. A new one defines the four `own_` members below and nothing else."""
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The step itself."""
+        return (self,)
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Names and kinds of the step's parameters."""
+        raise TypeError(f"{type(self).__name__} defines no parameters")
+
+    def own_weights(self, length: float) -> tuple[float, ...]:
+        """Weight of each parameter in the amount."""
+        return tuple(1.0 if kind == "translation" else length for _, kind in self.own_parameters)
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """4x4 transform in the world frame; `movable_seed` as already moved."""
+        raise TypeError(f"{type(self).__name__} defines no transform")
+
+    def own_words(self, q: list[float]) -> str:
+        """Parameters in words, in lengths and degrees."""
+        return " ".join(
+            f"{name} {_digits(x)}" if kind == "translation" else f"{name} {_digits(math.degrees(x))} deg"
+            for (name, kind), x in zip(self.own_parameters, q, strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class Sequenced(Motion):
+    """Several steps, one after the other; made by `>>`."""
+
+    sequence: tuple[Step, ...]
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The elementary steps, first to last."""
+        return self.sequence
+
+
+@dataclass(frozen=True)
+class Translation(Step):
+    """Translation along a fixed world axis: "x", "-x", ..., or a vector (its length does not matter)."""
+
+    axis: str | tuple[float, float, float]
+    direction: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "direction", _direction(self.axis, "Translation.axis"))
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """One length."""
+        return (Parameter(f"T{_axis_name(self.axis)}", "translation"),)
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Shift by q along the axis."""
+        return _affine(IDENTITY, tuple(q[0] * u for u in self.direction))
+
+
+@dataclass(frozen=True)
+class Rotation(Step):
+    """Rotation about a fixed world direction through a centre, right-hand rule.
+
+    Attributes
+    ----------
+    axis : str or vector
+        "x", "-x", ..., or a vector (its length does not matter).
+    centre : "seed", "origin" or point
+        The movable seed as already moved, the world origin, or a fixed point, world frame.
+    """
+
+    axis: str | tuple[float, float, float]
+    centre: str | tuple[float, float, float] = "seed"
+    direction: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "direction", _direction(self.axis, "Rotation.axis"))
+        if isinstance(self.centre, str):
+            if self.centre not in ("seed", "origin"):
+                raise InputError(
+                    "unknown centre", key="Rotation.centre", found=self.centre, allowed='"seed", "origin" or a point'
+                )
+        else:
+            object.__setattr__(self, "centre", _point(self.centre, "Rotation.centre"))
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """One angle."""
+        return (Parameter(f"R{_axis_name(self.axis)}", "rotation"),)
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Turn by q about the axis through the centre."""
+        centre = {"seed": movable_seed, "origin": (0.0, 0.0, 0.0)}[self.centre] if isinstance(
+            self.centre, str) else self.centre
+        return _turn(self.direction, q[0], centre, 0.0)
+
+
+@dataclass(frozen=True)
+class Screw(Step):
+    """Rotation about a directed line and translation along it.
+
+    Attributes
+    ----------
+    axis : "seeds" or (point, direction)
+        The directed line from the movable seed, as moved by the preceding steps, to the static one; or a fixed line.
+    pitch : float, "free" or infinity
+        Translation per radian. 0 is a rotation about the line, infinity a translation along it; "free" makes
+        translation and angle two parameters.
+    """
+
+    axis: str | tuple[tuple[float, float, float], tuple[float, float, float]] = "seeds"
+    pitch: float | str = "free"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.axis, str):
+            if self.axis != "seeds":
+                raise InputError(
+                    "unknown axis", key="Screw.axis", found=self.axis, allowed='"seeds" or (point, direction)'
+                )
+        elif np.shape(self.axis) != (2, 3):
+            raise InputError("a line is (point, direction)", key="Screw.axis", found=self.axis)
+        else:
+            point, direction = self.axis
+            line = (_point(point, "Screw.axis"), _direction(direction, "Screw.axis"))
+            object.__setattr__(self, "axis", line)
+        if isinstance(self.pitch, str):
+            if self.pitch != "free":
+                raise InputError("unknown pitch", key="Screw.pitch", found=self.pitch, allowed='a number or "free"')
+        elif math.isnan(self.pitch):
+            raise InputError("the pitch is not a number", key="Screw.pitch", found=self.pitch)
+        else:
+            object.__setattr__(self, "pitch", float(self.pitch))
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Angle for a fixed pitch, translation for an infinite one, both for a free one."""
+        along, about = Parameter("screw_translation", "translation"), Parameter("screw_angle", "rotation")
+        if isinstance(self.pitch, str):
+            return (along, about)
+        return (along,) if math.isinf(self.pitch) else (about,)
+
+    def own_weights(self, length: float) -> tuple[float, ...]:
+        """A fixed pitch couples both movements: hypot(pitch, length) a radian."""
+        if isinstance(self.pitch, str):
+            return (1.0, length)
+        return (1.0,) if math.isinf(self.pitch) else (math.hypot(self.pitch, length),)
+
+    def movements(self, q: list[Any]) -> tuple[Any, Any]:
+        """Return (translation along, angle about) the axis."""
+        if isinstance(self.pitch, str):
+            return q[0], q[1]
+        return (math.copysign(1.0, self.pitch) * q[0], 0.0) if math.isinf(self.pitch) else (self.pitch * q[0], q[0])
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Turn about and shift along the axis."""
+        along, about = self.movements(q)
+        if not isinstance(self.axis, str):
+            point, direction = self.axis
+            return _turn(direction, about, point, along)
+        offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
+        length = _sqrt(sum(x * x for x in offset))
+        if isinstance(length, float):
+            size = max(1e-300, *(abs(float(x)) for x in (*movable_seed, *static_seed)))
+            if length <= DEFAULT.seeds * size:
+                raise InputError("the seeds coincide: they define no screw axis", key="Screw.axis", found=length,
+                                 allowed="a line (point, direction)")
+        return _turn(tuple(x / length for x in offset), about, movable_seed, along)
+
+    def own_words(self, q: list[float]) -> str:
+        """Translation and angle, as in the paper's tables."""
+        along, about = self.movements(q)
+        return f"Screw {_digits(along)}, {_digits(math.degrees(about))} deg"
+
+
+# ------------------------------------------------------------------------------------------------ scalars, any kind
+
+
+def _cos(x: Any) -> Any:
+    return math.cos(x) if isinstance(x, float) else x.cos()
+
+
+def _sin(x: Any) -> Any:
+    return math.sin(x) if isinstance(x, float) else x.sin()
+
+
+def _sqrt(x: Any) -> Any:
+    return math.sqrt(x) if isinstance(x, float) else x.sqrt()
+
+
+def _affine(rotation: Matrix, shift: tuple[Any, ...]) -> Matrix:
+    return (*((*rotation[i][:3], shift[i]) for i in range(3)), (0.0, 0.0, 0.0, 1.0))
+
+
+def _turn(u: tuple[Any, ...], angle: Any, centre: tuple[Any, ...], along: Any) -> Matrix:
+    """Rotate by `angle` about the unit direction `u` through `centre`, and shift by `along` along it."""
+    c, s = _cos(angle), _sin(angle)
+    x, y, z = u
+    skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+    R = tuple(
+        tuple(u[i] * u[j] + c * (float(i == j) - u[i] * u[j]) + s * skew[i][j] for j in range(3)) for i in range(3)
+    )
+    shift = tuple(centre[i] - sum(R[i][j] * centre[j] for j in range(3)) + along * u[i] for i in range(3))
+    return _affine(R, shift)
+
+
+def _direction(axis: Any, key: str) -> tuple[float, ...]:
+    if isinstance(axis, str):
+        if axis not in AXES:
+            raise InputError("unknown axis", key=key, found=axis, allowed=", ".join(AXES) + " or a vector")
+        return AXES[axis]
+    vector = _point(axis, key)
+    length = math.hypot(*vector)
+    if length == 0:
+        raise InputError("a direction must not be zero", key=key, found=axis)
+    return tuple(x / length for x in vector)
+
+
+def _point(values: Any, key: str) -> tuple[float, ...]:
+    try:
+        point = tuple(float(x) for x in values)
+    except (TypeError, ValueError) as reason:
+        raise InputError("expected three numbers", key=key, found=values) from reason
+    if len(point) != 3 or not all(map(math.isfinite, point)):
+        raise InputError("expected three finite numbers", key=key, found=values)
+    return point
+
+
+def _axis_name(axis: Any) -> str:
+    return axis.upper() if isinstance(axis, str) else ""
+
+
+def _digits(x: float) -> str:
+    return f"{x:.6g}"

@@ -1,0 +1,1 @@
+"""The tolerance problem: from a problem file to a verified smallest motion."""

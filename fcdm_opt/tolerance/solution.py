@@ -1,0 +1,212 @@
+"""What a solve returns: plain data, with everything needed to refute it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Array, frozen
+from fcdm_opt.tolerance.problem import Problem
+
+
+class Status(Enum):
+    """How a solve ended; the value says what to do."""
+
+    SOLVED = "Solved: apply the motion."
+    ALREADY_SATISFIED = "Nothing to do: the requirement is met without any motion."
+    PAIR_OVERLAPS = (
+        "Solved for the tracked contact point, but the pair made overlaps there: use goal 'touch' or 'clear', or "
+        "add pair = 'clear' or 'touch'."
+    )
+    INFEASIBLE = "Proved impossible with this motion and these limits: widen the limits or choose another motion."
+    NOT_FOUND = "No motion found, and none proved impossible: widen the limits, choose another motion, or goal 'touch'."
+    LEFT_COHERENT_RANGE = (
+        "Only motions beyond the coherent range meet the requirement: choose another motion, a smaller tolerance, or "
+        "path = 'free'."
+    )
+    NOT_VERIFIED = "A motion was found but the judge rejected it: see the certificate's failed checks; do not use it."
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a motion."""
+        return self in (Status.SOLVED, Status.ALREADY_SATISFIED, Status.PAIR_OVERLAPS, Status.NOT_VERIFIED)
+
+
+class Check(NamedTuple):
+    """One check of a certificate: `value` was compared with `limit`."""
+
+    name: str
+    passed: bool
+    value: float
+    limit: float
+    note: str
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Outcome of the judge: a list of checks, all of which must pass; an empty list does not."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether there are checks and every one passed."""
+        return bool(self.checks) and all(check.passed for check in self.checks)
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that did not pass."""
+        return tuple(check for check in self.checks if not check.passed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solution:
+    """Answer to a `Problem`.
+
+    Attributes
+    ----------
+    problem : Problem
+    status : Status
+        Its value is advice.
+    parameters : dict
+        Motion parameters by name (length units, radians); empty where no motion was found.
+    transform : (4, 4) array or None
+        Pose change of body 1, world frame.
+    amount : float
+        Motion amount, length units (nan where no motion was found).
+    lower_bound : float
+        No motion smaller than this can do; 0 where nothing is proved.
+    rho : (2,) array or None
+        The tracked contact point after the motion; for "touch" and "clear" the target pair.
+    features : tuple of Feature
+        The tracked contact features.
+    pair : (2,) array
+        The target pair: the scales of the parts made.
+    pair_gap : float
+        Signed gap of the target pair after the motion, length units: > 0 apart, < 0 overlapping.
+    pair_state : str
+        "apart", "touching" or "overlapping".
+    active : tuple of str
+        What stops the motion from being smaller.
+    modelled : dict
+        How many features, part pairs and path points were constraints, of how many.
+    stage : str
+        Which stage of the solver settled it, and why.
+    sensitivity : dict or None
+        Derivatives of the amount; None until asked for.
+    certificate : Certificate or None
+    seconds : dict
+        Wall time of "build", "solve", "verify".
+    """
+
+    problem: Problem
+    status: Status
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    transform: Array | None = None
+    amount: float = float("nan")
+    lower_bound: float = 0.0
+    rho: Array | None = None
+    features: tuple[Feature, ...] = ()
+    pair: Array
+    pair_gap: float = float("nan")
+    pair_state: str = "unknown"
+    active: tuple[str, ...] = ()
+    modelled: Mapping[str, int] = field(default_factory=dict)
+    stage: str = ""
+    sensitivity: Mapping[str, Any] | None = None
+    certificate: Certificate | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def usable(self) -> bool:
+        """Whether a motion was found and the judge passed it."""
+        return self.status.found and self.certificate is not None and self.certificate.passed
+
+    def with_certificate(self, certificate: Certificate) -> Solution:
+        """Return the solution with the judge's verdict, and the status it implies."""
+        rejected = self.status.found and not certificate.passed
+        return replace(self, certificate=certificate, status=Status.NOT_VERIFIED if rejected else self.status)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data (lists, numbers, strings) from which `from_dict` rebuilds the solution.
+
+        Non-finite numbers become None, as JSON has none.
+        """
+        return {
+            "problem": self.problem.to_dict(),
+            "status": self.status.name,
+            "advice": self.status.value,
+            "usable": self.usable,
+            "parameters": dict(self.parameters),
+            "motion": self.problem.motion.describe(list(self.parameters.values())) if self.parameters else None,
+            "transform": None if self.transform is None else self.transform.tolist(),
+            "amount": _plain(self.amount),
+            "lower_bound": _plain(self.lower_bound),
+            "rho": None if self.rho is None else self.rho.tolist(),
+            "features": [feature.label for feature in self.features],
+            "pair": self.pair.tolist(),
+            "pair_gap": _plain(self.pair_gap),
+            "pair_state": self.pair_state,
+            "active": list(self.active),
+            "modelled": dict(self.modelled),
+            "stage": self.stage,
+            "sensitivity": None if self.sensitivity is None else dict(self.sensitivity),
+            "certificate": None
+            if self.certificate is None
+            else {
+                "passed": self.certificate.passed,
+                "checks": [
+                    {**check._asdict(), "value": _plain(check.value), "limit": _plain(check.limit)}
+                    for check in self.certificate.checks
+                ],
+            },
+            "seconds": dict(self.seconds),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Solution:
+        """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
+        try:
+            certificate = data["certificate"]
+            return cls(
+                problem=Problem.from_dict(data["problem"]),
+                status=Status[data["status"]],
+                parameters=dict(data["parameters"]),
+                transform=None if data["transform"] is None else frozen(data["transform"]),
+                amount=_number(data["amount"]),
+                lower_bound=_number(data["lower_bound"]),
+                rho=None if data["rho"] is None else frozen(data["rho"]),
+                features=tuple(Feature.from_label(label) for label in data["features"]),
+                pair=frozen(data["pair"]),
+                pair_gap=_number(data["pair_gap"]),
+                pair_state=data["pair_state"],
+                active=tuple(data["active"]),
+                modelled=dict(data["modelled"]),
+                stage=data["stage"],
+                sensitivity=data["sensitivity"],
+                certificate=None
+                if certificate is None
+                else Certificate(
+                    tuple(
+                        Check(**{**check, "value": _number(check["value"]), "limit": _number(check["limit"])})
+                        for check in certificate["checks"]
+                    )
+                ),
+                seconds=dict(data["seconds"]),
+            )
+        except (KeyError, TypeError) as reason:
+            raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
+
+
+def _plain(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _number(x: float | None) -> float:
+    return float("nan") if x is None else float(x)
