@@ -11,9 +11,11 @@ from fcdm_opt.geometry.bodies import Element
 _LABEL = re.compile(r"([VEF])1([VEF])2\(P1([V0-9,]+); ?P2([V0-9,]+)\)")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Feature:
     """A contact feature: the element of body 1 and the element of body 2 that touch.
+
+    Features are equal when their elements have the same vertices, in whatever order.
 
     Attributes
     ----------
@@ -34,6 +36,16 @@ class Feature:
         """For instance "V1F2(P1V6; P2V2,V3,V5)"."""
         one, two = (",".join(f"V{v}" for v in element.vertices) for element in (self.one, self.two))
         return f"{self.kind}(P1{one}; P2{two})"
+
+    @property
+    def _key(self) -> tuple[str, frozenset[int], frozenset[int]]:
+        return self.kind, frozenset(self.one.vertices), frozenset(self.two.vertices)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Feature) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
 
     def __str__(self) -> str:
         return self.label
@@ -58,8 +70,22 @@ class Feature:
             common = tuple(v for v in mine.vertices if v in theirs.vertices)
             if not common:
                 return None
-            if mine == theirs or len(common) > 2:
-                elements.append(mine if len(mine.vertices) <= len(theirs.vertices) else theirs)
-            else:
-                elements.append(Element("VE"[len(common) - 1], common))
+            smaller = min((mine, theirs), key=lambda element: len(element.vertices))
+            whole = len(common) == len(smaller.vertices) or len(common) > 2
+            elements.append(smaller if whole else Element("VE"[len(common) - 1], common))
         return Feature(*elements)
+
+    def starting_at(self, contact: Feature) -> Feature:
+        """Return the feature with the vertex at which its contact starts written first in its edges, as in the paper.
+
+        Parameters
+        ----------
+        contact : Feature
+            The contact feature of the switching point before it.
+        """
+        return Feature(*(
+            Element("E", tuple(sorted(mine.vertices, key=lambda v: v not in start.vertices)))
+            if mine.kind == "E" and start.kind == "V"
+            else mine
+            for mine, start in ((self.one, contact.one), (self.two, contact.two))
+        ))

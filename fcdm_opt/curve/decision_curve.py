@@ -1,0 +1,379 @@
+"""The decision curve of two bodies: all scale pairs (rho_1, rho_2) at which they just touch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import contact_point
+from fcdm_opt.curve.envelope import boundary, overlap_interval
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.region import Piece, Region, pair_region
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Array, Body, frozen, rigid_transform
+from fcdm_opt.tolerances import DEFAULT
+
+Box = tuple[tuple[float, float], tuple[float, float]]
+DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One straight piece of the curve: one contact feature.
+
+    Attributes
+    ----------
+    feature : Feature
+    line : (3,) array
+        (a, b, c) of the contact line a rho_1 + b rho_2 = c, in lengths (unit normal); overlap on the side of (a, b).
+    normal : (3,) array
+        Unit direction from body 1 to body 2, world frame.
+    start, end : (2,) arrays
+        Ends inside the box, in the order of the chain: overlap on the left.
+    parts : tuple of int
+        The part pair, 0-based.
+    snug : bool
+        Overlap on both sides: a fit without play.
+    index : int
+        1-based number in the box; 0 outside it.
+    piece : Piece
+        The unclipped piece of the pair's boundary.
+    """
+
+    feature: Feature
+    line: Array
+    normal: Array
+    start: Array
+    end: Array
+    parts: tuple[int, int]
+    snug: bool
+    index: int
+    piece: Piece
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchingPoint:
+    """Where two segments meet.
+
+    Attributes
+    ----------
+    rho : (2,) array
+    features : tuple of two Feature
+        Of the segments before and after it.
+    lines : (2, 3) array
+        Their contact lines.
+    pieces : tuple of two Piece
+        Their unclipped pieces.
+    contact_features : tuple of Feature
+        One (for instance V1E2) where the two contacts merge, or both where they are two contacts at once.
+    contacts : (k, 3) array
+        Contact points, world frame.
+    index : int
+        1-based number in the box; 0 outside it.
+    """
+
+    rho: Array
+    features: tuple[Feature, Feature]
+    lines: Array
+    pieces: tuple[Piece, Piece]
+    contact_features: tuple[Feature, ...]
+    contacts: Array
+    index: int
+
+    @property
+    def kind(self) -> str:
+        """For instance "V1E2", or "V1F2 & V1F2" for two contacts at once."""
+        return " & ".join(feature.kind for feature in self.contact_features)
+
+    @property
+    def label(self) -> str:
+        """The contact features' labels."""
+        return " & ".join(feature.label for feature in self.contact_features)
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A connected chain of the curve inside the box.
+
+    Attributes
+    ----------
+    segments : tuple of Segment
+    """
+
+    segments: tuple[Segment, ...]
+
+    @property
+    def is_function(self) -> bool:
+        """Whether rho_2 is a function of rho_1 along it."""
+        runs = [segment.end[0] - segment.start[0] for segment in self.segments]
+        return all(run > 0 for run in runs) or all(run < 0 for run in runs)
+
+
+@dataclass(frozen=True, eq=False)
+class DecisionCurve:
+    """The decision curve of two bodies; build it with `decision_curve`.
+
+    Everything is computed for the whole quadrant; the box only clips what is listed and numbered.
+
+    Attributes
+    ----------
+    movable, static : Body
+        As drawn.
+    transform : (4, 4) array
+        Pose change of the movable body.
+    box : pair of intervals
+        Of rho_1 and rho_2.
+    """
+
+    movable: Body
+    static: Body
+    transform: Array
+    box: Box
+
+    @cached_property
+    def pose(self) -> Array:
+        """R, row by row, and d = s_2 - s_1 with the moved seed, (12,)."""
+        return relative_pose(self.movable, self.static, self.transform)
+
+    @cached_property
+    def regions(self) -> tuple[Region, ...]:
+        """Overlap regions of all part pairs."""
+        return tuple(
+            pair_region(one, two, self.pose, (i, j))
+            for i, one in enumerate(self.movable.parts)
+            for j, two in enumerate(self.static.parts)
+        )
+
+    @cached_property
+    def chains(self) -> tuple[tuple[Piece, ...], ...]:
+        """The curve in the whole quadrant."""
+        return tuple(tuple(chain) for chain in boundary(self.regions))
+
+    @cached_property
+    def _listed(self) -> tuple[tuple[Branch, ...], tuple[SwitchingPoint, ...]]:
+        branches, points, count = [], [], 0
+        for chain in self.chains:
+            run: list[Segment] = []
+            for k, piece in enumerate(chain):
+                span = _clipped(piece, self.box)
+                if span is not None:
+                    count += 1
+                    if run and not _close(run[-1].end, piece.at(span[0])):
+                        branches.append(Branch(tuple(run)))
+                        run = []
+                    run.append(self._segment(piece, span, count))
+                successor = chain[(k + 1) % len(chain)]
+                meets = len(chain) > 1 and np.isfinite(piece.hi) and _close(piece.end, successor.start)
+                if meets and _inside(piece.end, self.box):
+                    points.append(self._switching_point(piece, successor, len(points) + 1))
+            if run:
+                branches.append(Branch(tuple(run)))
+        return tuple(branches), tuple(points)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """Chains of segments inside the box."""
+        return self._listed[0]
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """All segments inside the box, in order of their number."""
+        return tuple(segment for branch in self.branches for segment in branch.segments)
+
+    @property
+    def switching_points(self) -> tuple[SwitchingPoint, ...]:
+        """All switching points inside the box, in order of their number."""
+        return self._listed[1]
+
+    @cached_property
+    def status(self) -> str:
+        """Return "contact", or "apart" or "overlapping" in the whole box."""
+        if self.segments:
+            return "contact"
+        middle = np.mean(self.box, axis=1)
+        return "apart" if self.gap(middle) >= 0 else "overlapping"
+
+    def _segment(self, piece: Piece, span: tuple[float, float], index: int) -> Segment:
+        return Segment(
+            piece.feature, piece.line, piece.normal, frozen(piece.at(span[0])), frozen(piece.at(span[1])), piece.parts,
+            piece.snug, index, piece,
+        )
+
+    def _switching_point(self, before: Piece, after: Piece, index: int) -> SwitchingPoint:
+        rho = before.end
+        merged = before.feature.merged(after.feature) if before.parts == after.parts else None
+        features = (merged,) if merged else (before.feature, after.feature)
+        pieces = (before,) if merged else (before, after)
+        contacts = [self._contact_point(piece, rho) for piece in pieces]
+        return SwitchingPoint(
+            frozen(rho), (before.feature, after.feature), frozen([before.line, after.line]), (before, after), features,
+            frozen(contacts), index,
+        )
+
+    def _contact_point(self, piece: Piece, rho: Array) -> Array:
+        i, j = piece.parts
+        local = contact_point(self.movable.parts[i], self.static.parts[j], self.pose, piece.normal, rho)
+        return self.static.seed + local
+
+    def contact_points(self, rho: ArrayLike) -> Array:
+        """Return the contact point(s) at a scale pair on the curve, (k, 3), world frame; (0, 3) off the curve."""
+        found = self.locate(rho)
+        if found is None:
+            return np.empty((0, 3))
+        if isinstance(found, SwitchingPoint):
+            return found.contacts
+        return self._contact_point(found.piece, _pair(rho))[None]
+
+    def locate(self, rho: ArrayLike, tolerance: float = DEFAULT.nominal) -> Segment | SwitchingPoint | None:
+        """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
+        point = _pair(rho)
+        near = tolerance * np.abs(point).max()
+        everywhere: Box = ((0.0, np.inf), (0.0, np.inf))
+        whole = self if self.box == everywhere or _inside(point, self.box) else DecisionCurve(
+            self.movable, self.static, self.transform, everywhere
+        )
+        for switching_point in whole.switching_points:
+            if np.abs(switching_point.rho - point).max() <= near:
+                return switching_point
+        for segment in whole.segments:
+            s = np.clip(segment.piece.parameter(point), segment.piece.lo, segment.piece.hi)
+            if np.abs(segment.piece.at(s) - point).max() <= near:
+                return segment
+        return None
+
+    def crossings(self, rho1: float) -> Array:
+        """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
+        return self._crossings(np.array([float(rho1), 0.0]), np.array([0.0, 1.0]), self.box[1])
+
+    def _crossings(self, base: Array, travel: Array, span: tuple[float, float]) -> Array:
+        """Return the parameters at which a line meets the boundary of the union of the open overlap regions."""
+        intervals = sorted(
+            (max(lo, 0.0), hi)
+            for lo, hi in (overlap_interval(region, base, travel) for region in self.regions)
+            if hi > max(lo, 0.0)
+        )
+        ends: list[float] = []
+        for lo, hi in intervals:
+            if ends and lo < ends[-1] - DEFAULT.line * ends[-1]:
+                ends[-1] = max(ends[-1], hi)
+            elif ends and lo <= ends[-1] + DEFAULT.line * ends[-1]:
+                ends[-1:] = [lo, hi]  # two regions meet in one point: a snug fit
+            else:
+                ends += [lo, hi]
+        return np.array([s for s in ends if span[0] <= s <= span[1] and 0 < s < np.inf])
+
+    def rho2(self, rho1: ArrayLike) -> Array:
+        """Return the least contact scale rho_2 in the box for each rho_1, nan where there is none."""
+        values = np.asarray(rho1, dtype=np.float64)
+        found = [self.crossings(x) for x in values.ravel()]
+        return np.array([s[0] if s.size else np.nan for s in found]).reshape(values.shape)
+
+    @cached_property
+    def _rows(self) -> tuple[Array, ...]:
+        return tuple(
+            kernels.facet_rows(*one.packed, *two.packed, self.pose, DEFAULT.tie)[1]
+            for one in self.movable.parts
+            for two in self.static.parts
+        )
+
+    def gap(self, rho: ArrayLike) -> Array | float:
+        """Return the signed gap: > 0 apart, 0 touching, < 0 overlapping, length units.
+
+        For each part pair the largest separation over the facet directions of its Minkowski difference (minus the
+        penetration depth where they overlap), least over the pairs; never more than the distance.
+
+        Parameters
+        ----------
+        rho : (2,) or (n, 2) array
+        """
+        pairs = np.asarray(rho, dtype=np.float64)
+        least = np.full(pairs.shape[:-1], np.inf)
+        for rows in self._rows:
+            separations = rows[:, 5] - pairs @ rows[:, 3:5].T
+            least = np.minimum(least, separations.max(axis=-1))
+        return float(least) if pairs.ndim == 1 else least
+
+    def distance(self, rho: ArrayLike) -> float:
+        """Return the Euclidean distance of the scaled bodies, length units; 0 where they touch or overlap."""
+        from fcdm_opt.geometry.collision import ScaledPair
+
+        pair = _pair(rho)
+        gap = float(self.gap(pair))
+        if gap <= 0:
+            return 0.0
+        return max(gap, ScaledPair(self.movable, self.static).signed_distance(pair, self.transform))
+
+
+def decision_curve(
+    movable: Body,
+    static: Body,
+    *,
+    box: Sequence[Sequence[float]] = DEFAULT_BOX,
+    transform: ArrayLike | None = None,
+) -> DecisionCurve:
+    """Return the decision curve of two bodies.
+
+    Parameters
+    ----------
+    movable, static : Body
+        Body 1 and body 2, as drawn.
+    box : ((lo, hi), (lo, hi))
+        Range of rho_1 and rho_2 that is listed and numbered.
+    transform : (4, 4) array, optional
+        Rigid pose change of body 1 with its seed, world frame.
+
+    Raises
+    ------
+    InputError
+        For an empty or reversed box or a transform that is not rigid.
+    """
+    for key, body in (("movable", movable), ("static", static)):
+        if not isinstance(body, Body):
+            raise InputError("expected a Body", key=key, found=type(body).__name__)
+    limits = np.array(box, dtype=np.float64) if np.shape(box) == (2, 2) else np.full((2, 2), np.nan)
+    if not ((limits[:, 0] < limits[:, 1]) & (limits[:, 0] >= 0) & np.isfinite(limits).all(axis=1)).all():
+        raise InputError(
+            "the box is not two ranges", key="box", found=box, allowed="((lo, hi), (lo, hi)) with 0 <= lo < hi"
+        )
+    (a, b), (c, d) = limits.tolist()
+    return DecisionCurve(movable, static, rigid_transform(transform), ((a, b), (c, d)))
+
+
+def relative_pose(movable: Body, static: Body, transform: Array) -> Array:
+    """Return (R row by row, d = s_2 - moved s_1), (12,): what the kernels take."""
+    R = transform[:3, :3]
+    return np.concatenate([R.ravel(), static.seed - (R @ movable.seed + transform[:3, 3])])
+
+
+def _pair(rho: ArrayLike) -> Array:
+    point = np.asarray(rho, dtype=np.float64)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise InputError("a scale pair is two finite numbers", key="rho", found=rho)
+    return point
+
+
+def _close(p: Array, q: Array) -> bool:
+    return bool(np.abs(p - q).sum() <= DEFAULT.nominal * (1.0 + np.abs(p).sum()))
+
+
+def _inside(point: Array, box: Box) -> bool:
+    slack = DEFAULT.line * np.abs(point)
+    return all(lo - e <= x <= hi + e for x, (lo, hi), e in zip(point, box, slack, strict=True))
+
+
+def _clipped(piece: Piece, box: Box) -> tuple[float, float] | None:
+    """Return the stretch of a piece inside the box, None if there is none of positive length."""
+    lo, hi = piece.lo, piece.hi
+    for x, t, (low, high) in zip(piece.base, piece.travel, box, strict=True):
+        if abs(t) <= np.finfo(float).tiny:
+            if not low <= x <= high:
+                return None
+            continue
+        s, e = sorted(((low - x) / t, (high - x) / t))
+        lo, hi = max(lo, s), min(hi, e)
+    return (lo, hi) if hi - lo > DEFAULT.line * max(1.0, abs(hi)) else None

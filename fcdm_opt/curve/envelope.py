@@ -1,0 +1,149 @@
+"""The boundary of a union of overlap regions: what each pair's boundary leaves outside every other open region."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fcdm_opt.curve.region import Piece, Region
+from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.tolerances import DEFAULT
+
+
+def boundary(regions: Sequence[Region]) -> list[list[Piece]]:
+    """Return the chains of the union's boundary, overlap on the left, each in order.
+
+    Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
+    """
+    if any(region.status == "full" for region in regions):
+        return []
+    pieces = [piece for region in regions for piece in region.pieces]
+    if len(regions) > 1:
+        pieces = _without_repeats([left for k in range(len(regions)) for left in _outside_others(regions, k)])
+    return [_joined(chain) for chain in _chains(pieces)]
+
+
+def overlap_interval(region: Region, base: Array, travel: Array) -> tuple[float, float]:
+    """Return the open interval of s in which base + s travel lies inside the open region (lo >= hi if none)."""
+    if region.status != "bounded":
+        return (-np.inf, np.inf) if region.status == "full" else (0.0, 0.0)
+    lines = np.array([piece.line for piece in region.pieces])
+    lines /= np.hypot(lines[:, 0], lines[:, 1])[:, None]
+    value, slope = lines[:, :2] @ base - lines[:, 2], lines[:, :2] @ travel
+    flat = np.abs(slope) <= DEFAULT.tie
+    if np.any(value[flat] <= DEFAULT.line * (np.abs(base).sum() + np.abs(lines[flat, 2]))):
+        return 0.0, 0.0
+    at = -value[~flat] / slope[~flat]
+    rising = slope[~flat] > 0
+    return float(at[rising].max(initial=-np.inf)), float(at[~rising].min(initial=np.inf))
+
+
+def _outside_others(regions: Sequence[Region], own: int) -> list[Piece]:
+    """Return what remains of a region's boundary outside the other open regions."""
+    left = []
+    for piece in regions[own].pieces:
+        spans = [(piece.lo, piece.hi)]
+        for other, region in enumerate(regions):
+            if other != own:
+                spans = _minus(spans, *overlap_interval(region, piece.base, piece.travel))
+        left += [piece if span == (piece.lo, piece.hi) else replace(piece, lo=span[0], hi=span[1]) for span in spans]
+    return left
+
+
+def _minus(spans: list[tuple[float, float]], lo: float, hi: float) -> list[tuple[float, float]]:
+    """Take an open interval out of a list of closed ones; slivers within rounding are dropped."""
+    if hi <= lo:
+        return spans
+    rest = []
+    for a, b in spans:
+        for p, q in ((a, min(b, lo)), (max(a, hi), b)):
+            if q - p > DEFAULT.line * (1.0 + min(abs(p), abs(q))):
+                rest.append((p, q))
+    return rest
+
+
+def _without_repeats(pieces: list[Piece]) -> list[Piece]:
+    """Keep one of the pieces that coincide; where their overlap sides differ it is snug."""
+    kept: list[Piece] = []
+    for piece in pieces:
+        rest = [piece]
+        for known in list(kept):
+            if not _one_line(piece, known):
+                continue
+            same = float(piece.travel @ known.travel)
+            lo, hi = sorted(same * s + float(piece.base @ piece.travel) for s in (known.lo, known.hi))
+            if not any(_minus([(p.lo, p.hi)], lo, hi) != [(p.lo, p.hi)] for p in rest):
+                continue
+            if same < 0:
+                kept.remove(known)
+                kept += _marked_snug(known, piece)
+            rest = [replace(p, lo=a, hi=b) for p in rest for a, b in _minus([(p.lo, p.hi)], lo, hi)]
+        kept += rest
+    return kept
+
+
+def _one_line(one: Piece, two: Piece) -> bool:
+    cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
+    apart = np.abs(one.base - two.base).sum()
+    return bool(cross <= DEFAULT.nominal and apart <= DEFAULT.nominal * (1e-3 + np.abs(one.base).sum()))
+
+
+def _marked_snug(known: Piece, other: Piece) -> list[Piece]:
+    """Split a piece where an opposite one covers it."""
+    lo, hi = sorted(-s for s in (other.lo, other.hi))
+    inside = (max(known.lo, lo), min(known.hi, hi))
+    outside = [replace(known, lo=a, hi=b) for a, b in _minus([(known.lo, known.hi)], *inside)]
+    return [*outside, replace(known, lo=inside[0], hi=inside[1], snug=True)]
+
+
+def _near(p: Array, q: Array) -> bool:
+    if not (np.isfinite(p).all() and np.isfinite(q).all()):
+        return False
+    return bool(np.abs(p - q).sum() <= DEFAULT.nominal * (1.0 + np.abs(p).sum()))
+
+
+def _chains(pieces: list[Piece]) -> list[list[Piece]]:
+    """String pieces together where one ends and another starts, snug ones apart."""
+    rest = list(pieces)
+    chains: list[list[Piece]] = []
+    while rest:
+        chain = [rest.pop(0)]
+        for forward in (True, False):
+            while True:
+                tip = chain[-1].end if forward else chain[0].start
+                found = next(
+                    (
+                        p
+                        for p in sorted(rest, key=lambda p: p.parts != (chain[-1] if forward else chain[0]).parts)
+                        if p.snug == chain[0].snug and _near(p.start if forward else p.end, tip)
+                    ),
+                    None,
+                )
+                if found is None:
+                    break
+                rest.remove(found)
+                chain.insert(len(chain) if forward else 0, found)
+        chains.append(chain)
+    return sorted(chains, key=lambda chain: tuple(np.nan_to_num(chain[0].start, posinf=np.inf, neginf=np.inf)))
+
+
+def _joined(chain: list[Piece]) -> list[Piece]:
+    """Join consecutive pieces with one label and one line (a face that several parts share) into one.
+
+    Edges are then labelled from the vertex at which their contact starts.
+    """
+    joined = [chain[0]]
+    for piece in chain[1:]:
+        last = joined[-1]
+        if piece.feature == last.feature and _one_line(piece, last):
+            joined[-1] = replace(last, hi=last.parameter(piece.end) if np.isfinite(piece.hi) else np.inf)
+        else:
+            joined.append(piece)
+    for k in range(1, len(joined)):
+        before, piece = joined[k - 1], joined[k]
+        contact = before.feature.merged(piece.feature) if before.parts == piece.parts else None
+        if contact:
+            joined[k] = replace(piece, feature=piece.feature.starting_at(contact))
+    return joined

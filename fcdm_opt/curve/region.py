@@ -1,0 +1,271 @@
+"""The overlap region of one pair of convex parts: a convex region of the quadrant, and the chains that bound it.
+
+Two paths give the same answer: the walk over the overlay of the Gauss maps (kernels.walk), and, where it meets a tie
+or has nowhere to start, the intersection of all facet half-planes, which knows no topology to get wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.geometry.bodies import Array, ConvexPart, Element, Ints, frozen
+from fcdm_opt.tolerances import DEFAULT
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch of a boundary line: scale pairs `base + s travel` for lo <= s <= hi (either may be infinite).
+
+    Attributes
+    ----------
+    feature : Feature
+    site : tuple of int
+        Facet of the Minkowski difference: kind, index in part 1, index in part 2 (see `kernels`).
+    parts : tuple of int
+        The part pair (i, j), 0-based.
+    normal : (3,) array
+        Unit direction from body 1 to body 2, world frame.
+    line : (3,) array
+        (a, b, c): a rho_1 + b rho_2 = c, in lengths; overlap on the side of (a, b).
+    base, travel : (2,) arrays
+        A point of the line, and the unit direction along it with the overlap region on the left.
+    lo, hi : float
+        Range of s.
+    snug : bool
+        Overlap on both sides.
+    """
+
+    feature: Feature
+    site: tuple[int, int, int]
+    parts: tuple[int, int]
+    normal: Array
+    line: Array
+    base: Array
+    travel: Array
+    lo: float
+    hi: float
+    snug: bool = False
+
+    def at(self, s: float) -> Array:
+        """Return the scale pair at parameter s."""
+        return self.base + s * self.travel
+
+    @property
+    def start(self) -> Array:
+        """First scale pair, or a far point where the piece comes from infinity (entries may be infinite)."""
+        return self.end_at(self.lo)
+
+    @property
+    def end(self) -> Array:
+        """Last scale pair."""
+        return self.end_at(self.hi)
+
+    def end_at(self, s: float) -> Array:
+        """Return the scale pair at s, which may be infinite."""
+        if np.isfinite(s):
+            return self.at(s)
+        return np.array([x if t == 0 else t * s for x, t in zip(self.base, self.travel, strict=True)])
+
+    def parameter(self, rho: Array) -> float:
+        """Return s of the point of the line nearest to `rho`."""
+        return float((rho - self.base) @ self.travel)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where one pair of convex parts overlaps, in the open quadrant rho > 0.
+
+    Attributes
+    ----------
+    status : "bounded", "empty" or "full"
+    chains : tuple of tuples of Piece
+        The boundary, overlap on the left.
+    path : "walk" or "lines"
+        How it was computed.
+    """
+
+    status: Literal["bounded", "empty", "full"]
+    chains: tuple[tuple[Piece, ...], ...]
+    path: Literal["walk", "lines"]
+
+    @property
+    def pieces(self) -> list[Piece]:
+        """All pieces, chain by chain."""
+        return [piece for chain in self.chains for piece in chain]
+
+
+def pair_region(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int, int] = (0, 0)) -> Region:
+    """Return the overlap region of a pair of convex parts.
+
+    Parameters
+    ----------
+    one, two : ConvexPart
+        Of body 1 and body 2.
+    pose : (12,) array
+        Rotation of body 1, row by row, then d = s_2 - s_1 (moved).
+    parts : tuple of int
+        Indices of the parts in their bodies, kept in the pieces.
+    """
+    state, sites, rows, points, chains = kernels.walk(*one.packed, *two.packed, pose, DEFAULT.tie)
+    if state == kernels.UNDECIDED:
+        return _from_lines(one, two, pose, parts)
+    made = []
+    for number, (first, count, forward, endless) in enumerate(chains.tolist()):
+        corners = points[first + number : first + number + count + 1]
+        pieces = [
+            _piece(
+                _walked_feature(one, two, sites[first + k]),
+                sites[first + k],
+                rows[first + k],
+                parts,
+                corners[k],
+                None if endless and k + 1 == count else corners[k + 1],
+                forward,
+            )
+            for k in range(count)
+        ]
+        made.append(tuple(pieces if forward > 0 else pieces[::-1]))
+    return Region("bounded", tuple(made), "walk")
+
+
+def _piece(
+    feature: Feature, site: Ints, row: Array, parts: tuple[int, int], start: Array, end: Array | None, forward: int
+) -> Piece:
+    """Make a piece from its ends in the order walked; an `end` of None is at infinity."""
+    gradient = row[3:5]
+    steep = np.hypot(*gradient)
+    base = row[5] / steep**2 * gradient
+    travel = np.array([gradient[1], -gradient[0]]) / steep
+    lo = float((start - base) @ travel)
+    hi = forward * np.inf if end is None else float((end - base) @ travel)
+    kind, i, j = (int(x) for x in site)
+    return Piece(
+        feature,
+        (kind, i, j),
+        parts,
+        frozen(row[:3]),
+        frozen(row[3:]),
+        frozen(base),
+        frozen(travel),
+        *((lo, hi) if forward > 0 else (hi, lo)),
+    )
+
+
+def _walked_feature(one: ConvexPart, two: ConvexPart, site: Ints) -> Feature:
+    kinds = {kernels.F1V2: ("F", "V"), kernels.V1F2: ("V", "F"), kernels.E1E2: ("E", "E")}[int(site[0])]
+    return Feature(one.elements[kinds[0]][site[1]], two.elements[kinds[1]][site[2]])
+
+
+# ------------------------------------------------------------------------------------- the path without topology
+
+
+def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int, int]) -> Region:
+    """Intersect all facet half-planes a rho_1 + b rho_2 >= c with the quadrant."""
+    sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
+    size = max(np.abs(part.packed[0][: len(part.vertices)]).max() for part in (one, two))
+    steep = np.hypot(rows[:, 3], rows[:, 4])
+    flat = steep <= DEFAULT.tie * size
+    reach = max(size, np.abs(pose[9:]).max())
+    if np.any(rows[flat, 5] >= -DEFAULT.tie * reach):  # 0 > c fails: this direction separates at every scale
+        return Region("empty", (), "lines")
+    sites, rows, steep = sites[~flat], rows[~flat], steep[~flat]
+    axes = [[kernels.AXIS, 0, 0], [kernels.AXIS, 1, 1]]
+    sites = np.vstack([sites, axes])
+    lines = np.vstack([rows[:, 3:] / steep[:, None], [[1, 0, 0], [0, 1, 0]]])
+    lo, hi = _intervals(lines, rank=(sites[:, 0] == kernels.AXIS).astype(int))
+    kept = np.flatnonzero(hi > lo)
+    if not kept.size:
+        return Region("empty", (), "lines")
+    real = [k for k in kept if sites[k, 0] != kernels.AXIS]
+    if not real:
+        return Region("full", (), "lines")
+    # counter-clockwise: overlap on the left, so the travel direction turns left along the boundary
+    turn = {k: np.arctan2(-lines[k, 0], lines[k, 1]) for k in kept}
+    order = sorted(kept, key=lambda k: turn[k])
+    ends = {k: [_on_line(lines[k], s) for s in (lo[k], hi[k])] for k in kept}
+    breaks = [
+        n
+        for n, k in enumerate(order)
+        if sites[k, 0] == kernels.AXIS or not np.isfinite(lo[k]) or not _same(ends[order[n - 1]][1], ends[k][0])
+    ]
+    start = breaks[0] if breaks else 0
+    chains: list[list[Piece]] = []
+    for n, k in enumerate(order[start:] + order[:start]):
+        if sites[k, 0] == kernels.AXIS:
+            chains.append([])
+            continue
+        if n == 0 or not np.isfinite(lo[k]) or not chains or (start + n) % len(order) in breaks:
+            chains.append([])
+        feature = Feature(
+            _support_element(one, rows[k, :3] @ pose[:9].reshape(3, 3), 1.0),
+            _support_element(two, rows[k, :3], -1.0),
+        )
+        piece = _piece(feature, sites[k], rows[k], parts, np.zeros(2), None, 1)
+        shift = float(piece.base @ piece.travel)  # zero up to rounding
+        chains[-1].append(
+            Piece(feature, piece.site, parts, piece.normal, piece.line, piece.base, piece.travel,
+                  lo[k] - shift, hi[k] - shift)
+        )
+    return Region("bounded", tuple(tuple(chain) for chain in chains if chain), "lines")
+
+
+def _on_line(line: Array, s: float) -> Array:
+    if not np.isfinite(s):
+        return np.full(2, np.inf)
+    return line[2] * line[:2] + s * np.array([line[1], -line[0]])
+
+
+def _same(p: Array, q: Array) -> bool:
+    return bool(np.isfinite(p).all() and np.isfinite(q).all()
+                and np.abs(p - q).sum() <= DEFAULT.nominal * (np.abs(p).sum() + np.abs(q).sum()))
+
+
+def _intervals(lines: Array, rank: Array) -> tuple[Array, Array]:
+    """Return the stretch [lo, hi] of each normalised line inside all half-planes a x + b y >= c; hi <= lo if none.
+
+    Of lines that coincide only the first of lowest rank counts. Of opposite lines that coincide none does: the open
+    intersection is empty.
+    """
+    gradient, level = lines[:, :2], lines[:, 2]
+    travel = np.column_stack([gradient[:, 1], -gradient[:, 0]])
+    slope = travel @ gradient.T  # [k, m]: how m's constraint grows along line k
+    value = level[:, None] * (gradient @ gradient.T) - level[None, :]
+    scale = np.abs(level)[:, None] + np.abs(level)[None, :] + DEFAULT.tie
+    parallel = np.abs(slope) <= DEFAULT.tie
+    lo, hi = np.full(len(lines), -np.inf), np.full(len(lines), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = -value / slope
+    lo = np.where(~parallel & (slope > 0), at, -np.inf).max(axis=1, initial=-np.inf)
+    hi = np.where(~parallel & (slope < 0), at, np.inf).min(axis=1, initial=np.inf)
+    out = parallel & (value < -DEFAULT.tie * scale)
+    equal = parallel & (np.abs(value) <= DEFAULT.tie * scale)
+    same = equal & (gradient @ gradient.T > 0)
+    number = np.arange(len(lines))
+    earlier = (rank[None, :], number[None, :])
+    first = (earlier[0] < rank[:, None]) | ((earlier[0] == rank[:, None]) & (earlier[1] < number[:, None]))
+    dead = (out | (equal & ~same) | (same & first)).any(axis=1)
+    hi = np.where(dead | (hi - lo <= DEFAULT.tie * (np.abs(level) + np.minimum(np.abs(lo), np.abs(hi)))), lo, hi)
+    if (equal & ~same).any():  # a region without interior
+        hi = np.where(np.isfinite(lo), lo, 0.0)
+        lo = hi.copy()
+    return lo, hi
+
+
+def _support_element(part: ConvexPart, n: Array, sign: float) -> Element:
+    """Return the element on which sign * n.x is largest."""
+    local = part.vertices - part.seed
+    heights = sign * (local @ n)
+    top = set(np.flatnonzero(heights >= heights.max() - DEFAULT.tie * np.abs(local).max()).tolist())
+    if len(top) == 1:
+        return part.elements["V"][top.pop()]
+    if len(top) == 2:
+        for k, (origin, end) in enumerate(part.edges[:, :2].tolist()):
+            if top == {origin, end}:
+                return part.elements["E"][k]
+    face = max(range(len(part.loops)), key=lambda f: len(top & set(part.loops[f])))
+    return part.elements["F"][face]
