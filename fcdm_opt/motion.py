@@ -8,6 +8,7 @@ R = u u' + cos(t) (1 - u u') + sin(t) [u]x, which is smooth at t = 0.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -110,6 +111,20 @@ class Motion:
             start += count
         return before
 
+    def reaches(self, points: Array, movable_seed: Any) -> Array:
+        """Return for each parameter the most that a point moves per unit of it, whatever the other parameters, (k,).
+
+        Displacements add up at most: |R2 R1 x - x| <= |R1 x - x| + |R2 x - x|.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            Points of body 1 at rest, world frame.
+        movable_seed : (3,) array
+        """
+        seed = np.asarray(movable_seed, dtype=np.float64)
+        return frozen([reach for step in self.steps for reach in step.own_reaches(np.asarray(points), seed)])
+
     def describe(self, q: Sequence[float] | Array) -> str:
         """Return the motion in words, lengths and degrees: "TZ 0.25 + RZ 7.02 deg"."""
         words, start = [], 0
@@ -121,7 +136,7 @@ class Motion:
 
 
 class Step(Motion):
-    """One elementary motion. A new one defines the four `own_` members below and nothing else."""
+    """One elementary motion. A new one defines the `own_` members below and nothing else."""
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -140,6 +155,10 @@ class Step(Motion):
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """4x4 transform in the world frame; `movable_seed` as already moved."""
         raise TypeError(f"{type(self).__name__} defines no transform")
+
+    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
+        """Largest displacement of the points per unit of each parameter."""
+        raise TypeError(f"{type(self).__name__} defines no reaches")
 
     def own_words(self, q: list[float]) -> str:
         """Parameters in words, in lengths and degrees."""
@@ -169,6 +188,7 @@ class Translation(Step):
     direction: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", _hashable(self.axis))
         object.__setattr__(self, "direction", _direction(self.axis, "Translation.axis"))
 
     @property
@@ -179,6 +199,10 @@ class Translation(Step):
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Shift by q along the axis."""
         return _affine(IDENTITY, tuple(q[0] * u for u in self.direction))
+
+    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
+        """Every point moves by the parameter."""
+        return (1.0,)
 
 
 @dataclass(frozen=True)
@@ -198,6 +222,7 @@ class Rotation(Step):
     direction: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", _hashable(self.axis))
         object.__setattr__(self, "direction", _direction(self.axis, "Rotation.axis"))
         if isinstance(self.centre, str):
             if self.centre not in ("seed", "origin"):
@@ -217,6 +242,11 @@ class Rotation(Step):
         centre = {"seed": movable_seed, "origin": (0.0, 0.0, 0.0)}[self.centre] if isinstance(
             self.centre, str) else self.centre
         return _turn(self.direction, q[0], centre, 0.0)
+
+    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
+        """Largest distance from the axis."""
+        centre = {"seed": seed, "origin": np.zeros(3)}[self.centre] if isinstance(self.centre, str) else self.centre
+        return (_axis_distance(points, np.asarray(centre), np.array(self.direction)),)
 
 
 @dataclass(frozen=True)
@@ -290,6 +320,16 @@ class Screw(Step):
                                  allowed="a line (point, direction)")
         return _turn(tuple(x / length for x in offset), about, movable_seed, along)
 
+    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
+        """Distance from the axis; from the seed for the line of the seeds, whose direction earlier steps change."""
+        if isinstance(self.axis, str):
+            away = float(np.linalg.norm(points - seed, axis=1).max())
+        else:
+            away = _axis_distance(points, np.array(self.axis[0]), np.array(self.axis[1]))
+        if isinstance(self.pitch, str):
+            return (1.0, away)
+        return (1.0,) if math.isinf(self.pitch) else (math.hypot(self.pitch, away),)
+
     def own_words(self, q: list[float]) -> str:
         """Translation and angle, as in the paper's tables."""
         along, about = self.movements(q)
@@ -327,6 +367,10 @@ def _turn(u: tuple[Any, ...], angle: Any, centre: tuple[Any, ...], along: Any) -
     return _affine(R, shift)
 
 
+def _axis_distance(points: Array, centre: Array, direction: Array) -> float:
+    return float(np.linalg.norm(np.cross(points - centre, direction), axis=1).max())
+
+
 def _direction(axis: Any, key: str) -> tuple[float, ...]:
     if isinstance(axis, str):
         if axis not in AXES:
@@ -336,6 +380,8 @@ def _direction(axis: Any, key: str) -> tuple[float, ...]:
     length = math.hypot(*vector)
     if length == 0:
         raise InputError("a direction must not be zero", key=key, found=axis)
+    if abs(length - 1.0) <= 4 * sys.float_info.epsilon:  # a unit vector read back stays what it was
+        return vector
     return tuple(x / length for x in vector)
 
 
@@ -347,6 +393,10 @@ def _point(values: Any, key: str) -> tuple[float, ...]:
     if len(point) != 3 or not all(map(math.isfinite, point)):
         raise InputError("expected three finite numbers", key=key, found=values)
     return point
+
+
+def _hashable(axis: Any) -> Any:
+    return axis if isinstance(axis, str) else _point(axis, "axis")
 
 
 def _axis_name(axis: Any) -> str:

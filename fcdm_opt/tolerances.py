@@ -25,6 +25,8 @@ class Tolerances:
         A contact line's side of a scale pair is decided to within this; pieces shorter than it are dropped.
     nominal
         A nominal pair this near a switching point is that switching point (design: 1e-9).
+    snap
+        A nominal pair this near the curve may be closed to it (design: 1e-6); a problem may choose another.
     touch
         The judge calls a pair touching when its gap is at most this (relative to the static body's size).
     side
@@ -51,6 +53,7 @@ class Tolerances:
     tie: float = 1e-11
     line: float = 1e-12
     nominal: float = 1e-9
+    snap: float = 1e-6
     touch: float = 1e-9
     side: float = 1e-6
     requirement: float = 1e-9

@@ -72,7 +72,8 @@ class Feature:
                 return None
             smaller = min((mine, theirs), key=lambda element: len(element.vertices))
             whole = len(common) == len(smaller.vertices) or len(common) > 2
-            elements.append(smaller if whole else Element("VE"[len(common) - 1], common))
+            kind = smaller.kind if whole else "VE"[len(common) - 1]
+            elements.append(Element(kind, tuple(sorted(smaller.vertices if whole else common))))
         return Feature(*elements)
 
     def starting_at(self, contact: Feature) -> Feature:

@@ -486,3 +486,34 @@ def walk(reals1, ints1, reals2, ints2, pose, tie):  # type: ignore[no-untyped-de
             used += count
             made += 1
     return state, sites[:used], rows[:used], points[: used + made], chains[:made]
+
+
+# ------------------------------------------------------------------------------------------- a feature that is tracked
+
+
+@kernel
+def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):  # type: ignore[no-untyped-def]
+    """Return the row of a site at a pose. `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it
+    does not jump where the pair stops being a facet. Parallel edges give nan."""
+    row = np.full(6, np.nan)
+    X, d = rotated(reals1, pose), pose[9:]
+    if site_row(X, ints1, reals2, ints2, d, site, row) and site[0] == E1E2:
+        e, g = ints1[3] + 4 * site[1], ints2[3] + 4 * site[2]
+        n = np.empty(3)
+        _cross(X[ints1[e + 1]] - X[ints1[e]], reals2[ints2[g + 1]] - reals2[ints2[g]], n)
+        if sign * _dot(n, row[:3]) < 0:
+            row *= -1.0
+    return row
+
+
+@kernel
+def site_vertices(ints1, ints2, site):  # type: ignore[no-untyped-def]
+    """Return a vertex of either part on a site's elements."""
+    one, two = site[1], site[2]
+    if site[0] == F1V2:
+        one = ints1[ints1[3] + 4 * ints1[ints1[7] + ints1[ints1[6] + one]]]
+    elif site[0] == V1F2:
+        two = ints2[ints2[3] + 4 * ints2[ints2[7] + ints2[ints2[6] + two]]]
+    else:
+        one, two = ints1[ints1[3] + 4 * one], ints2[ints2[3] + 4 * two]
+    return one, two

@@ -201,10 +201,7 @@ def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int,
             continue
         if n == 0 or not np.isfinite(lo[k]) or not chains or (start + n) % len(order) in breaks:
             chains.append([])
-        feature = Feature(
-            _support_element(one, rows[k, :3] @ pose[:9].reshape(3, 3), 1.0),
-            _support_element(two, rows[k, :3], -1.0),
-        )
+        feature = support_feature(one, two, rows[k, :3], pose)
         piece = _piece(feature, sites[k], rows[k], parts, np.zeros(2), None, 1)
         shift = float(piece.base @ piece.travel)  # zero up to rounding
         chains[-1].append(
@@ -212,6 +209,13 @@ def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int,
                   lo[k] - shift, hi[k] - shift)
         )
     return Region("bounded", tuple(tuple(chain) for chain in chains if chain), "lines")
+
+
+def support_feature(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array) -> Feature:
+    """Return the elements with which the parts support each other along a direction from body 1 to body 2."""
+    return Feature(
+        _support_element(one, normal @ pose[:9].reshape(3, 3), 1.0), _support_element(two, normal, -1.0)
+    )
 
 
 def _on_line(line: Array, s: float) -> Array:

@@ -128,10 +128,10 @@ class Solution:
         """Whether a motion was found and the judge passed it."""
         return self.status.found and self.certificate is not None and self.certificate.passed
 
-    def with_certificate(self, certificate: Certificate) -> Solution:
-        """Return the solution with the judge's verdict, and the status it implies."""
-        rejected = self.status.found and not certificate.passed
-        return replace(self, certificate=certificate, status=Status.NOT_VERIFIED if rejected else self.status)
+    def with_certificate(self, certificate: Certificate, seconds: Mapping[str, float]) -> Solution:
+        """Return the solution with the judge's verdict, the status it implies, and the times."""
+        status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
+        return replace(self, certificate=certificate, status=status, seconds=seconds)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data (lists, numbers, strings) from which `from_dict` rebuilds the solution.

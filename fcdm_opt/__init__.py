@@ -1,0 +1,81 @@
+"""Smallest re-positioning of contacting polyhedral parts under size tolerances.
+
+Everything below is loaded when first used: `import fcdm_opt` alone imports no numerical library.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+    from fcdm_opt.curve.features import Feature
+    from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
+    from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.motion import Rotation, Screw, Translation
+    from fcdm_opt.tolerance.certificate import verify
+    from fcdm_opt.tolerance.files import load_problems
+    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.solution import Certificate, Solution, Status
+    from fcdm_opt.tolerance.solver import solve
+
+    __version__: str
+
+__all__ = [
+    "Body",
+    "Certificate",
+    "DecisionCurve",
+    "FcdmError",
+    "Feature",
+    "InputError",
+    "Problem",
+    "Rotation",
+    "Screw",
+    "Solution",
+    "Status",
+    "Translation",
+    "UnsolvedError",
+    "__version__",
+    "decision_curve",
+    "load_problems",
+    "solve",
+    "verify",
+]
+
+_HOME = {
+    "Body": "geometry.bodies",
+    "Certificate": "tolerance.solution",
+    "DecisionCurve": "curve.decision_curve",
+    "FcdmError": "errors",
+    "Feature": "curve.features",
+    "InputError": "errors",
+    "Problem": "tolerance.problem",
+    "Rotation": "motion",
+    "Screw": "motion",
+    "Solution": "tolerance.solution",
+    "Status": "tolerance.solution",
+    "Translation": "motion",
+    "UnsolvedError": "errors",
+    "decision_curve": "curve.decision_curve",
+    "load_problems": "tolerance.files",
+    "solve": "tolerance.solver",
+    "verify": "tolerance.certificate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        value: Any = version("fcdm_opt")
+    elif name in _HOME:
+        value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

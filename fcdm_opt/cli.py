@@ -1,0 +1,438 @@
+"""`fcdm-opt`: parses, calls, prints; no mathematics.
+
+Nothing heavy is imported before it is needed: `--help` loads no numerical library.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fcdm_opt.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.solution import Solution
+
+SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
+SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
+PIPED_WIDTH, TEXT_WIDTH = 200, 110
+"""Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), and of text."""
+
+app = typer.Typer(
+    name="fcdm-opt", add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
+    help="Smallest re-positioning of contacting polyhedral parts under size tolerances.",
+    epilog="Exit codes: 0 all well, 1 a case without a motion, 2 bad input, 3 a motion that was not verified.",
+)
+Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Problem files (TOML).", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document to stdout.")]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.")]
+Cases = Annotated[list[str] | None, typer.Option("--case", metavar="NAME", help="Only this case; may be repeated.")]
+
+
+def main() -> None:
+    """Entry point of the command `fcdm-opt`."""
+    app(prog_name="fcdm-opt")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        import fcdm_opt
+
+        typer.echo(f"fcdm-opt {fcdm_opt.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command("curve")
+def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
+    """Print the decision curve of each pair of bodies: segments, switching points, status."""
+    opened = _opened(files, case or ())
+    document, codes = [], [BAD_INPUT for file in opened if file.error]
+    pictures = _Pictures(out)
+    for file in opened:
+        found = _distinct_curves(file.problems)
+        document.append({**file.head(), "curves": [{"cases": names, **_curve_data(curve)} for curve, names in found]})
+        if not as_json and not file.error:
+            _print_curves(file, found)
+        for number, (curve, _) in enumerate(found, 1):
+            pictures.of_curve(file, curve, f"-pair{number}" if len(found) > 1 else "")
+    _finish(document if as_json else None, codes)
+
+
+@app.command("solve")
+def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
+    """Find the smallest motion of each case, verify it, and print one table a file."""
+    from rich.progress import track
+
+    opened = _opened(files, case or ())
+    document, codes = [], [BAD_INPUT for file in opened if file.error]
+    pictures = _Pictures(out)
+    for file in opened:
+        rows, cases = [], []
+        notes = _console(stderr=True)
+        for problem in track(file.problems, file.path.name, console=notes, transient=True,
+                             disable=not notes.is_terminal):
+            try:
+                row = _Row.of(problem)
+            except InputError as reason:
+                error = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
+                _say(f"error: {error}")
+                codes.append(BAD_INPUT)
+                cases.append({"problem": problem.to_dict(), "error": error})
+                continue
+            rows.append(row)
+            cases.append(row.data())
+            codes.append(row.code)
+            pictures.of_solution(file, row.solution)
+        document.append({**file.head(), "cases": cases})
+        if rows and not as_json:
+            _print_solutions(file, rows)
+    _finish(document if as_json else None, codes)
+
+
+# ---------------------------------------------------------------------------------------------------------- input, exit
+
+
+@dataclass(frozen=True)
+class _File:
+    """A problem file as read: its problems, or why there are none."""
+
+    path: Path
+    title: str = ""
+    note: str = ""
+    problems: tuple[Problem, ...] = ()
+    error: str | None = None
+
+    def head(self) -> dict[str, Any]:
+        head = {"file": str(self.path), "title": self.title, "note": self.note}
+        return {**head, "error": self.error} if self.error else head
+
+
+def _opened(paths: Sequence[Path], wanted: Sequence[str]) -> list[_File]:
+    """Read all files; says on stderr what is wrong with one, and goes on with the others."""
+    _announce_compilation()
+    from fcdm_opt.tolerance.files import ProblemFile
+
+    files = []
+    for path in paths:
+        try:
+            contents = ProblemFile.read(path)
+            files.append(_File(path, contents.title, contents.note, contents.problems(path)))
+        except InputError as reason:
+            files.append(_File(path, error=str(reason.within(file=path))))
+            _say(f"error: {files[-1].error}")
+    known = [problem.name for file in files for problem in file.problems]
+    for name in wanted:
+        if name not in known:
+            _say(f"error: --case: no such case; found {name!r}; allowed: {', '.join(dict.fromkeys(known)) or 'none'}")
+            raise typer.Exit(BAD_INPUT)
+    if not wanted:
+        return files
+    return [
+        _File(file.path, file.title, file.note, tuple(p for p in file.problems if p.name in wanted), file.error)
+        for file in files
+    ]
+
+
+def _announce_compilation() -> None:
+    """Say that the first call ever takes longer; numba keeps what it compiled beside the kernels."""
+    import fcdm_opt.curve
+
+    cache = Path(fcdm_opt.curve.__path__[0]) / "__pycache__"
+    if not any(cache.glob("kernels.*.nbi")) and not {"NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT"} & set(os.environ):
+        _say("compiling the numerical kernels (once)")
+
+
+def _say(text: str) -> None:
+    typer.echo(text, err=True)
+
+
+def _finish(document: list[Any] | None, codes: Iterable[int]) -> None:
+    """Write the JSON document, if one is wanted, and exit with the most severe code."""
+    if document is not None:
+        typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False))
+    raise typer.Exit(max(codes, key=SEVERITY.index, default=SOLVED))
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays as lists, and None for numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# -------------------------------------------------------------------------------------------------------------- results
+
+
+@dataclass(frozen=True)
+class _Row:
+    """What is known of one case after solving it."""
+
+    solution: Solution
+    published_amount: float | None
+    touch_amount: float | None
+
+    @classmethod
+    def of(cls, problem: Problem) -> _Row:
+        """Solve a case, and beside goal "beyond" the assembly question with the same motions."""
+        from fcdm_opt.tolerance.solver import solve
+
+        solution = solve(problem)
+        published = None
+        if problem.published is not None:
+            published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))
+        touch = None
+        if problem.goal == "beyond":
+            answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
+            touch = answer.amount if answer.usable else None
+        return cls(solution, published, touch)
+
+    @property
+    def code(self) -> int:
+        if not self.solution.status.found:
+            return NO_MOTION
+        return SOLVED if self.solution.usable else NOT_VERIFIED
+
+    def data(self) -> dict[str, Any]:
+        extras = {"published_amount": self.published_amount, "touch_amount": self.touch_amount}
+        return {"name": self.solution.problem.name, **self.solution.to_dict(), **extras}
+
+
+def _distinct_curves(problems: Iterable[Problem]) -> list[tuple[DecisionCurve, list[str]]]:
+    """Return the decision curve of each pair of bodies in a box, with the cases that share it."""
+    found: dict[Any, tuple[DecisionCurve, list[str]]] = {}
+    for problem in problems:
+        key = (problem.movable, problem.static, problem.box)
+        found.setdefault(key, (problem.curve, []))[1].append(problem.name)
+    return list(found.values())
+
+
+def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
+    return {
+        "movable": curve.movable.name,
+        "static": curve.static.name,
+        "box": curve.box,
+        "status": curve.status,
+        "segments": [
+            {
+                "index": s.index, "feature": s.feature.label, "line": s.line, "start": s.start, "end": s.end,
+                "slope": _slope(s), "parts": s.parts, "snug": s.snug,
+            }
+            for s in curve.segments
+        ],
+        "switching_points": [
+            {"index": p.index, "rho": p.rho, "kind": p.kind, "label": p.label, "contacts": p.contacts}
+            for p in curve.switching_points
+        ],
+    }
+
+
+def _slope(segment: Any) -> float:
+    a, b, _ = segment.line
+    return float(-a / b) if b else math.inf
+
+
+def _signs(problem: Problem) -> str:
+    return "(" + ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs) + ")"
+
+
+def _motion(solution: Solution) -> str:
+    values = list(solution.parameters.values())
+    return solution.problem.motion.describe(values) if values else "-"
+
+
+def _asked(problem: Problem) -> str:
+    if problem.requirement:
+        return f"{problem.requirement} {_signs(problem)}"
+    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
+
+
+# --------------------------------------------------------------------------------------------------------------- tables
+
+
+def _console(*, stderr: bool = False) -> Any:
+    from rich.console import Console
+
+    terminal = (sys.stderr if stderr else sys.stdout).isatty()
+    return Console(
+        stderr=stderr, width=None if terminal else PIPED_WIDTH, markup=False, highlight=False, emoji=False,
+        soft_wrap=not terminal,
+    )
+
+
+def _table(*columns: str, numbers: Sequence[str] = ()) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True)
+    for column in columns:
+        table.add_column(column, overflow="fold", justify="right" if column in numbers else "left", vertical="top")
+    return table
+
+
+def _print_head(console: Any, file: _File) -> None:
+    console.print(f"{file.path.name}: {file.title}" if file.title else file.path.name, style="bold")
+    if file.note:
+        console.print(_wrapped(file.note))
+
+
+def _wrapped(text: str, width: int = TEXT_WIDTH, indent: str = "") -> str:
+    from textwrap import fill
+
+    return fill(" ".join(text.split()), width, subsequent_indent=indent)
+
+
+def _print_curves(file: _File, curves: Sequence[tuple[DecisionCurve, list[str]]]) -> None:
+    console = _console()
+    _print_head(console, file)
+    for curve, names in curves:
+        (low_1, high_1), (low_2, high_2) = curve.box
+        text = (
+            f"{curve.movable.name}, movable, and {curve.static.name}, static; cases {', '.join(names)}: "
+            f"{curve.status} in the box [{low_1:g}, {high_1:g}] x [{low_2:g}, {high_2:g}]"
+        )
+        console.print("\n" + _wrapped(text))
+        if not curve.segments:
+            continue
+        segments = _table("segment", "feature", "a", "b", "c", "from", "to", "slope", numbers=("a", "b", "c", "slope"))
+        for s in curve.segments:
+            segments.add_row(
+                f"S{s.index}" + (" (snug)" if s.snug else ""), s.feature.label, *(f"{x:.6f}" for x in s.line),
+                _point(s.start), _point(s.end), f"{_slope(s):.6f}" if s.line[1] else "vertical",
+            )
+        console.print(segments)
+        if curve.switching_points:
+            points = _table("switching point", "rho", "kind", "contact", "at")
+            for p in curve.switching_points:
+                points.add_row(
+                    f"SW{p.index}", _point(p.rho), p.kind, "\n".join(f.label for f in p.contact_features),
+                    "\n".join(map(_point, p.contacts)),
+                )
+            console.print(points)
+
+
+def _point(values: Iterable[float]) -> str:
+    return ", ".join(f"{x:.6f}" for x in values)
+
+
+def _print_solutions(file: _File, rows: Sequence[_Row]) -> None:
+    console = _console()
+    _print_head(console, file)
+    amounts = ("published\namount", "found\namount", "new/old\npair", 'least\n"touch"')
+    columns = ("case", "requirement", "goal", "motion found", *amounts[:3], "pair made", amounts[3], "verified")
+    table = _table(*columns, numbers=amounts)
+    for row in rows:
+        solution, problem = row.solution, row.solution.problem
+        ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
+        motion = _motion(solution).replace(" + ", " +\n").replace(", ", ",\n")
+        gap = f"\n{solution.pair_gap:+.3g}" if math.isfinite(solution.pair_gap) else ""
+        table.add_row(
+            _wrapped(problem.name, 16), _wrapped(_asked(problem), 16), problem.goal, motion,
+            _amount(row.published_amount), _amount(solution.amount), "\n".join(f"{x:.6f}" for x in ratio) or "-",
+            solution.pair_state + gap, _amount(row.touch_amount) if problem.goal == "beyond" else "",
+            "-" if not solution.status.found or solution.certificate is None else "yes" if solution.usable else "no",
+        )
+    console.print(table)
+    for row in rows:
+        solution = row.solution
+        if solution.status.name != "SOLVED":
+            failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
+            checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
+            console.print(_wrapped(f"{solution.problem.name}: {solution.status.value}{checks}", indent="   "))
+    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in ("build", "solve", "verify")}
+    total = sum(stages.values())
+    shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total)
+    console.print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
+
+
+def _amount(amount: float | None) -> str:
+    return "-" if amount is None or not math.isfinite(amount) else f"{amount:.5g}"
+
+
+# ------------------------------------------------------------------------------------------------------------- pictures
+
+
+class _Pictures:
+    """Writes pictures to a directory, if there is one; every name is given once."""
+
+    def __init__(self, directory: Path | None) -> None:
+        self._directory = directory
+        self._given: set[str] = set()
+
+    def of_curve(self, file: _File, curve: DecisionCurve, suffix: str) -> None:
+        if self._directory is None:
+            return
+        from fcdm_opt.show.plots import decision_curve_figure
+        from fcdm_opt.show.scene import scene_figure
+
+        title = file.title or file.path.stem
+        stem = self._stem(f"{file.path.stem}{suffix}")
+        self._write(f"{stem}-curve", decision_curve_figure(curve, title=title))
+        self._write(f"{stem}-scene", scene_figure(curve.movable, curve.static, title=title, caption="as drawn"))
+
+    def of_solution(self, file: _File, solution: Solution) -> None:
+        if self._directory is None:
+            return
+        from fcdm_opt.curve.decision_curve import decision_curve
+        from fcdm_opt.show.plots import before_after_figure
+        from fcdm_opt.show.scene import scene_figure
+
+        problem = solution.problem
+        stem = self._stem(f"{file.path.stem}-{problem.name}")
+        title = f"{file.title or file.path.stem}: case {problem.name}"
+        caption = f"{_asked(problem)}, goal {problem.goal}: no motion"
+        if solution.status.found:
+            caption = (
+                f"{_asked(problem)}, goal {problem.goal}: {_motion(solution)}; amount {_amount(solution.amount)}; "
+                f"pair made: {solution.pair_state}"
+            )
+        self._write(f"{stem}-curve", before_after_figure(problem, solution, title=title, caption=caption))
+        rho = problem.nominal_pair if solution.rho is None else solution.rho
+        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+        scene = scene_figure(
+            problem.movable, problem.static, rho=rho, transform=solution.transform, features=solution.features,
+            contacts=moved.contact_points(rho), title=title,
+            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {_motion(solution)}",
+        )
+        self._write(f"{stem}-scene", scene)
+
+    def _stem(self, wanted: str) -> str:
+        safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")
+        stem, count = safe, 1
+        while stem in self._given:
+            count += 1
+            stem = f"{safe}-{count}"
+        self._given.add(stem)
+        return stem
+
+    def _write(self, name: str, figure: Any) -> None:
+        from fcdm_opt.show import save
+
+        assert self._directory is not None
+        for path in save(figure, self._directory / name):
+            _say(f"wrote {path}")

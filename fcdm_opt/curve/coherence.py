@@ -1,0 +1,109 @@
+"""Whether a claimed contact is the real one: what separates the parts, what else overlaps, what sticks out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve import kernels
+from fcdm_opt.geometry.bodies import Array, Body
+from fcdm_opt.tolerances import DEFAULT
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """A feature of the tracked contact at some pose.
+
+    Attributes
+    ----------
+    parts, site : tuples of int
+        Part pair, and facet of the Minkowski difference.
+    normal, line : (3,) arrays
+        Unit direction from body 1 to body 2; (a, b, c).
+    vertices : pair of int
+        A vertex of either part on the feature.
+    """
+
+    parts: tuple[int, int]
+    site: tuple[int, int, int]
+    normal: Array
+    line: Array
+    vertices: tuple[int, int]
+
+    @classmethod
+    def at(
+        cls, movable: Body, static: Body, pose: Array, parts: tuple[int, int], site: tuple[int, int, int], sign: float
+    ) -> Tracked:
+        """Return the feature at a pose; `sign` orients an edge pair's normal as it was at the nominal contact."""
+        one, two = movable.parts[parts[0]], static.parts[parts[1]]
+        row = kernels.tracked_row(*one.packed, *two.packed, pose, np.array(site), sign)
+        vertices = kernels.site_vertices(one.packed[1], two.packed[1], np.array(site))
+        return cls(parts, site, row[:3], row[3:], vertices)
+
+
+class Fault(NamedTuple):
+    """One reason why a claimed contact is not real.
+
+    "apart": `site` of the part pair separates it; "overlapping": the part pair overlaps although `site` is its best
+    separating direction; "unsupported": `vertex` of `body` reaches beyond the plane of the tracked feature `site`.
+    The excess is a length.
+    """
+
+    kind: Literal["apart", "overlapping", "unsupported"]
+    parts: tuple[int, int]
+    site: tuple[int, int, int]
+    normal: Array
+    excess: float
+    body: int = 0
+    vertex: int = -1
+
+
+def contact_faults(
+    movable: Body, static: Body, pose: Array, rho: Array, tracked: Sequence[Tracked], slack: float
+) -> list[Fault]:
+    """Return why the tracked features are not the real contact at a scale pair, worst first; empty if they are.
+
+    Parameters
+    ----------
+    movable, static : Body
+    pose : (12,) array
+        Relative pose, see `kernels`.
+    rho : (2,) array
+        Scale pair on the tracked features' lines.
+    tracked : sequence of Tracked
+        Its features, at this pose.
+    slack : float
+        Length below which nothing is a fault.
+    """
+    faults = [fault for feature in tracked for fault in _unsupported(movable, static, pose, rho, feature, slack)]
+    touching = {feature.parts for feature in tracked}
+    for i, one in enumerate(movable.parts):
+        for j, two in enumerate(static.parts):
+            sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
+            separations = rows[:, 5] - rows[:, 3:5] @ rho
+            best = int(np.argmax(separations))
+            excess = float(separations[best]) if (i, j) in touching else -float(separations[best])
+            if not excess <= slack:
+                kind: Literal["apart", "overlapping"] = "apart" if (i, j) in touching else "overlapping"
+                site = (int(sites[best, 0]), int(sites[best, 1]), int(sites[best, 2]))
+                faults.append(Fault(kind, (i, j), site, rows[best, :3], excess))
+    return sorted(faults, key=lambda fault: -fault.excess)
+
+
+def _unsupported(
+    movable: Body, static: Body, pose: Array, rho: Array, feature: Tracked, slack: float
+) -> list[Fault]:
+    one, two = movable.parts[feature.parts[0]], static.parts[feature.parts[1]]
+    n = feature.normal
+    own_n = n @ pose[:9].reshape(3, 3)
+    faults = []
+    for body, part, direction, level in ((1, one, own_n, feature.line[0]), (2, two, -n, feature.line[1])):
+        heights = part.packed[0][: len(part.vertices)] @ direction - level
+        vertex = int(np.argmax(heights))
+        excess = float(heights[vertex] * rho[body - 1])
+        if not excess <= slack:
+            faults.append(Fault("unsupported", feature.parts, feature.site, n, excess, body, vertex))
+    return faults

@@ -1,0 +1,255 @@
+"""The judge: verifies a solution from the problem and the claimed numbers alone.
+
+It shares no equation and no kernel with the solver. Distances come from a collision library, confirmed by explicit
+vertices (`fcdm_opt.geometry.collision`); contacts and their lines from claimed vertices that are scaled and moved one
+by one (`fcdm_opt.tolerance.claim`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.collision import ScaledPair
+from fcdm_opt.tolerance.claim import Claim
+from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
+from fcdm_opt.tolerances import DEFAULT, Tolerances
+
+PATH_POINTS = 33
+TRACKING = ("beyond", "at")  # goals that follow the nominal contact
+
+
+def verify(solution: Solution, tolerances: Tolerances = DEFAULT) -> Certificate:
+    """Judge a solution.
+
+    Parameters
+    ----------
+    solution : Solution
+        Taken at its word in nothing: every claim is recomputed from `solution.problem` and the parameters.
+    tolerances : Tolerances
+        Limits of the checks.
+
+    Returns
+    -------
+    Certificate
+        All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
+        says so.
+    """
+    claims: tuple[Any, ...] = (
+        solution.rho, solution.transform, solution.pair, solution.pair_gap, solution.amount, solution.lower_bound
+    )  # fmt: skip
+    if not solution.status.found or solution.rho is None or solution.transform is None or not solution.parameters:
+        return Certificate((Check("motion found", False, float("nan"), 0.0, solution.status.name),))
+    numbers = [*solution.parameters.values(), *(x for claim in claims for x in np.ravel(np.asarray(claim)))]
+    finite = _at_most("finite numbers", float((~np.isfinite(numbers)).sum()), 0, "numbers that are not finite")
+    if not finite.passed:
+        return Certificate((finite,))
+    with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
+        judge = _Judge(solution, tolerances)
+        stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.pair)
+        return Certificate((finite, *(check for stage in stages for check in stage())))
+
+
+def _at_most(name: str, value: float, limit: float, note: str = "") -> Check:
+    """Return a check that passes where value <= limit; nan never does."""
+    return Check(name, bool(value <= limit), float(value), float(limit), note)
+
+
+def _at_least(name: str, value: float, limit: float, note: str = "") -> Check:
+    return Check(name, bool(value >= limit), float(value), float(limit), note)
+
+
+def _named(feature: Feature | None) -> Any:
+    """Return a name of the feature that does not depend on the order in which its vertices are listed."""
+    return feature and tuple((element.kind, frozenset(element.vertices)) for element in (feature.one, feature.two))
+
+
+class _Judge:
+    """One solution under examination; each stage returns its checks."""
+
+    def __init__(self, solution: Solution, tolerances: Tolerances) -> None:
+        assert solution.rho is not None
+        assert solution.transform is not None
+        self.solution, self.problem, self.tolerances = solution, solution.problem, tolerances
+        self.rho, self.transform = np.asarray(solution.rho), np.asarray(solution.transform)
+        self.q = np.array(list(solution.parameters.values()), dtype=np.float64)
+        self.size = self.problem.static.size
+        self.limit = tolerances.touch * self.size
+        self.scaled = ScaledPair(self.problem.movable, self.problem.static)
+        claimed = () if self.problem.goal == "clear" else solution.features
+        self.claims = [
+            Claim(feature, self.problem.movable, self.problem.static, self.scaled, self.rho, self.transform)
+            for feature in claimed
+        ]
+
+    # ------------------------------------------------------------------------------------------------------ stages
+
+    def motion(self) -> list[Check]:
+        """Check that transform, parameters, limits and amount agree with each other."""
+        T, problem, solution = self.transform, self.problem, self.solution
+        R = T[:3, :3]
+        skew = max(np.abs(R @ R.T - np.eye(3)).max(), np.abs(T[3] - [0, 0, 0, 1]).max(), 1 - np.linalg.det(R))
+        names = [parameter.name for parameter in problem.motion.parameters]
+        if list(solution.parameters) != names:
+            return [_at_most("parameters", float("nan"), 0, f"the motion has {', '.join(names)}")]
+        vertices = problem.movable.vertices
+        apart = problem.movable.placed_vertices(1.0, T) - problem.movable.placed_vertices(1.0, self._pose(1.0))
+        off = np.linalg.norm(apart, axis=1).max() if len(vertices) else float("nan")
+        amount = float(np.sqrt(np.sum((problem.weights * self.q) ** 2)))
+        slack = self.tolerances.requirement * amount + self.tolerances.line * problem.length
+        low, high = problem.limits.T
+        excess = (problem.weights * np.maximum(low - self.q, self.q - high)).max()
+        return [
+            _at_most("rigid transform", skew, self.tolerances.rigid),
+            _at_most("transform of parameters", off, self.limit, "largest displacement of a vertex between the two"),
+            _at_most("amount", abs(amount - solution.amount), slack),
+            _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
+            _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
+        ]
+
+    def requirement(self) -> list[Check]:
+        """Check that the tracked pair is where the goal wants it."""
+        goal, target, slack = self.problem.goal, self.problem.target, self.tolerances.requirement
+        if goal == "beyond":
+            missing = (self.problem.signs * (target - self.rho) / target).max()
+            return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
+        off = np.abs(self.rho / target - 1).max()
+        return [_at_most("requirement", off, slack, "relative distance from the target pair")]
+
+    def contact(self) -> list[Check]:
+        """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
+        if self.problem.goal == "clear":
+            return []
+        checks = [_at_most("touching", abs(self._gap(self.rho, self.transform)), self.limit, "distance or overlap")]
+        claimed = len(self.claims)
+        checks.append(Check("features", 1 <= claimed <= 2, claimed, 2, "one or two features"))
+        if self.problem.goal in TRACKING:
+            nominal = self.problem.nominal_contact
+            own = getattr(nominal, "features", None) or (getattr(nominal, "feature", None),)
+            tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
+            known = tracked <= allowed and len(tracked) == min(2, len(own))
+            checks.append(Check("nominal features", known, claimed, min(2, len(own)), ", ".join(map(str, own))))
+        for k, claim in enumerate(self.claims, 1):
+            error = claim.error(self.rho[None], self.transform[None])[0]
+            checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
+        return checks
+
+    def sides(self) -> list[Check]:
+        """Check for apart on one side of the contact lines, overlap on the other; a snug fit has two opposed lines."""
+        if not self.claims:
+            return []
+        lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
+        gradients = lines[:, :2]
+        units = gradients / np.linalg.norm(gradients, axis=1)[:, None]
+        opposed = float(np.abs(units.sum(axis=0)).max())
+        if len(units) == 2 and opposed <= self.tolerances.determinant:
+            return [_at_most("snug", opposed, self.tolerances.determinant, "overlap on both sides of opposed lines")]
+        upward = units.sum(axis=0)
+        step = self.tolerances.side * self.size * upward / (gradients @ upward).min()
+        before, after = (self._gap(self.rho + sign * step, self.transform) for sign in (-1, 1))
+        return [
+            Check("apart below", bool(before > self.limit), before, self.limit, "distance with both scales reduced"),
+            Check("overlapping above", bool(after < -self.limit), after, -self.limit, "with both scales enlarged"),
+        ]
+
+    def path(self) -> list[Check]:
+        """Check that the tracked features stay the real contact along the straight ray of the parameters."""
+        if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
+            return []
+        s = np.linspace(0.0, 1.0, PATH_POINTS)
+        poses = np.array([self._pose(x) for x in s])
+        pairs = self._tracked(s, poses)
+        start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
+        errors = np.max([claim.error(pairs, poses) for claim in self.claims], axis=0)
+        gaps = [abs(self._quick_gap(rho, T)) for rho, T in zip(pairs, poses, strict=True)]
+        worst = [int(np.argmax(np.where(np.isnan(x), np.inf, x))) for x in (errors, gaps)]
+        return [
+            _at_most("path starts at the nominal", start, self.tolerances.nominal, "relative distance of the scales"),
+            _at_most("path features", errors[worst[0]], self.limit, f"worst at {s[worst[0]]:.6g} of the motion"),
+            _at_most("path touching", gaps[worst[1]], self.limit, f"worst at {s[worst[1]]:.6g} of the motion"),
+        ]
+
+    def pair(self) -> list[Check]:
+        """Check the state and gap of the parts actually made."""
+        solution, problem = self.solution, self.problem
+        off = np.abs(solution.pair / problem.target - 1).max()
+        gap = self._gap(problem.target, self.transform)
+        state = self._state(gap)
+        claimed = solution.pair_gap
+        if gap < 0:
+            wrong = abs(claimed - gap)
+        else:  # a separation over some directions: it has the sign of the distance and does not exceed it
+            wrong = max(claimed - gap, -claimed, 0.0) if self._state(claimed) == state else abs(claimed - gap)
+        checks = [
+            _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
+            Check("pair state", solution.pair_state == state, gap, self.limit, f"is {state}"),
+            _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
+            Check("status", self._agrees(state), gap, self.limit, f"{solution.status.name}, the pair is {state}"),
+        ]
+        if "touch" in (problem.pair, problem.goal):
+            checks.append(_at_most("pair touches", abs(gap), self.limit))
+        if "clear" in (problem.pair, problem.goal):
+            checks.append(_at_least("clearance", gap, problem.clearance - self.limit))
+        return checks
+
+    # ------------------------------------------------------------------------------------------------------- parts
+
+    def _pose(self, s: float) -> Array:
+        problem = self.problem
+        try:
+            return problem.motion.transform(s * self.q, problem.movable.seed, problem.static.seed)
+        except InputError:  # a screw whose axis has vanished on the way
+            return np.full((4, 4), np.nan)
+
+    def _quick_gap(self, rho: Array, transform: Array) -> float:
+        """Signed distance by coal; where coal cannot tell, by explicit vertices; nan for scales that are none."""
+        if not (np.isfinite(transform).all() and np.isfinite(rho).all() and rho.min() > 0):
+            return float("nan")
+        gap = self.scaled.signed_distance(rho, transform)
+        return float(self.scaled.separations(rho, transform).min()) if np.isnan(gap) else gap
+
+    def _gap(self, rho: Array, transform: Array) -> float:
+        """Signed distance by coal, confirmed by explicit vertices; where they disagree exact arithmetic decides."""
+        gap = self._quick_gap(rho, transform)
+        if np.isnan(gap):
+            return gap
+        separation = float(self.scaled.separations(rho, transform).min())
+        agree = separation <= gap + self.limit and (separation > 0 or gap <= separation + self.limit)
+        if agree or np.isnan(separation):
+            return gap
+        return self.scaled.exact_separation(rho, transform)
+
+    def _state(self, gap: float) -> str:
+        if np.isnan(gap):
+            return "unknown"
+        return "touching" if abs(gap) <= self.limit else "apart" if gap > 0 else "overlapping"
+
+    def _agrees(self, state: str) -> bool:
+        """Whether the status says what was found."""
+        status = self.solution.status
+        if status is Status.SOLVED:
+            return state != "overlapping"
+        if status is Status.PAIR_OVERLAPS:
+            return state == "overlapping"
+        if status is Status.ALREADY_SATISFIED:
+            return not self.q.any()
+        return True
+
+    def _tracked(self, s: Array, poses: Array) -> Array:
+        """Return the tracked scale pair at each pose, (k, 2): where two lines meet, or the point of one line.
+
+        A single line leaves one degree of freedom: its point nearest to the straight way from nominal to target.
+        """
+        lines = np.array([claim.lines(poses) for claim in self.claims[:2]])
+        if len(lines) == 2:
+            (a, b, c), (d, e, f) = lines[0].T, lines[1].T
+            determinant = a * e - b * d
+            parallel = np.abs(determinant) <= np.hypot(a, b) * np.hypot(d, e) * self.tolerances.determinant
+            return np.column_stack([c * e - b * f, a * f - c * d]) / np.where(parallel, np.nan, determinant)[:, None]
+        ab, c = lines[0][:, :2], lines[0][:, 2]
+        way = self.problem.nominal_pair + s[:, None] * (self.problem.target - self.problem.nominal_pair)
+        return way + ((c - (ab * way).sum(axis=1)) / (ab * ab).sum(axis=1))[:, None] * ab

@@ -1,0 +1,324 @@
+"""Problem files: TOML with the bodies and one or several cases, and the same as plain data.
+
+The models below and in `fcdm_opt.tolerance.schema` are the format. A place such as `case[2] 'B'.motion[1].centre`
+counts from 1, as the vertex labels in a file do.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from operator import rshift
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, ValidationError
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Motion, Step
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.schema import (
+    REFUSED,
+    STEPS,
+    Bodies,
+    Bound,
+    Entry,
+    Number,
+    Pair,
+    PublishedEntry,
+    StepEntry,
+    closest,
+    descend,
+    plain,
+)
+from fcdm_opt.tolerances import DEFAULT
+
+# ----------------------------------------------------------------------------------------------------------- cases
+
+
+class Defaults(Entry):
+    """What all cases of a file share; a case may give any of it anew."""
+
+    nominal: Annotated[int, Field(strict=True, ge=1)] | Pair | Literal["drawn"] = Field(
+        default="drawn",
+        description='number of a switching point (from 1), a scale pair [rho_1, rho_2] or "drawn" (= [1, 1])',
+    )
+    tolerance: Number | Pair | tuple[Pair, Pair] | None = Field(
+        default=None,
+        description="tau, [tau_1, tau_2] or [[minus_1, plus_1], [minus_2, plus_2]], relative (0.02 is 2 %), >= 0",
+    )
+    requirement: str | None = Field(default=None, description='"A" (+, +), "B" (+, -), "C" (-, +) or "D" (-, -)')
+    target: Pair | None = Field(default=None, description="[rho_1, rho_2], the scales made, in place of requirement")
+    box: tuple[Pair, Pair] = Field(
+        default=((0.8, 3.0), (0.8, 3.0)),
+        description="[[low_1, high_1], [low_2, high_2]], scales that are shown and numbered",
+    )
+    goal: str | None = Field(default=None, description='"beyond", "at", "touch" or "clear"')
+    pair: str = Field(
+        default="any", description='"any", "clear" or "touch": required state of the target pair, besides the goal'
+    )
+    clearance: Number = Field(default=0.0, description='least gap, length units, for goal or pair "clear"')
+    path: str = Field(default="coherent", description='"coherent" or "free"')
+    amount: str = Field(default="weighted", description='"weighted"')
+    length: Number | None = Field(default=None, description="length > 0 that turns radians into lengths")
+    weights: dict[str, Number] = Field(
+        default={}, description="{ TZ = 1.0, RZ_per_rad = 0.5 }: amount per length unit, per radian (or _per_deg)"
+    )
+    limits: dict[str, tuple[Bound, Bound]] = Field(
+        default={}, description='{ TZ = [-1, 1], RZ_deg = [-10, "inf"] }: lower and upper, angles as _deg or _rad'
+    )
+    snap: Number = Field(
+        default=DEFAULT.snap, description="relative distance within which a nominal pair may be closed to the curve"
+    )
+    motion: list[StepEntry] = Field(
+        default=[],
+        min_length=1,
+        description="steps in order: { translation = .. }, { rotation = .., centre = .. }, { screw = .., pitch.. }",
+    )
+    published: list[PublishedEntry] | None = Field(
+        default=None,
+        description="reference values, one table a step: { translation = ... }, { angle_deg = ... }",
+    )
+    published_text: str = Field(default="", description="the reference motion in the words of its source (text)")
+
+
+class Case(Defaults):
+    """One problem."""
+
+    name: str = Field(description="name of the case (text), once in a file")
+
+    def problem(self, movable: Body, static: Body, defaults: Defaults) -> Problem:
+        """Return the problem; keys of the case come before those of `defaults`."""
+        given = {key: getattr(entry, key) for entry in (defaults, self) for key in entry.model_fields_set}
+        if "motion" not in given:
+            raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
+        steps = _placed("motion", [entry.step for entry in given["motion"]])
+        motion = reduce(rshift, steps)
+        given["motion"] = motion
+        if given.get("limits"):
+            ends = {key: tuple(map(float, pair)) for key, pair in given["limits"].items()}
+            given["limits"] = _by_name("limits", ends, motion, ("_deg", "_rad"), _radians)
+        if given.get("weights"):
+            given["weights"] = _by_name("weights", given["weights"], motion, ("_per_deg", "_per_rad"), math.degrees)
+        if given.get("published") is not None:
+            given["published"] = _published_values(given["published"], steps)
+        return Problem(movable, static, **given)
+
+
+def _placed(key: str, makers: Sequence[Any]) -> list[Any]:
+    """Return what the makers make; an error says which one it was."""
+    made = []
+    for k, maker in enumerate(makers, 1):
+        try:
+            made.append(maker())
+        except InputError as reason:
+            raise reason.within(key=f"{key}[{k}]") from reason
+    return made
+
+
+def _radians(interval: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(map(math.radians, interval))
+
+
+def _by_name(
+    key: str, given: Mapping[str, Any], motion: Motion, units: tuple[str, str], from_degrees: Any
+) -> dict[str, Any]:
+    """Return values by parameter name, in radians; angles' keys end in one of `units`, degrees first."""
+    meaning: dict[str, tuple[str, Any]] = {}
+    for name, kind in motion.parameters:
+        suffixes = {"": None} if kind == "translation" else dict(zip(units, (from_degrees, None), strict=True))
+        meaning.update({name + suffix: (name, convert) for suffix, convert in suffixes.items()})
+    found: dict[str, Any] = {}
+    for spelling, value in given.items():
+        if spelling not in meaning:
+            unit = any(name == spelling for name, _ in meaning.values())
+            what = "the unit of the angle is missing" if unit else f"no such parameter{closest(spelling, meaning)}"
+            raise InputError(what, key=f"{key}.{spelling}", found=spelling, allowed=", ".join(meaning))
+        name, convert = meaning[spelling]
+        if name in found:
+            raise InputError("given twice", key=f"{key}.{spelling}", found=spelling, allowed="one unit")
+        found[name] = convert(value) if convert else value
+    return found
+
+
+def _published_values(entries: list[PublishedEntry], steps: list[Step]) -> list[float]:
+    if len(entries) != len(steps):
+        raise InputError(
+            "not one table for each step of the motion", key="published", found=len(entries), allowed=f"{len(steps)}"
+        )
+    pairs = zip(entries, steps, strict=True)
+    values = _placed("published", [lambda entry=entry, step=step: entry.values(step) for entry, step in pairs])
+    return [value for own in values for value in own]
+
+
+# ------------------------------------------------------------------------------------------------------------ files
+
+
+class ProblemFile(Entry):
+    """A whole problem file."""
+
+    title: str = Field(default="", description="title (text)")
+    note: str = Field(default="", description="what the reader should know (text)")
+    bodies: Annotated[
+        Annotated[str, Tag("<file>")] | Annotated[Bodies, Tag("<bodies>")],
+        Discriminator(lambda value: "<file>" if isinstance(value, str) else "<bodies>"),
+    ] = Field(description='[bodies.movable] and [bodies.static], or the path of a file that has them: "other.toml"')
+    defaults: Defaults = Field(default=Defaults(), description="a table with any key of a case but its name")
+    case: list[Case] = Field(default=[], description="[[case]] tables")
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> ProblemFile:
+        """Return the checked contents of a file; raises `InputError` as `load_problems`."""
+        file = Path(path)
+        try:
+            data = tomllib.loads(file.read_bytes().decode("utf-8"))
+        except tomllib.TOMLDecodeError as reason:
+            raise InputError(f"not valid TOML: {reason}", file=file) from reason
+        except UnicodeDecodeError as reason:
+            raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
+        except OSError as reason:
+            allowed = "a readable problem file (TOML)"
+            raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
+        if not data:
+            raise InputError("the file is empty", file=file, allowed="[bodies.movable], [bodies.static] and [[case]]")
+        return _checked(data, file)
+
+    def problems(self, file: Path | None = None) -> tuple[Problem, ...]:
+        """Return a problem for each case; `file` is where the contents come from."""
+        movable, static = self._both(file)
+        if not self.case:
+            raise InputError("there is no case", file=file, key="case", allowed="one [[case]] table or more")
+        made: dict[str, Problem] = {}
+        for k, case in enumerate(self.case, 1):
+            key = f"case[{k}] {case.name!r}"
+            if case.name in made:
+                first = list(made).index(case.name) + 1
+                raise InputError(
+                    f"the name is that of case[{first}]", file=file, key=f"{key}.name", found=case.name,
+                    allowed="a name that no other case has",
+                )
+            try:
+                made[case.name] = case.problem(movable, static, self.defaults)
+            except InputError as reason:
+                raise reason.within(file=file, key=key) from reason
+        return tuple(made.values())
+
+    def _both(self, file: Path | None) -> tuple[Body, Body]:
+        bodies, home = self.bodies, file
+        if isinstance(bodies, str):
+            if file is None:
+                raise InputError("there is no file to start from", key="bodies", found=bodies, allowed="both bodies")
+            home = file.parent / bodies
+            try:
+                bodies = ProblemFile.read(home).bodies
+            except InputError as reason:
+                raise InputError(f"its bodies cannot be taken: {reason}", file=file, key="bodies") from reason
+            if isinstance(bodies, str):
+                raise InputError(
+                    "that file has no bodies of its own", file=file, key="bodies", found=bodies,
+                    allowed="a file with [bodies.movable] and [bodies.static]",
+                )
+        try:
+            return bodies.both()
+        except InputError as reason:
+            raise reason.within(file=home) from reason
+
+
+def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
+    """Return the problems of a file, one for each case.
+
+    Parameters
+    ----------
+    path : path
+        A problem file (TOML).
+
+    Raises
+    ------
+    InputError
+        Names the file, the key, what was found and what is allowed; the first thing that is wrong.
+    """
+    return ProblemFile.read(path).problems(Path(path))
+
+
+def _checked(data: Mapping[str, Any], file: Path | None) -> ProblemFile:
+    try:
+        return ProblemFile.model_validate(data)
+    except ValidationError as error:
+        detail = next(item for item in error.errors(include_url=False) if item["type"] == REFUSED)
+        context = detail["ctx"]
+        inside, _ = descend(data, detail["loc"])
+        where = (*inside, *context["inside"])
+        place = _path(where, data) or None
+        raise InputError(
+            context["what"], file=file, key=place, found=context["found"], allowed=context["allowed"]
+        ) from error
+
+
+def _path(place: Sequence[Any], data: Mapping[str, Any]) -> str:
+    """Return a place in words: `case[2] 'B'.motion[1].centre`."""
+    text = ""
+    for item in place:
+        text += f"[{item + 1}]" if isinstance(item, int) else f".{item}"
+    if len(place) > 1 and place[0] == "case" and isinstance(place[1], int):
+        case = data["case"][place[1]]
+        name = case.get("name") if isinstance(case, Mapping) else None
+        head = f".case[{place[1] + 1}]"
+        text = f"{head} {name!r}{text[len(head):]}" if isinstance(name, str) else text
+    return text.removeprefix(".")
+
+
+# ------------------------------------------------------------------------------------------------------- plain data
+
+
+def problem_from_dict(data: Mapping[str, Any]) -> Problem:
+    """Return the problem of plain data with the keys of a one-case file; see `Problem.from_dict`."""
+    problems = _checked(data, None).problems()
+    if len(problems) > 1:
+        raise InputError("more than one case", key="case", found=len(problems), allowed="one")
+    return problems[0]
+
+
+def problem_to_dict(problem: Problem) -> dict[str, Any]:
+    """Return a problem as plain data; see `Problem.to_dict`."""
+    asked = problem.request
+    kinds = dict(problem.motion.parameters)
+    case = {
+        key: plain(asked[key]) for key in Case.model_fields if asked[key] is not None and asked[key] != {}
+    }
+    case["motion"] = [STEPS[type(step)].plain(step) for step in problem.motion.steps]
+    for key, suffix in (("limits", "_rad"), ("weights", "_per_rad")):
+        if key in case:
+            case[key] = {n + suffix * (kinds[n] == "rotation"): plain(value) for n, value in asked[key].items()}
+    if asked["published"] is not None:
+        case["published"] = _published_entries(problem)
+    return {"bodies": {"movable": _body(problem.movable), "static": _body(problem.static)}, "case": [case]}
+
+
+def _published_entries(problem: Problem) -> list[dict[str, float]]:
+    entries, values = [], iter(problem.request["published"])
+    for step in problem.motion.steps:
+        keys = ["translation" if kind == "translation" else "angle_rad" for _, kind in step.own_parameters]
+        entries.append({key: next(values) for key in keys})
+    return entries
+
+
+def _body(body: Body) -> dict[str, Any]:
+    """Return a body as drawn; `parts` only where the hull of all vertices would not do."""
+    entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
+    parts = [
+        [
+            own.vertices[0] if own.kind == "V" else int(np.abs(body.vertices - vertex).max(axis=1).argmin()) + 1
+            for own, vertex in zip(part.elements["V"], part.vertices, strict=True)
+        ]
+        for part in body.parts
+    ]
+    if parts != [list(range(1, len(body.vertices) + 1))]:
+        entry["parts"] = parts
+    return {**entry, "faces": [list(face) for face in body.faces], "seed": body.seed.tolist()}
+
+

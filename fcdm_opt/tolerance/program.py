@@ -1,0 +1,249 @@
+"""The nonlinear program: smallest weighted motion under rows that are instances of the contact equations.
+
+A program's layout (which templates, in which order) is compiled once and cached; its numbers are parameters.
+Variables: z = w q / unit, so that the objective is |z|^2 and everything is of order one, and for each
+pair that a free separating plane keeps apart that plane: its normal n and level / unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.motion import Motion
+from fcdm_opt.tolerance.equations import OWNERS, FeaturePoints, Scene, intersection
+from fcdm_opt.tolerance.task import Task
+from fcdm_opt.tolerances import DEFAULT
+
+INF = float("inf")
+
+
+class Row(NamedTuple):
+    """One constraint lower <= template(values) <= upper; `name` says what it keeps."""
+
+    template: tuple[Any, ...]
+    values: Array
+    lower: float
+    upper: float
+    name: str
+
+
+class Outcome(NamedTuple):
+    """Result of one solve: parameters, planes, whether all rows hold, and the rows that are active."""
+
+    q: Array
+    planes: Array
+    feasible: bool
+    active: tuple[int, ...]
+
+
+# -------------------------------------------------------------------------------------------------- kinds of rows
+
+
+def goal_rows(task: Task) -> list[Row]:
+    """Return what the goals "beyond" and "at" ask of the tracked point."""
+    if len(task.tracked) == 1:
+        return [Row(("on",), np.empty(0), 0.0, 0.0, "target on the moved segment")]
+    change = np.abs(task.target - task.nominal).max() or 1.0
+    upper = INF if task.goal == "beyond" else 0.0
+    return [
+        Row(("tracked", k), np.array([task.signs[k] / change if task.signs[k] else 1.0 / change]), 0.0, upper,
+            f"rho_{k + 1} reaches its target")
+        for k in range(2)
+    ]
+
+
+def line_row(task: Task, s: float, feature: FeaturePoints, scale: float, apart: bool, name: str) -> Row:
+    """Keep the tracked pair at path position s on the touching (or apart) side of a feature's contact line."""
+    values = np.concatenate([[s], feature.values, [scale * task.unit]])
+    return Row(("line", feature.kind), values, *((0.0, INF) if apart else (-INF, 0.0)), name)
+
+
+def target_row(task: Task, feature: FeaturePoints, scale: float, name: str) -> Row:
+    """Keep the target pair from being apart in a feature's direction."""
+    return Row(("target", feature.kind), np.append(feature.values, scale * task.unit), -INF, 0.0, name)
+
+
+def support_row(task: Task, s: float, feature: FeaturePoints, scale: float, body: int, vertex: Array, name: str) -> Row:
+    """Keep a vertex, as drawn, behind a tracked feature's plane at path position s."""
+    values = np.concatenate([[s], feature.values, vertex, [scale * task.unit]])
+    return Row(("support", feature.kind, body), values, -INF, 0.0, name)
+
+
+def plane_row(task: Task, block: int, body: int, vertex: Array, name: str) -> Row:
+    """Keep a vertex, as drawn, at the target pair on its body's side of separating plane `block`."""
+    return Row(("plane", block, body), vertex, 0.0 if body == 1 else task.need / task.unit, INF, name)
+
+
+def unit_row(block: int) -> Row:
+    """Keep a plane's normal of unit length."""
+    return Row(("unit", block), np.empty(0), 1.0, 1.0, "unit normal")
+
+
+@dataclass(frozen=True, eq=False)
+class _Symbols:
+    """Symbols that the templates of one program share."""
+
+    motion: Motion
+    q: Any
+    seeds: Any
+    unit: Any
+    nominal: Any
+    target: Any
+    tracked: tuple[tuple[int, Any], ...]
+    planes: Any
+
+    def scene(self, s: Any = 1.0) -> Scene:
+        return Scene.of(self.motion, s * self.q, self.seeds)
+
+    def tracked_pair(self, scene: Scene, s: Any = 1.0) -> Any:
+        """Return the tracked scale pair: both lines' intersection, or the one line's point nearest the straight path."""
+        lines = [scene.line(kind, values) for kind, values in self.tracked]
+        if len(lines) == 2:
+            return intersection(*lines)[0]
+        a, b, c, _ = lines[0]
+        path = self.nominal + s * (self.target - self.nominal)
+        excess = (c - a * path[0] - b * path[1]) / (a * a + b * b)
+        import casadi
+
+        return path + excess * casadi.vertcat(a, b)
+
+
+def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
+    """Return the expression of a row."""
+    import casadi
+
+    name, *detail = template
+    if name == "unit":
+        n = symbols.planes[:3, detail[0]]
+        return casadi.dot(n, n)
+    if name == "plane":
+        n, level = symbols.planes[:3, detail[0]], symbols.planes[3, detail[0]]
+        height = casadi.dot(n, symbols.scene().scaled(detail[1], symbols.target, values) - symbols.seeds[3:])
+        return (height / symbols.unit - level) * (-1 if detail[1] == 1 else 1)
+    if name == "tracked":
+        return (symbols.tracked_pair(symbols.scene())[detail[0]] - symbols.target[detail[0]]) * values[0]
+    if name == "on":
+        a, b, c, n = symbols.scene().line(*symbols.tracked[0])
+        return (a * symbols.target[0] + b * symbols.target[1] - c) / (casadi.norm_2(n) * symbols.unit)
+    if name == "target":
+        a, b, c, _ = symbols.scene().line(detail[0], values)
+        return (c - a * symbols.target[0] - b * symbols.target[1]) / values[13]
+    s, feature = values[0], values[1:14]
+    scene = symbols.scene(s)
+    a, b, c, n = scene.line(detail[0], feature)
+    if name == "line":
+        rho = symbols.tracked_pair(scene, s)
+        return (c - a * rho[0] - b * rho[1]) / values[14]
+    kind, body = detail
+    own = feature[:3] if body == 1 else feature[9:12]
+    assert OWNERS[kind][0] == 1 and OWNERS[kind][3] == 2
+    vertex = values[14:17]
+    height = casadi.dot(n, scene.moved(vertex) - scene.moved(own)) if body == 1 else casadi.dot(n, own - vertex)
+    return height / values[17]
+
+
+@lru_cache(maxsize=512)
+def _compiled(
+    motion: Motion, kinds: tuple[int, ...], blocks: int, templates: tuple[tuple[Any, ...], ...], sizes: tuple[int, ...],
+    method: str,
+) -> Any:
+    """Build the NLP solver of a layout."""
+    import casadi
+
+    k = len(motion.parameters)
+    z, planes = casadi.SX.sym("z", k), casadi.SX.sym("planes", 4, blocks)
+    step, unit = casadi.SX.sym("step", k), casadi.SX.sym("unit")
+    seeds, nominal, target = casadi.SX.sym("seeds", 6), casadi.SX.sym("nominal", 2), casadi.SX.sym("target", 2)
+    tracked = tuple((kind, casadi.SX.sym(f"tracked_{m}", 13)) for m, kind in enumerate(kinds))
+    values = [casadi.SX.sym(f"row_{m}", size) for m, size in enumerate(sizes)]
+    symbols = _Symbols(motion, step * z, seeds, unit, nominal, target, tracked, planes)
+    rows = [_template(symbols, template, value) for template, value in zip(templates, values, strict=True)]
+    nlp = {
+        "x": casadi.vertcat(z, casadi.vec(planes)),
+        "p": casadi.vertcat(step, unit, seeds, nominal, target, *(value for _, value in tracked), *values),
+        "f": casadi.dot(z, z),
+        "g": casadi.vertcat(*rows),
+    }
+    return casadi.nlpsol("smallest_motion", method, nlp, _OPTIONS[method])
+
+
+_QUIET = {"print_time": False, "error_on_fail": False}
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "sqpmethod": {
+        **_QUIET,
+        "qpsol": "qrqp",
+        "qpsol_options": {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False},
+        "print_header": False,
+        "print_iteration": False,
+        "print_status": False,
+        "max_iter": 60,
+        "tol_pr": DEFAULT.solver,
+        "tol_du": DEFAULT.solver,
+        "min_step_size": 1e-14,
+        "convexify_strategy": "eigen-clip",
+    },
+    "ipopt": {
+        **_QUIET,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.tol": DEFAULT.solver,
+        "ipopt.constr_viol_tol": DEFAULT.solver,
+        "ipopt.acceptable_iter": 0,
+        "ipopt.bound_relax_factor": 0.0,
+        "ipopt.max_iter": 300,
+    },
+}
+
+
+def minimise(
+    task: Task, rows: Sequence[Row], start: Array, planes: Array, method: str = "sqpmethod"
+) -> Outcome:
+    """Solve the program from one start.
+
+    Parameters
+    ----------
+    task : Task
+    rows : sequence of Row
+    start : (k,) array
+        Motion parameters to start from.
+    planes : (4, blocks) array
+        Separating planes to start from, n and level / unit, one for each block that a "plane" row names.
+    method : "sqpmethod" or "ipopt"
+        CasADi plugin.
+    """
+    solver = _compiled(
+        task.motion,
+        tuple(feature.kind for feature in task.tracked),
+        planes.shape[1],
+        tuple(row.template for row in rows),
+        tuple(len(row.values) for row in rows),
+        method,
+    )
+    step = task.unit / task.weights
+    parameters = np.concatenate(
+        [step, [task.unit], task.movable.seed, task.static.seed, task.nominal, task.target,
+         *(feature.values for feature in task.tracked), *(row.values for row in rows)]
+    )
+    free = np.full(planes.size, INF)
+    result = solver(
+        x0=np.concatenate([start / step, planes.ravel(order="F")]),
+        p=parameters,
+        lbx=np.concatenate([task.limits[:, 0] / step, -free]),
+        ubx=np.concatenate([task.limits[:, 1] / step, free]),
+        lbg=[row.lower for row in rows],
+        ubg=[row.upper for row in rows],
+    )
+    x, g = result["x"].full().ravel(), result["g"].full().ravel()
+    k = len(step)
+    q = np.clip(x[:k] * step, task.limits[:, 0], task.limits[:, 1])
+    lower, upper = np.array([row.lower for row in rows]), np.array([row.upper for row in rows])
+    excess = np.maximum(lower - g, g - upper)
+    feasible = bool(np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= DEFAULT.cut)
+    active = tuple(int(m) for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper)))
+    return Outcome(q, x[k:].reshape(planes.shape, order="F"), feasible, active)

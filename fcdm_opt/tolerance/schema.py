@@ -1,0 +1,317 @@
+"""What a problem file may hold, entry by entry: bodies, steps of a motion, reference values.
+
+Each entry is a model that knows its way both from plain data and back; the descriptions of its fields are the format's
+documentation and the "allowed" of every message.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from decimal import Decimal
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Rotation, Screw, Step, Translation
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Label = Annotated[int, Field(strict=True, ge=1)]
+Pair = tuple[Number, Number]
+Point = tuple[Number, Number, Number]
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
+Bound = Annotated[float, Field(strict=True)] | Literal["inf", "-inf"]
+REFUSED = "refused"
+_PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
+
+
+def refusal(what: str, *, found: Any = None, allowed: str = "", inside: tuple[Any, ...] = ()) -> PydanticCustomError:
+    """Return the error that every model raises; `inside` continues the place of the model or field."""
+    context = {"what": what, "found": found, "allowed": allowed, "inside": inside}
+    return PydanticCustomError(REFUSED, "{what}", context)
+
+
+def closest(key: str, allowed: Iterable[str]) -> str:
+    """Return a hint at the allowed key that is spelled most alike, "" where none is near."""
+    near = difflib.get_close_matches(key, list(allowed), 1)
+    return f", did you mean '{near[0]}'?" if near else ""
+
+
+def descend(value: Any, place: Iterable[Any]) -> tuple[tuple[Any, ...], Any]:
+    """Follow a place that the validator reports as far as the data goes, dropping its tags."""
+    kept = []
+    for item in place:
+        reachable = (isinstance(item, int) and isinstance(value, list | tuple) and item < len(value)) or (
+            isinstance(value, Mapping) and item in value
+        )
+        if reachable:
+            kept.append(item)
+            value = value[item]
+    return tuple(kept), value
+
+
+def plain(value: Any) -> Any:
+    """Return tuples and arrays as lists and infinities as text, which JSON has no number for."""
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    return value
+
+
+class Entry(BaseModel):
+    """Refuses unknown keys and says, for a missing key or a wrong value, what the field's description says."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys(cls, data: Any) -> Any:
+        fields = cls.model_fields
+        if not isinstance(data, Mapping):
+            raise refusal("expected a table", found=data, allowed=f"a table with {', '.join(fields)}")
+        for key in data:
+            if key not in fields:
+                what = f"unknown key '{key}'{closest(str(key), fields)}"
+                raise refusal(what, found=data[key], allowed=", ".join(fields), inside=(str(key),))
+        for key, item in fields.items():
+            if item.is_required() and key not in data:
+                found = f"only {', '.join(data)}" if data else "an empty table"
+                raise refusal("missing key", found=found, allowed=str(item.description), inside=(key,))
+        return data
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _value(cls, value: Any, handler: Any, info: ValidationInfo) -> Any:
+        try:
+            return handler(value)
+        except ValidationError as error:
+            details = error.errors(include_url=False)
+            if any(detail["type"] == REFUSED for detail in details):
+                raise
+            inside, found = descend(value, details[0]["loc"])
+            if any(detail["type"] == "finite_number" for detail in details):
+                what = "a number is not finite"
+            else:
+                what = "wrong type, unit or shape" if len(details) > 1 else details[0]["msg"].lower()
+            allowed = str(cls.model_fields[str(info.field_name)].description)
+            raise refusal(what, found=found, allowed=allowed, inside=inside) from error
+
+
+# ---------------------------------------------------------------------------------------------------------- bodies
+
+
+class BodyEntry(Entry):
+    """A body: a union of convex parts with one seed."""
+
+    name: str | None = Field(default=None, description="name in messages and pictures (text)")
+    vertices: list[Point] = Field(description="[[x, y, z], ...], at least four; label k is the k-th")
+    parts: list[list[Label]] | None = Field(
+        default=None,
+        description="1-based vertex labels of each convex part; without it the body is the hull of its vertices",
+    )
+    faces: list[list[Label]] | None = Field(
+        default=None, description="1-based vertex labels of each true face; without it faces follow from the parts"
+    )
+    seed: Literal["centroid", "vertices", "box"] | Point = Field(
+        default="centroid",
+        description='"centroid" (of the volume), "vertices" (their mean), "box" (its centre) or [x, y, z]',
+    )
+
+    def body(self, role: str) -> Body:
+        """Return the body; `role` is its name where none is given."""
+        count = len(self.vertices)
+        for key, groups in (("parts", self.parts), ("faces", self.faces)):
+            for k, group in enumerate(groups or (), 1):
+                wrong = [label for label in group if label > count]
+                if wrong:
+                    raise InputError("no such vertex", key=f"{key}[{k}]", found=wrong[0], allowed=f"1 to {count}")
+        parts = [range(count)] if self.parts is None else _shifted(self.parts)
+        faces = None if self.faces is None else _shifted(self.faces)
+        name = role if self.name is None else self.name
+        return Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
+
+
+def _shifted(groups: list[list[int]]) -> list[list[int]]:
+    return [[label - 1 for label in group] for group in groups]
+
+
+class Bodies(Entry):
+    """The two bodies."""
+
+    movable: BodyEntry = Field(description="the body that moves: a table with vertices, seed, ...")
+    static: BodyEntry = Field(description="the body at rest: a table with vertices, seed, ...")
+
+    def both(self) -> tuple[Body, Body]:
+        """Return (movable, static)."""
+        made = []
+        for role in ("movable", "static"):
+            try:
+                made.append(getattr(self, role).body(role))
+            except InputError as reason:
+                raise reason.within(key=f"bodies.{role}") from reason
+        return made[0], made[1]
+
+
+# ---------------------------------------------------------------------------------------------------------- motion
+
+
+class TranslationEntry(Entry):
+    """A translation along a fixed axis."""
+
+    translation: Axis = Field(description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]')
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return Translation(self.translation)
+
+    @staticmethod
+    def plain(step: Translation) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"translation": plain(step.axis)}
+
+
+class RotationEntry(Entry):
+    """A rotation about a fixed direction through a centre."""
+
+    rotation: Axis = Field(description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]')
+    centre: Literal["seed", "origin"] | Point = Field(
+        description='"seed" (of the movable body, as already moved), "origin" (of the world) or [x, y, z]'
+    )
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return Rotation(self.rotation, centre=self.centre)
+
+    @staticmethod
+    def plain(step: Rotation) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"rotation": plain(step.axis), "centre": plain(step.centre)}
+
+
+class Line(Entry):
+    """A directed line."""
+
+    point: Point = Field(description="[x, y, z], a point of the line")
+    direction: Point = Field(description="[x, y, z], not zero; its length does not matter")
+
+
+class ScrewEntry(Entry):
+    """A rotation about a directed line and a translation along it, with exactly one of the three pitch keys."""
+
+    screw: Literal["seeds"] | Line = Field(
+        description='"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] }'
+    )
+    pitch: Literal["free", "infinite", "-infinite"] | None = Field(
+        default=None,
+        description='"free" (translation and angle independent), "infinite" (translation alone) or "-infinite"',
+    )
+    pitch_per_deg: Number | None = Field(default=None, description="translation for each degree, a number")
+    pitch_per_rad: Number | None = Field(default=None, description="translation for each radian, a number")
+
+    @model_validator(mode="after")
+    def _one_pitch(self) -> ScrewEntry:
+        given = [key for key in ("pitch", "pitch_per_deg", "pitch_per_rad") if getattr(self, key) is not None]
+        if len(given) != 1:
+            allowed = 'exactly one of pitch_per_deg, pitch_per_rad, pitch = "free", "infinite" or "-infinite"'
+            raise refusal("the pitch is not given once", found=", ".join(given) or "none", allowed=allowed)
+        return self
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        axis = (self.screw.point, self.screw.direction) if isinstance(self.screw, Line) else self.screw
+        if self.pitch is not None:
+            return Screw(axis, pitch=_PITCHES[self.pitch])
+        if self.pitch_per_deg is not None:
+            return Screw(axis, pitch=math.degrees(self.pitch_per_deg))
+        return Screw(axis, pitch=self.pitch_per_rad or 0.0)
+
+    @staticmethod
+    def plain(step: Screw) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        line = step.axis if isinstance(step.axis, str) else dict(
+            zip(("point", "direction"), plain(step.axis), strict=True)
+        )
+        names = {value: name for name, value in _PITCHES.items()}
+        pitch = {"pitch": names[step.pitch]} if step.pitch in names else {"pitch_per_rad": step.pitch}
+        return {"screw": line, **pitch}
+
+
+STEPS: dict[type[Step], Any] = {Translation: TranslationEntry, Rotation: RotationEntry, Screw: ScrewEntry}
+
+
+def _step_kind(entry: Any) -> str | None:
+    """Tell by its first key which step an entry is; tags differ from keys so that paths can drop them."""
+    kinds = ("translation", "rotation", "screw")
+    return next((f"<{kind}>" for kind in kinds if isinstance(entry, Mapping) and kind in entry), None)
+
+
+StepEntry = Annotated[
+    Annotated[TranslationEntry, Tag("<translation>")]
+    | Annotated[RotationEntry, Tag("<rotation>")]
+    | Annotated[ScrewEntry, Tag("<screw>")],
+    Discriminator(_step_kind, custom_error_type="step", custom_error_message="not a step of a motion"),
+]
+
+
+class PublishedEntry(Entry):
+    """Reference values for one step of the motion."""
+
+    translation: Number | None = Field(default=None, description="a length")
+    angle_deg: Number | None = Field(default=None, description="an angle in degrees")
+    angle_rad: Number | None = Field(default=None, description="an angle in radians")
+
+    def values(self, step: Step) -> list[float]:
+        """Return the values of the step's own parameters; raises `InputError` where the keys do not fit them."""
+        kinds = [parameter.kind for parameter in step.own_parameters]
+        angles = [key for key in ("angle_deg", "angle_rad") if getattr(self, key) is not None]
+        given = [*(["translation"] if self.translation is not None else []), *angles]
+        allowed = " and ".join("translation" if kind == "translation" else "angle_deg or angle_rad" for kind in kinds)
+        fixed_pitch = isinstance(step, Screw) and kinds == ["rotation"]
+        if len(angles) != kinds.count("rotation") or (
+            ("translation" in given) != ("translation" in kinds) and not fixed_pitch
+        ):
+            raise InputError(
+                f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})",
+                found=", ".join(given) or "none", allowed=allowed,
+            )
+        angle = math.radians(self.angle_deg) if self.angle_deg is not None else self.angle_rad
+        if isinstance(step, Screw) and fixed_pitch and angle is not None and self.translation is not None:
+            self._check_pitch(step, angle)
+        values = {"translation": self.translation, "rotation": angle}
+        return [value for kind in kinds if (value := values[kind]) is not None]
+
+    def _check_pitch(self, step: Screw, angle: float) -> None:
+        """Refuse a translation that differs from pitch times angle by more than the digits given leave open."""
+        per_unit = float(step.pitch)
+        unit = 1.0 if self.angle_deg is None else math.radians(1.0)
+        shown = self.angle_rad if self.angle_deg is None else self.angle_deg
+        slack = _half_digit(self.translation) + abs(per_unit) * unit * _half_digit(shown)
+        expected = per_unit * angle
+        if abs(float(self.translation or 0.0) - expected) > slack:
+            raise InputError(
+                "translation and angle do not agree with the screw's pitch", key="translation", found=self.translation,
+                allowed=f"{expected:.9g}, to the digits given",
+            )
+
+
+def _half_digit(x: float | None) -> float:
+    """Return half a unit in the last decimal digit that a number is written with."""
+    return 0.5 * 10.0 ** int(Decimal(repr(x)).as_tuple().exponent)

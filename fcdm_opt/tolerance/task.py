@@ -1,0 +1,168 @@
+"""The internal task: what every stage of the solver takes, and the answer every stage gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.coherence import Tracked
+from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
+from fcdm_opt.geometry.bodies import Array, Body
+from fcdm_opt.motion import Motion
+from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.tolerance.solution import Status
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a stage found.
+
+    Attributes
+    ----------
+    status : Status
+    q : (k,) array or None
+        Motion parameters.
+    stage : str
+        Which stage, and why it sufficed.
+    lower_bound : float
+        No smaller amount is possible.
+    active : tuple of str
+        What stops the motion from being smaller.
+    modelled : dict
+        Constraints kept, of how many.
+    """
+
+    status: Status
+    q: Array | None
+    stage: str
+    lower_bound: float = 0.0
+    active: tuple[str, ...] = ()
+    modelled: dict[str, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A problem in the solver's terms.
+
+    Attributes
+    ----------
+    movable, static : Body
+    motion : Motion
+    weights : (k,) array
+    limits : (k, 2) array
+    goal : "beyond", "at", "touch" or "clear"
+    nominal, target : (2,) arrays
+    signs : (2,) array
+        Side of the target that "beyond" asks for.
+    tracked : tuple of FeaturePoints
+        The features of the nominal contact: two at a switching point, one inside a segment, none for "touch", "clear".
+    pair : "any", "clear" or "touch"
+        State that the target pair must have besides the goal.
+    clearance : float
+        Length units.
+    coherent : bool
+        Whether the tracked features must stay the contact along the ray.
+    """
+
+    movable: Body
+    static: Body
+    motion: Motion
+    weights: Array
+    limits: Array
+    goal: str
+    nominal: Array
+    target: Array
+    signs: Array
+    tracked: tuple[FeaturePoints, ...]
+    pair: str
+    clearance: float
+    coherent: bool
+
+    @classmethod
+    def of(cls, problem: Problem) -> Task:
+        """Return the task of a problem."""
+        tracked: tuple[FeaturePoints, ...] = ()
+        if problem.goal in ("beyond", "at"):
+            contact = problem.nominal_contact
+            assert contact is not None  # Problem refuses these goals off the curve
+            pieces = contact.pieces if isinstance(contact, SwitchingPoint) else (contact.piece,)
+            tracked = tuple(
+                feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in pieces
+            )
+        return cls(
+            problem.movable, problem.static, problem.motion, problem.weights, problem.limits, problem.goal,
+            problem.nominal_pair, problem.target, problem.signs, tracked, problem.pair, problem.clearance,
+            problem.path == "coherent" and bool(tracked),
+        )
+
+    @cached_property
+    def size(self) -> float:
+        """Length that relative tolerances refer to."""
+        return max(self.movable.size, self.static.size)
+
+    @property
+    def need(self) -> float:
+        """Gap that the target pair must have where it must be clear."""
+        return self.clearance if "clear" in (self.goal, self.pair) else 0.0
+
+    @cached_property
+    def unit(self) -> float:
+        """A typical amount: what a change of size by the deviation, or closing the gap, takes."""
+        if self.tracked:
+            typical = float(np.abs(self.target / self.nominal - 1.0).max()) * self.size
+        else:
+            typical = abs(self.gap(np.zeros(len(self.weights))) - self.need)
+        return max(typical, DEFAULT.cut * self.size)
+
+    def amount(self, q: Array) -> float:
+        """Return the weighted motion amount."""
+        return float(np.linalg.norm(self.weights * q))
+
+    def transform(self, q: Array) -> Array:
+        """Return the 4x4 transform of body 1."""
+        return self.motion.transform(q, self.movable.seed, self.static.seed)
+
+    def pose(self, q: Array) -> Array:
+        """Return the relative pose that the kernels take."""
+        return relative_pose(self.movable, self.static, self.transform(q))
+
+    def pair_gaps(self, q: Array) -> Array:
+        """Return the signed gap of every part pair at the target pair, (parts of 1, parts of 2)."""
+        pose = self.pose(q)
+        return np.array(
+            [
+                [kernels.least_separation(*one.packed, *two.packed, pose, self.target, DEFAULT.tie) for two in
+                 self.static.parts]
+                for one in self.movable.parts
+            ]
+        )
+
+    def gap(self, q: Array) -> float:
+        """Return the signed gap of the target pair."""
+        return float(self.pair_gaps(q).min())
+
+    def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
+        """Return (scale pair, pose, features) of the tracked contact at path position s; nan where lines are parallel."""
+        pose = self.pose(s * np.asarray(q))
+        tracked = tuple(
+            Tracked.at(self.movable, self.static, pose, feature.parts, feature.site, feature.sign)
+            for feature in self.tracked
+        )
+        lines = np.array([feature.line for feature in tracked])
+        if len(tracked) == 2:
+            steep = np.hypot(lines[:, 0], lines[:, 1])
+            determinant = lines[0, 0] * lines[1, 1] - lines[0, 1] * lines[1, 0]
+            if not abs(determinant) > DEFAULT.determinant * steep[0] * steep[1]:
+                return np.full(2, np.nan), pose, tracked
+            return np.linalg.solve(lines[:, :2], lines[:, 2]), pose, tracked
+        a, b, c = lines[0]
+        path = self.nominal + s * (self.target - self.nominal)
+        return path + (c - a * path[0] - b * path[1]) / (a * a + b * b) * np.array([a, b]), pose, tracked

@@ -1,0 +1,90 @@
+"""Random input: integer hulls in small ranges (many parallel faces and edges) and large ones (generic), seeded."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from cases import Shape, shape, union
+from hypothesis import strategies as st
+from oracles import cross, dot, hull, minus, rational
+
+SEEDS = ("inside", "vertex", "face", "outside")
+
+
+def random_points(rng: np.random.Generator, count: int, reach: int) -> list[tuple[int, ...]]:
+    """Distinct integer points in [-reach, reach]^3 that span a volume, every one a corner of their hull."""
+    while True:
+        rows = list(dict.fromkeys(tuple(map(int, x)) for x in rng.integers(-reach, reach, (count, 3), endpoint=True)))
+        if len(rows) >= 4 and any(dot(cross(minus(rows[1], rows[0]), minus(rows[2], rows[0])), minus(x, rows[0])) for x in rows):
+            return [rows[k] for k in sorted(hull(dict(enumerate(rows))).vertices)]
+
+
+def random_shape(rng: np.random.Generator, reach: int, seed: str = "inside", count: int = 8) -> Shape:
+    """Convex shape with a seed strictly inside, on a vertex, on a face or anywhere near, usually outside."""
+    rows = random_points(rng, int(rng.integers(4, count + 1)), reach)
+    solid = hull(dict(enumerate(rows)))
+    if seed == "inside":
+        point = _mean(rng, rows)
+    elif seed == "vertex":
+        point = rational([rows[int(rng.integers(len(rows)))]])[0]
+    elif seed == "face":
+        faces = sorted(sorted(face) for face in solid.facets.values())
+        face = faces[int(rng.integers(len(faces)))]
+        point = _mean(rng, [rows[k] for k in sorted(face)])
+    else:
+        point = rational([rng.integers(-2 * reach, 2 * reach, 3, endpoint=True).tolist()])[0]
+    return shape(rows, point)
+
+
+def _mean(rng: np.random.Generator, rows: Any) -> tuple[Fraction, ...]:
+    """Weighted mean of all rows in sixty-fourths: an exact float, also after a shift by integers."""
+    weights = 1 + rng.multinomial(64 - len(rows), np.full(len(rows), 1 / len(rows)))
+    return tuple(sum(Fraction(int(w), 64) * x[axis] for w, x in zip(weights, rows, strict=True)) for axis in range(3))
+
+
+def random_pair(rng: np.random.Generator, reach: int, seeds: tuple[str, str] = ("inside", "inside")) -> tuple[Shape, Shape]:
+    """Two convex shapes at an offset that is generic, along an axis, a diagonal, an edge of body 1 (or a diagonal), or small."""
+    one, two = (random_shape(rng, reach, seed) for seed in seeds)
+    kind = int(rng.integers(5))
+    offset = rng.integers(-4 * reach, 4 * reach, 3, endpoint=True).tolist()
+    if kind == 1:
+        offset = [0 if axis != rng.integers(3) else 3 * reach for axis in range(3)]
+    elif kind == 2:
+        offset = [int(s) * 3 * reach for s in rng.choice([-1, 1], 3)]
+    elif kind == 3:
+        offset = [2 * x for x in minus(one.vertices[1], one.vertices[0])]
+    elif kind == 4:
+        offset = rng.integers(-reach, reach, 3, endpoint=True).tolist()
+    return one, two.shifted(offset)
+
+
+def random_union(rng: np.random.Generator, reach: int, parts: int) -> Shape:
+    """Union of convex shapes with one seed, near the first; parts may overlap, touch or lie apart."""
+    own = [random_shape(rng, reach, "inside", 7).shifted(rng.integers(-reach, reach, 3, endpoint=True).tolist()) for _ in range(parts)]
+    return union(*own, seed=own[0].seed)
+
+
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    """Rotation matrix from an integer quaternion: rational, rounded once."""
+    while not (q := [int(x) for x in rng.integers(-5, 6, 4)])[0]:
+        pass
+    w, x, y, z = q
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return np.array(rows) / sum(k * k for k in q)
+
+
+def random_pose(rng: np.random.Generator, reach: float = 1.0) -> np.ndarray:
+    """Rigid 4x4 transform."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = random_rotation(rng), reach * rng.uniform(-1, 1, 3)
+    return T
+
+
+generators = st.integers(0, 2**32 - 1).map(np.random.default_rng)
+reaches = st.sampled_from([2, 3, 1000])

@@ -1,0 +1,400 @@
+"""Bodies: topology against exact hulls, closed forms for seeds, invariances, and every bad input."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from cases import EXAMPLE_1, EXAMPLE_2, TETRAHEDRON, Shape, box_shape
+from hypothesis import given
+from oracles import hull
+from strategies import generators, random_points, random_pose, reaches
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body, ConvexPart, Element, rigid_transform
+
+CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
+GRID = np.array(list(itertools.product([0.0, 0.5, 1.0], repeat=3)))  # mid-edge, mid-face and interior points too
+
+
+def check_consistent(part: ConvexPart) -> None:
+    """Closed surface of convex faces: Euler's formula, half-edges, outward unit normals, packed tables."""
+    n, m, f = len(part.vertices), len(part.edges), len(part.loops)
+    assert n - m + f == 2
+    half = part.half_edges
+    origin, face, twin, following = half.T
+    assert len(half) == 2 * m == sum(map(len, part.loops))
+    np.testing.assert_array_equal(twin[twin], np.arange(2 * m))
+    np.testing.assert_array_equal(face[following], face)
+    np.testing.assert_array_equal(origin[following], origin[twin])
+    assert sorted(following) == list(range(2 * m))
+    for loop in range(f):
+        start = int(np.flatnonzero(face == loop)[0])
+        walked, at = [], start
+        while not walked or at != start:
+            walked.append(int(origin[at]))
+            at = int(following[at])
+        k = walked.index(part.loops[loop][0])
+        assert tuple(walked[k:] + walked[:k]) == part.loops[loop]
+    np.testing.assert_allclose(np.linalg.norm(part.normals, axis=1), 1, rtol=1e-14)
+    centre = part.vertices.mean(axis=0)
+    for loop, normal in zip(part.loops, part.normals, strict=True):
+        assert normal @ (part.vertices[loop[0]] - centre) > 0
+    np.testing.assert_array_equal(part.edges[:, :2], half[::2, 0][:, None] * [1, 0] + half[1::2, 0][:, None] * [0, 1])
+
+
+def check_against_exact(body: Body, rows: list[tuple[int, ...]]) -> None:
+    solid = hull(dict(enumerate(rows)))
+    (part,) = body.parts
+    label = {tuple(x): k + 1 for k, x in reversed(list(enumerate(body.vertices.tolist())))}
+    name = [label[tuple(x)] for x in part.vertices.tolist()]
+    assert sorted(name) == [row + 1 for row in sorted(solid.vertices)]
+    expected = sorted(tuple(sorted(row + 1 for row in face)) for face in solid.facets.values())
+    assert sorted(body.faces) == expected
+    assert sorted(tuple(sorted(name[v] for v in loop)) for loop in part.loops) == expected
+    edges = sorted(tuple(sorted((name[a], name[b]))) for a, b in part.edges[:, :2])
+    assert edges == sorted((a + 1, b + 1) for a, b in solid.edges)
+    assert [e.vertices for e in part.elements["V"]] == [(k,) for k in name]
+    assert [e.vertices for e in part.elements["E"]] == [tuple(sorted((name[a], name[b]))) for a, b in part.edges[:, :2]]
+    assert [e.vertices for e in part.elements["F"]] == [tuple(sorted(name[v] for v in loop)) for loop in part.loops]
+
+
+# --------------------------------------------------------------------------------------------------------- topology
+
+
+def test_cube_with_points_on_edges_faces_and_inside_has_six_faces_and_eight_corners():
+    body = Body.convex(GRID)
+    (part,) = body.parts
+    check_consistent(part)
+    assert (len(part.vertices), len(part.edges), len(part.loops)) == (8, 12, 6)
+    corners = [k + 1 for k, x in enumerate(GRID) if set(x) <= {0.0, 1.0}]
+    assert sorted({v for face in body.faces for v in face}) == corners
+    np.testing.assert_allclose(body.seed, [0.5, 0.5, 0.5], atol=1e-15)
+
+
+@given(generators, reaches)
+def test_random_integer_hulls_equal_the_exact_hull(rng, reach):
+    rows = random_points(rng, int(rng.integers(4, 13)), reach)
+    rng.shuffle(rows)
+    body = Body.convex(rows)
+    check_consistent(body.parts[0])
+    check_against_exact(body, rows)
+
+
+@given(generators)
+def test_points_that_are_no_corners_and_repeated_points_keep_their_number(rng):
+    rows = [tuple(map(int, x)) for x in rng.integers(-2, 3, (14, 3))]
+    try:
+        solid = hull(dict(enumerate(rows)))
+    except ValueError:
+        with pytest.raises(InputError):
+            Body.convex(rows)
+        return
+    body = Body.convex(rows)
+    check_consistent(body.parts[0])
+    used = {rows[v - 1] for face in body.faces for v in face}
+    assert used == set(solid.vertices.values())
+    np.testing.assert_array_equal(body.vertices, rows)
+    named = {frozenset(rows[v - 1] for v in face) for face in body.faces}
+    assert named == {frozenset(rows[row] for row in face) for face in solid.facets.values()}
+
+
+@pytest.mark.parametrize("sides", [3, 4, 7, 64, 500])
+def test_regular_prism_has_its_two_large_faces(sides):
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    body = Body.convex([(*xy, z) for z in (-1.0, 1.0) for xy in ring])
+    check_consistent(body.parts[0])
+    assert sorted(map(len, body.faces)) == sorted([4] * sides + [sides] * 2)
+
+
+@pytest.mark.parametrize("example", [EXAMPLE_1, EXAMPLE_2])
+def test_drawn_quads_of_the_examples_are_faces_although_not_planar_in_floats(example):
+    for own in (example.one, example.two):
+        if own.parts is None:
+            check_against_decimal(own)
+
+
+def check_against_decimal(own: Shape) -> None:
+    unit = 100000
+    rows = [tuple(int(x * unit) for x in row) for row in own.vertices]
+    check_against_exact(own.body(), rows)
+
+
+def test_packed_tables_hold_vertices_normals_and_incidences():
+    part = Body.convex(GRID, seed=(0.25, 0.5, 0.5)).parts[0]
+    reals, ints = part.packed
+    n, f, m = (int(k) for k in ints[:3])
+    assert (n, f, m) == (8, 6, 12)
+    np.testing.assert_array_equal(reals[:n], part.vertices - part.seed)
+    np.testing.assert_array_equal(reals[n:], part.normals)
+    edges, vertex_pointers, vertex_edges, face_pointers, face_edges = (int(k) for k in ints[3:8])
+    np.testing.assert_array_equal(ints[edges : edges + 4 * m].reshape(m, 4), part.edges)
+    for v in range(n):
+        start, end = ints[vertex_pointers + v : vertex_pointers + v + 2]
+        own = set(ints[vertex_edges + start : vertex_edges + end].tolist())
+        assert own == set(np.flatnonzero((part.edges[:, :2] == v).any(axis=1)).tolist())
+    for k, loop in enumerate(part.loops):
+        start, end = ints[face_pointers + k : face_pointers + k + 2]
+        own = ints[face_edges + start : face_edges + end].tolist()
+        sides = zip(loop, loop[1:] + loop[:1], strict=True)
+        assert [set(part.edges[edge, :2].tolist()) for edge in own] == [{a, b} for a, b in sides]
+
+
+# ------------------------------------------------------------------------------------------------------------ labels
+
+
+def example_2_union(faces: bool) -> Body:
+    own = EXAMPLE_2.two
+    return Body.from_parts(own.array, parts=own.parts, faces=own.faces if faces else None, seed="vertices")
+
+
+@pytest.mark.parametrize("faces", [False, True])
+def test_cut_edge_of_example_2_carries_the_true_face_and_the_seam_is_no_face_of_the_body(faces):
+    body = example_2_union(faces)
+    bottom, top = Element("F", (1, 2, 3, 4, 5, 6)), Element("F", (7, 8, 9, 10, 11, 12))
+    assert bottom.vertices in body.faces
+    assert top.vertices in body.faces
+    assert len(body.faces) == 8
+    assert (1, 4, 7, 10) not in body.faces
+    for part in body.parts:
+        rows = [tuple(np.flatnonzero((body.vertices == x).all(axis=1)) + 1) for x in part.vertices]
+        named = {
+            tuple(sorted(rows[a] + rows[b])): element
+            for (a, b), element in zip(part.edges[:, :2].tolist(), part.elements["E"], strict=True)
+        }
+        assert named[1, 4] == bottom
+        assert named[7, 10] == top
+        assert named[4, 10] == Element("E", (4, 10))
+        assert named[1, 7] == Element("E", (1, 7))
+        assert Element("F", (1, 4, 7, 10)) in part.elements["F"]
+        assert all(element.kind == "V" for element in part.elements["V"])
+
+
+def test_vertex_that_a_cut_makes_inside_a_true_face_carries_that_face():
+    low = [(x, y, 0) for x in (0, 2) for y in (0, 2)]
+    body = Body.from_parts([low + [(1, 1, 3), (0, 0, 3), (0, 2, 3)], low + [(1, 1, 3), (2, 0, 3), (2, 2, 3)]],
+                           seed=(1, 1, 1))  # fmt: skip
+    rows = body.vertices.tolist()
+    inner = rows.index([1.0, 1.0, 3.0]) + 1
+    for part in body.parts:
+        names = dict(zip((rows.index(x) + 1 for x in part.vertices.tolist()), part.elements["V"], strict=True))
+        assert names[inner].kind in ("F", "E", "V")
+        assert names[rows.index([0.0, 0.0, 0.0]) + 1] == Element("V", (rows.index([0.0, 0.0, 0.0]) + 1,))
+
+
+def test_parts_given_as_arrays_are_numbered_by_first_appearance_with_equal_points_once():
+    left, right = CUBE, CUBE + [1, 0, 0]
+    body = Body.from_parts([left, right])
+    assert len(body.vertices) == 12
+    np.testing.assert_array_equal(body.vertices[:8], left)
+    np.testing.assert_array_equal(body.vertices[8:], right[4:])
+    assert sorted(map(len, body.faces)) == [4, 4, 6, 6, 6, 6]  # the seam is gone, coplanar halves are one face
+    np.testing.assert_allclose(body.seed, [1, 0.5, 0.5], atol=1e-15)
+
+
+# ------------------------------------------------------------------------------------------------------------- seeds
+
+
+def test_seeds_in_closed_form():
+    rows = [(0, 0, 0), (4, 0, 0), (0, 4, 0), (0, 0, 4), (1, 1, 1)]
+    np.testing.assert_allclose(Body.convex(rows).seed, [1, 1, 1], atol=1e-15)
+    np.testing.assert_allclose(Body.convex(rows, seed="vertices").seed, [1, 1, 1], atol=1e-15)
+    np.testing.assert_array_equal(Body.convex(rows, seed="box").seed, [2, 2, 2])
+    np.testing.assert_array_equal(Body.convex(rows, seed=(7, 8, 9)).seed, [7, 8, 9])
+    np.testing.assert_allclose(Body.convex([*rows, (4, 4, 0)], seed="vertices").seed, [9 / 6, 9 / 6, 5 / 6], atol=1e-15)
+    frustum = [(x, y, 0) for x in (-2, 2) for y in (-2, 2)] + [(x, y, 3) for x in (-1, 1) for y in (-1, 1)]
+    A, B = 16, 4  # centroid height of a frustum of height h: h / 4 (A + 2 sqrt(AB) + 3 B) / (A + sqrt(AB) + B)
+    height = 3 / 4 * (A + 2 * 8 + 3 * B) / (A + 8 + B)
+    np.testing.assert_allclose(Body.convex(frustum).seed, [0, 0, height], atol=1e-15)
+
+
+def test_centroid_of_the_l_prism_is_that_of_the_whole():
+    arms = [((0, 0, 0), (2, 1, 1)), ((0, 1, 0), (1, 2, 1))]
+    body = Body.from_parts([box_shape(*arm).array for arm in arms])
+    volumes, centres = [2.0, 1.0], [[1, 0.5, 0.5], [0.5, 1.5, 0.5]]
+    np.testing.assert_allclose(body.seed, np.average(centres, axis=0, weights=volumes), atol=1e-15)
+    assert sum(part.volume_and_centroid[0] for part in body.parts) == pytest.approx(3, rel=1e-15)
+
+
+@given(generators)
+def test_seed_and_topology_follow_a_rigid_motion(rng):
+    rows = random_points(rng, 9, 3)
+    T = random_pose(rng, 5.0)
+    body = Body.convex(rows)
+    moved = body.moved(T)
+    rebuilt = Body.convex(np.array(rows) @ T[:3, :3].T + T[:3, 3])
+    assert sorted(rebuilt.faces) == sorted(body.faces)
+    for other in (moved, rebuilt):
+        np.testing.assert_allclose(other.seed, T[:3, :3] @ body.seed + T[:3, 3], atol=1e-13)
+        np.testing.assert_allclose(other.vertices, np.array(rows) @ T[:3, :3].T + T[:3, 3], atol=1e-13)
+    assert moved.faces == body.faces
+    assert moved.parts[0].loops == body.parts[0].loops
+    np.testing.assert_allclose(moved.parts[0].normals, body.parts[0].normals @ T[:3, :3].T, atol=1e-13)
+    check_consistent(rebuilt.parts[0])
+
+
+@given(generators)
+def test_permuted_vertices_give_permuted_labels(rng):
+    rows = random_points(rng, 9, 3)
+    order = rng.permutation(len(rows))
+    one, two = Body.convex(rows), Body.convex([rows[k] for k in order])
+    back = {k + 1: int(order[k]) + 1 for k in range(len(rows))}
+    assert {frozenset(back[v] for v in face) for face in two.faces} == {frozenset(face) for face in one.faces}
+    np.testing.assert_allclose(two.seed, one.seed, atol=1e-14)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("points", [GRID - 0.3, TETRAHEDRON.array, EXAMPLE_1.one.array, EXAMPLE_2.one.array])
+def test_topology_does_not_depend_on_the_unit_of_length(points, factor):
+    one, two = Body.convex(points), Body.convex(points * factor)
+    check_consistent(two.parts[0])
+    assert sorted(two.faces) == sorted(one.faces)
+    np.testing.assert_allclose(two.seed / factor, one.seed, atol=1e-14)
+
+
+def test_topology_survives_a_far_origin():
+    body = Body.convex(GRID + [1e6, -1e6, 1e6])  # halves are exact there
+    check_consistent(body.parts[0])
+    assert sorted(body.faces) == sorted(Body.convex(GRID).faces)
+    np.testing.assert_allclose(body.seed, [1e6 + 0.5, -1e6 + 0.5, 1e6 + 0.5], rtol=1e-15)
+
+
+@pytest.mark.parametrize("thickness", [1e-4, 1e-6, 1e-8])
+def test_thin_plate_keeps_its_faces_and_centroid(thickness):
+    body = Body.convex(GRID * [1, 1, thickness])
+    check_consistent(body.parts[0])
+    assert sorted(body.faces) == sorted(Body.convex(GRID).faces)
+    np.testing.assert_allclose(body.seed, [0.5, 0.5, thickness / 2], rtol=1e-12)
+    normals = {tuple(x) for x in np.round(body.parts[0].normals).astype(int).tolist()}
+    assert normals == {(s * (k == 0), s * (k == 1), s * (k == 2)) for s in (-1, 1) for k in range(3)}
+
+
+def test_scaled_body_keeps_its_seed_and_size_scales():
+    body = Body.convex(CUBE, seed=(0.25, 0, 0)).scaled(3.0)
+    np.testing.assert_array_equal(body.seed, [0.25, 0, 0])
+    np.testing.assert_array_equal(body.vertices, np.array([0.25, 0, 0]) + 3 * (CUBE - [0.25, 0, 0]))
+    assert body.size == pytest.approx(3 * np.sqrt(3), rel=1e-15)
+
+
+# ---------------------------------------------------------------------------------------------------------- immutable
+
+
+def test_nothing_of_a_body_can_be_changed():
+    points = CUBE.copy()
+    body = Body.convex(points)
+    points[:] = 0
+    np.testing.assert_array_equal(body.vertices, CUBE)
+    part = body.parts[0]
+    arrays = [body.vertices, body.seed, part.vertices, part.seed, part.edges, part.normals, part.half_edges, *part.packed]
+    for array in arrays:
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(FrozenInstanceError):
+        body.seed = CUBE[0]
+    with pytest.raises(FrozenInstanceError):
+        part.vertices = CUBE
+
+
+# ----------------------------------------------------------------------------------------------------------- bad input
+
+
+def with_entry(value: float) -> np.ndarray:
+    rows = CUBE.copy()
+    rows[4, 1] = value
+    return rows
+
+
+BAD_VERTICES = {
+    "nan": (with_entry(np.nan), "vertex 5 is not finite"),
+    "inf": (with_entry(np.inf), "vertex 5 is not finite"),
+    "three points": (CUBE[:3], "at least 4"),
+    "no points": (np.empty((0, 3)), "at least 4"),
+    "flat": (CUBE[CUBE[:, 2] == 0].repeat(2, axis=0), "one plane"),
+    "flat and slanted": (np.column_stack([CUBE[:, :2], CUBE[:, 0] / 3 + CUBE[:, 1] / 7]), "one plane"),
+    "on a line": (np.outer(np.arange(5.0), [1, 2, 3]), "one plane"),
+    "all the same": (np.ones((5, 3)), "coincide"),
+    "two distinct points": (CUBE[[0, 1, 0, 1, 0]], "one plane"),
+    "two columns": (CUBE[:, :2], "shape"),
+    "one row": (CUBE[0], "shape"),
+    "ragged": ([[0, 0, 0], [1, 0], [0, 1, 0], [0, 0, 1]], "rectangular"),
+    "words": ([["a", "b", "c"]] * 4, "rectangular"),
+    "none": (None, "shape"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_VERTICES)
+def test_bad_vertices_are_refused_with_the_name_of_the_body(name):
+    points, message = BAD_VERTICES[name]
+    with pytest.raises(InputError, match=message) as caught:
+        Body.convex(points, name="lid")
+    assert "lid" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("seed", "message"),
+    [
+        ((0, 0, np.nan), "finite point"),
+        ((0, 0, np.inf), "finite point"),
+        ((0, 0), "finite point"),
+        ([[0, 0, 0]], "finite point"),
+        ("middle", "unknown seed rule"),
+        ("", "unknown seed rule"),
+        (None, "seed"),
+    ],
+)
+def test_bad_seeds_are_refused(seed, message):
+    with pytest.raises(InputError, match=message) as caught:
+        Body.convex(CUBE, seed=seed, name="lid")
+    assert "lid" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"parts": [[0, 1, 2, 8]]}, r"parts\[0\].*not a row.*found 8"),
+        ({"parts": [range(8), [0, 1, 2, -1]]}, r"parts\[1\].*not a row.*found -1"),
+        ({"parts": [[0, 1, 2, 4.0]]}, "not a row"),
+        ({"parts": [[0, 1, 2, True]]}, "not a row"),
+        ({"parts": [[0, 1, 2, 2, 4]]}, "twice"),
+        ({"parts": [[0, 1, 2]]}, "at least 4"),
+        ({"parts": [range(8), [0, 1, 2, 3]]}, r"parts\[1\].*one plane"),
+        ({"parts": []}, "at least one part"),
+        ({"parts": [range(8)], "faces": [[0, 1, 9]]}, r"faces\[0\]"),
+        ({"parts": [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6], range(8)]}, "overlapping parts"),
+    ],
+)
+def test_bad_parts_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        Body.from_parts(CUBE, **arguments)
+
+
+def test_vertices_without_parts_must_be_one_array_a_part():
+    with pytest.raises(InputError, match="one .n, 3. array a part"):
+        Body.from_parts(CUBE)
+
+
+def test_overlapping_parts_need_a_given_seed_and_touching_ones_do_not():
+    with pytest.raises(InputError, match="overlapping parts"):
+        Body.from_parts([CUBE, CUBE + 0.5])
+    assert len(Body.from_parts([CUBE, CUBE + 0.5], seed=(0, 0, 0)).parts) == 2
+    np.testing.assert_allclose(Body.from_parts([CUBE, CUBE + [0, 0, 1]]).seed, [0.5, 0.5, 1], atol=1e-15)
+
+
+@pytest.mark.parametrize("rho", [0.0, -1.0, np.nan, np.inf])
+def test_scales_must_be_positive(rho):
+    with pytest.raises(InputError, match="positive"):
+        Body.convex(CUBE).scaled(rho)
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [np.eye(3), np.diag([1, 1, -1, 1]), np.diag([2, 2, 2, 1]), np.full((4, 4), np.nan), np.ones((4, 4)), "turn"],
+)
+def test_transforms_must_be_rigid(transform):
+    with pytest.raises(InputError):
+        rigid_transform(transform)
+    with pytest.raises(InputError):
+        Body.convex(CUBE).moved(transform)

@@ -1,0 +1,264 @@
+"""Problems: what the arguments mean, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Motion, Rotation, Screw, Translation
+from fcdm_opt.tolerance.problem import Problem
+
+CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+MOVABLE = Body.convex(CUBE, seed=[0, 0, 0], name="cube")
+
+# A gable with its ridge, at x = 1 and y = 1/4, towards the cube; d = (2, 1/4, 0).
+GABLE = Body.convex(
+    [[1, 0.25, -2], [1, 0.25, 2], [2, -0.75, -2], [2, -0.75, 2], [2, 1.25, -2], [2, 1.25, 2]],
+    seed=[2, 0.25, 0],
+    name="gable",
+)
+PLATE = Body.convex(CUBE * [0.5, 4, 4] + [1.25, 0, 0], seed=[1.25, 0, 0], name="plate")
+
+
+def problem(static: Body = PLATE, **arguments: object) -> Problem:
+    given: dict = {"motion": Translation("z") >> Rotation("z"), "target": (1.0, 1.0)}
+    if "requirement" in arguments:
+        given = {"motion": given["motion"], "tolerance": 0.02}
+    return Problem(MOVABLE, static, **{**given, **arguments})
+
+
+# In direction n = (1, 0): h_1 = 1/2, h_2 = 1, c = 2, so rho_1 / 2 + rho_2 = 2 while the ridge meets the cube's face,
+# that is while 1/4 <= rho_1 / 2. Beyond that, the cube's edge meets the lower slope, n = (1, 1): rho_1 + rho_2 = 9/4.
+RIDGE = (0.5, 1.75)
+BOX = ((0.25, 3.0), (0.25, 3.0))
+
+
+def test_nominal_by_number_is_the_switching_point_and_a_near_pair_is_the_same_one() -> None:
+    numbered = problem(GABLE, nominal=1, box=BOX, requirement="A")
+    near = problem(GABLE, nominal=(RIDGE[0] * (1 + 4e-10), RIDGE[1] * (1 - 4e-10)), box=BOX, requirement="A")
+    far = problem(GABLE, nominal=(RIDGE[0] * (1 + 4e-8), RIDGE[1]), box=BOX, requirement="A")
+    np.testing.assert_allclose(numbered.nominal_pair, RIDGE, rtol=1e-14)
+    assert near.nominal_pair.tolist() == numbered.nominal_pair.tolist()
+    assert near.nominal_contact.index == numbered.nominal_contact.index == 1
+    assert (numbered.goal, near.goal, far.goal) == ("beyond", "beyond", "touch")
+    assert far.nominal_pair[0] == RIDGE[0] * (1 + 4e-8)
+
+
+def test_a_pair_inside_a_segment_is_that_segment_and_drawn_is_one_one() -> None:
+    inside = problem(nominal=(1.5, 2.0), requirement="A")
+    np.testing.assert_allclose(np.cross([*inside.nominal_contact.line], [0.5, 0.25, 1.25]), 0, atol=1e-15)
+    assert inside.goal == "touch"
+    drawn = problem()
+    assert drawn.nominal_pair.tolist() == [1.0, 1.0]
+    assert drawn.nominal_contact is None
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "requirement", "factors"),
+    [
+        (0.02, "A", (1.02, 1.02)),
+        (0.02, "B", (1.02, 0.98)),
+        (0.02, "C", (0.98, 1.02)),
+        (0.02, "D", (0.98, 0.98)),
+        ((0.25, 0.5), "B", (1.25, 0.5)),
+        ((0.25, 0.5), "C", (0.75, 1.5)),
+        (((0.125, 0.25), (0.5, 0.75)), "A", (1.25, 1.75)),
+        (((0.125, 0.25), (0.5, 0.75)), "D", (0.875, 0.5)),
+        (((0.125, 0.25), (0.5, 0.75)), "C", (0.875, 1.75)),
+        (0, "A", (1, 1)),
+    ],
+)
+def test_target_is_nominal_times_one_plus_tau_times_sign(tolerance: object, requirement: str, factors: tuple) -> None:
+    made = problem(nominal=(1.5, 2.0), tolerance=tolerance, requirement=requirement)
+    np.testing.assert_allclose(made.target, np.array([1.5, 2.0]) * factors, rtol=1e-15)
+    assert made.signs.tolist() == {"A": [1, 1], "B": [1, -1], "C": [-1, 1], "D": [-1, -1]}[requirement]
+    assert made.tolerance.shape == (2, 2)
+
+
+def test_explicit_target_gives_its_own_signs() -> None:
+    assert problem(nominal=(1.5, 2.0), target=(1.6, 2.0)).signs.tolist() == [1, 0]
+    assert problem(nominal=(1.5, 2.0), target=[1.4, 2.5]).signs.tolist() == [-1, 1]
+    assert problem(GABLE, nominal=1, box=BOX, target=(0.4, 2.0), goal="beyond").signs.tolist() == [-1, 1]
+
+
+def test_weights_limits_and_length_are_resolved_by_parameter() -> None:
+    plain = problem()
+    assert plain.length == pytest.approx(math.sqrt(3) / 2, rel=1e-15)
+    assert plain.weights.tolist() == [1.0, plain.length]
+    assert plain.limits.tolist() == [[-math.inf, math.inf]] * 2
+    given = problem(length=3.0, weights={"TZ": 7}, limits={"RZ": (0.1, math.inf)})
+    assert given.weights.tolist() == [7.0, 3.0]
+    assert given.limits.tolist() == [[-math.inf, math.inf], [0.1, math.inf]]
+    screw = problem(motion=Screw("seeds", pitch=4.0), length=3.0)
+    assert screw.weights.tolist() == [5.0]
+
+
+def test_goals_that_track_no_nominal_contact_need_no_curve(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_curve(*_: object, **__: object) -> None:
+        raise AssertionError("the curve was computed")
+
+    monkeypatch.setattr("fcdm_opt.curve.decision_curve.decision_curve", no_curve)
+    assert problem().goal == "touch"
+    with pytest.raises(AssertionError, match="the curve was computed"):
+        problem(requirement="A")
+
+
+def test_the_curve_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    from fcdm_opt.curve import decision_curve as module
+
+    calls, real = [], module.decision_curve
+    monkeypatch.setattr(module, "decision_curve", lambda *a, **k: calls.append(k) or real(*a, **k))
+    made = problem(GABLE, nominal=1, box=BOX, requirement="A")
+    assert made.curve is made.curve
+    assert calls == [{"box": BOX}]
+
+
+def test_resolved_values_are_read_only() -> None:
+    made = problem(GABLE, nominal=1, box=BOX, requirement="A")
+    for array in (made.target, made.signs, made.nominal_pair, made.weights, made.limits, made.tolerance):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 5.0
+    with pytest.raises(AttributeError):
+        made.goal = "at"  # type: ignore[misc]
+
+
+def test_changed_asks_the_question_anew() -> None:
+    beyond = problem(GABLE, nominal=1, box=BOX, requirement="A", limits={"TZ": (-1, 1)}, weights={"RZ": 2.0})
+    touch = beyond.changed(goal="touch", tolerance=0.25, motion=beyond.motion)
+    assert (beyond.goal, touch.goal) == ("beyond", "touch")
+    np.testing.assert_allclose(touch.target, np.array(RIDGE) * 1.25, rtol=1e-14)
+    assert touch.limits.tolist() == beyond.limits.tolist()
+    assert touch.weights.tolist() == beyond.weights.tolist()
+
+
+BAD = [
+    ({"tolerance": -0.1, "requirement": "A"}, "tolerance", "-0.1", "tau_1"),
+    ({"tolerance": (0.1, 0.2, 0.3), "requirement": "A"}, "tolerance", "0.3", "tau_1"),
+    ({"tolerance": ((0.1, 0.2), 0.3), "requirement": "A"}, "tolerance", "0.3", "tau_1"),
+    ({"tolerance": math.nan, "requirement": "A"}, "tolerance", "nan", "tau_1"),
+    ({"tolerance": True, "requirement": "A"}, "tolerance", "True", "tau_1"),
+    ({"tolerance": 1.0, "requirement": "D"}, "tolerance", "1.0", "below 1"),
+    ({"tolerance": None, "requirement": "A"}, "tolerance", "no tolerance", "requirement and tolerance"),
+    ({"tolerance": 0.02}, "tolerance", "0.02", "target alone"),
+    ({"requirement": "E"}, "requirement", "'E'", '"A"'),
+    ({"requirement": "A", "target": (1, 1)}, "requirement", "'A'", "target (rho_1, rho_2)"),
+    ({"target": None}, "requirement", "neither", "target (rho_1, rho_2)"),
+    ({"target": (1.0, 0.0)}, "target", "0.0", "> 0"),
+    ({"target": (1.0, math.inf)}, "target", "inf", "> 0"),
+    ({"nominal": 0}, "nominal", "0", '"drawn"'),
+    ({"nominal": True}, "nominal", "True", '"drawn"'),
+    ({"nominal": "sketched"}, "nominal", "sketched", '"drawn"'),
+    ({"nominal": (1.0, -1.0)}, "nominal", "-1.0", '"drawn"'),
+    ({"nominal": 2}, "nominal", "2", "no switching point"),
+    ({"static": GABLE, "nominal": 2, "box": BOX}, "nominal", "2", "one of 1: 1 at (0.5, 1.75)"),
+    ({"goal": "at"}, "nominal", "[1.0, 1.0]", "a pair on the curve"),
+    ({"goal": "beyond"}, "nominal", "gap there is 0.5", '"touch"'),
+    ({"goal": "beyond", "nominal": (1.5, 2.0)}, "goal", "beyond", '"at" or "touch"'),
+    ({"static": GABLE, "goal": "beyond", "nominal": 1, "box": BOX, "target": (0.5, 2)}, "target", "0.5", "both scales"),
+    ({"goal": "seat"}, "goal", "not available in this version", '"touch"'),
+    ({"goal": "touching"}, "goal", "touching", '"touch"'),
+    ({"goal": 3}, "goal", "3", '"touch"'),
+    ({"pair": "overlap"}, "pair", "overlap", '"clear"'),
+    ({"path": "straight"}, "path", "straight", '"coherent"'),
+    ({"amount": "displacement"}, "amount", "not available in this version; found 'displacement'", '"weighted"'),
+    ({"keep_out": (MOVABLE,)}, "keep_out", "not available in this version", "()"),
+    ({"resolution": 0.1}, "resolution", "not available in this version; found 0.1", "None"),
+    ({"clearance": 0.1}, "clearance", "0.1", '"clear"'),
+    ({"clearance": -0.1, "goal": "clear"}, "clearance", "-0.1", ">= 0"),
+    ({"clearance": 0.1, "goal": "touch", "pair": "clear"}, "pair", "clearance 0.1", "clearance = 0"),
+    ({"box": ((0.8, 3.0), (3.0, 0.8))}, "box", "(3.0, 0.8)", "low < high"),
+    ({"box": ((0.0, 3.0), (0.8, 3.0))}, "box", "0.0", "0 < low"),
+    ({"box": (0.8, 3.0)}, "box", "0.8", "low_1"),
+    ({"length": 0}, "length", "0", "> 0"),
+    ({"snap": -1}, "snap", "-1", ">= 0"),
+    ({"weights": {"TZ": 0}}, "weights.TZ", "0", "> 0"),
+    ({"weights": {"TY": 1}}, "weights.TY", "TY", "TZ, RZ"),
+    ({"weights": [1, 1]}, "weights", "[1, 1]", "TZ, RZ"),
+    ({"limits": {"RX": (0, 1)}}, "limits.RX", "RX", "TZ, RZ"),
+    ({"limits": {"RZ": (1, 0)}}, "limits.RZ", "(1, 0)", "lower <= upper"),
+    ({"limits": {"RZ": (math.nan, 0)}}, "limits.RZ", "nan", "lower <= upper"),
+    ({"limits": {"RZ": (math.inf, math.inf)}}, "limits.RZ", "inf", "lower <= upper"),
+    ({"limits": {"RZ": 1}}, "limits.RZ", "1", "(lower, upper)"),
+    ({"published": (1.0,)}, "published", "(1.0,)", "TZ, RZ"),
+    ({"published": (1.0, math.nan)}, "published", "nan", "TZ, RZ"),
+    ({"name": 7}, "name", "7", "string"),
+    ({"motion": "z"}, "motion", "str", "Motion"),
+    ({"static": "plate"}, "static", "str", "Body"),
+    ({"static": MOVABLE, "motion": Screw("seeds", pitch=1.0)}, "motion.Screw.axis", "0.0", "a line"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "key", "found", "allowed"), BAD)
+def test_bad_input_names_the_argument_what_was_found_and_what_is_allowed(
+    arguments: dict, key: str, found: str, allowed: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        problem(**arguments)
+    assert caught.value.key == key
+    text = str(caught.value)
+    assert found in text.partition(": ")[2]
+    assert allowed in text.partition("allowed: ")[2]
+
+
+MOTIONS = [
+    Translation("z") >> Rotation("z", centre="origin"),
+    Translation((0.3, -0.1, 0.7)) >> Rotation((1.0, 2.0, 3.0), centre=(0.1, 0.2, 0.3)) >> Rotation("-x"),
+    Screw("seeds", pitch=math.degrees(1.0)),
+    Screw(((0.1, 0.2, 0.3), (0.3, -0.1, 0.7)), pitch="free") >> Translation("-y"),
+    Screw("seeds", pitch=math.inf) >> Screw("seeds", pitch=-math.inf),
+    Screw(((0.1, 0.2, 0.3), (0.3, -0.1, 0.7)), pitch=0.0),
+]
+
+
+@pytest.mark.parametrize("motion", MOTIONS, ids=lambda motion: "+".join(p.name for p in motion.parameters))
+def test_plain_data_gives_the_same_problem_bit_for_bit(motion: Motion) -> None:
+    names = [parameter.name for parameter in motion.parameters]
+    rng = np.random.default_rng(len(names))
+    numbers = rng.normal(size=len(names))
+    first = Problem(
+        MOVABLE, GABLE, motion=motion, nominal=1, tolerance=((0.1, 0.02 / 3), (0.3, 0.04)), requirement="B", box=BOX,
+        limits={names[-1]: (-1 / 3, math.inf), names[0]: (-math.inf, 1 / 7)}, weights={names[-1]: 1 / 7}, goal="at",
+        pair="clear", clearance=1 / 3, path="free", length=1 / 9, snap=1e-4, name="case", published=numbers,
+        published_text="in words",
+    )
+    text = json.dumps(first.to_dict(), allow_nan=False)
+    second = Problem.from_dict(json.loads(text))
+    assert json.dumps(second.to_dict(), allow_nan=False) == text
+    for key in ("target", "signs", "nominal_pair", "weights", "limits", "tolerance"):
+        assert getattr(second, key).tobytes() == getattr(first, key).tobytes(), key
+    for key in ("goal", "pair", "clearance", "path", "length", "snap", "name", "published", "published_text", "box"):
+        assert getattr(second, key) == getattr(first, key), key
+    seeds = first.movable.seed, first.static.seed
+    pose = [p.motion.transform(numbers, *seeds).tobytes() for p in (first, second)]
+    assert pose[0] == pose[1]
+    assert [p.movable.name + p.static.name for p in (first, second)] == ["cubegable"] * 2
+
+
+def test_bodies_of_parts_come_back_bit_for_bit() -> None:
+    points = np.array(
+        [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2))]
+    ) / 3 + [2.0, 0.0, 0.0]
+    rows = [[0, 1, 2, 3], [0, 3, 4, 5]]
+    ell = Body.from_parts(points, parts=[[*row, *(k + 6 for k in row)] for row in rows], seed=[0.1, 0.2, 0.3], name="L")
+    first = problem(ell)
+    second = Problem.from_dict(json.loads(json.dumps(first.to_dict())))
+    assert first.to_dict()["bodies"]["static"]["parts"][1] == [1, 4, 5, 6, 7, 10, 11, 12]
+    assert second.static.faces == first.static.faces
+    assert second.static.seed.tobytes() == first.static.seed.tobytes()
+    for one, two in zip(first.static.parts, second.static.parts, strict=True):
+        assert one.vertices.tobytes() == two.vertices.tobytes()
+        assert one.elements == two.elements
+        assert one.loops == two.loops
+
+
+def test_plain_data_with_two_cases_is_refused() -> None:
+    data = problem().to_dict()
+    data["case"] *= 2
+    data["case"][1] = {**data["case"][1], "name": "other"}
+    with pytest.raises(InputError, match="more than one case; found 2; allowed: one"):
+        Problem.from_dict(data)
