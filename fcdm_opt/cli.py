@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
-PIPED_WIDTH, TEXT_WIDTH = 200, 110
-"""Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), and of text."""
+PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
+"""Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
 
 app = typer.Typer(
     name="fcdm-opt", add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
@@ -69,14 +69,15 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
     opened = _opened(files, case or ())
     document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = _Pictures(out)
+    pictures = _Pictures(out) if out else None
     for file in opened:
         found = _distinct_curves(file.problems)
         document.append({**file.head(), "curves": [{"cases": names, **_curve_data(curve)} for curve, names in found]})
         if not as_json and not file.error:
             _print_curves(file, found)
-        for number, (curve, _) in enumerate(found, 1):
-            pictures.of_curve(file, curve, f"-pair{number}" if len(found) > 1 else "")
+        if pictures:
+            for number, (curve, _) in enumerate(found, 1):
+                pictures.of_curve(file, curve, f"-pair{number}" if len(found) > 1 else "")
     _finish(document if as_json else None, codes)
 
 
@@ -87,7 +88,7 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 
     opened = _opened(files, case or ())
     document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = _Pictures(out)
+    pictures = _Pictures(out) if out else None
     for file in opened:
         rows, cases = [], []
         notes = _console(stderr=True)
@@ -104,7 +105,8 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
             rows.append(row)
             cases.append(row.data())
             codes.append(row.code)
-            pictures.of_solution(file, row.solution)
+            if pictures:
+                pictures.of_solution(file, row.solution)
         document.append({**file.head(), "cases": cases})
         if rows and not as_json:
             _print_solutions(file, rows)
@@ -289,19 +291,31 @@ def _table(*columns: str, numbers: Sequence[str] = ()) -> Table:
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True)
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
     for column in columns:
         table.add_column(column, overflow="fold", justify="right" if column in numbers else "left", vertical="top")
     return table
 
 
+def _print_table(console: Any, table: Table) -> None:
+    """Print a table, closer set where the terminal is too narrow for it."""
+    if console.measure(table, options=console.options.update(width=PIPED_WIDTH)).maximum > console.width:
+        table.padding = 0
+    console.print(table)
+
+
+def _print_text(console: Any, text: str, indent: str = "") -> None:
+    console.print(_wrapped(text, min(TEXT_WIDTH, console.width), indent))
+
+
 def _print_head(console: Any, file: _File) -> None:
     console.print(f"{file.path.name}: {file.title}" if file.title else file.path.name, style="bold")
     if file.note:
-        console.print(_wrapped(file.note))
+        _print_text(console, file.note)
+    console.print()
 
 
-def _wrapped(text: str, width: int = TEXT_WIDTH, indent: str = "") -> str:
+def _wrapped(text: str, width: int, indent: str = "") -> str:
     from textwrap import fill
 
     return fill(" ".join(text.split()), width, subsequent_indent=indent)
@@ -316,24 +330,33 @@ def _print_curves(file: _File, curves: Sequence[tuple[DecisionCurve, list[str]]]
             f"{curve.movable.name}, movable, and {curve.static.name}, static; cases {', '.join(names)}: "
             f"{curve.status} in the box [{low_1:g}, {high_1:g}] x [{low_2:g}, {high_2:g}]"
         )
-        console.print("\n" + _wrapped(text))
+        _print_text(console, text)
+        console.print()
         if not curve.segments:
             continue
         segments = _table("segment", "feature", "a", "b", "c", "from", "to", "slope", numbers=("a", "b", "c", "slope"))
         for s in curve.segments:
             segments.add_row(
-                f"S{s.index}" + (" (snug)" if s.snug else ""), s.feature.label, *(f"{x:.6f}" for x in s.line),
+                f"S{s.index}" + (" (snug)" if s.snug else ""), _label(s.feature), *(f"{x:.6f}" for x in s.line),
                 _point(s.start), _point(s.end), f"{_slope(s):.6f}" if s.line[1] else "vertical",
             )
-        console.print(segments)
+        _print_table(console, segments)
+        console.print()
         if curve.switching_points:
             points = _table("switching point", "rho", "kind", "contact", "at")
             for p in curve.switching_points:
                 points.add_row(
-                    f"SW{p.index}", _point(p.rho), p.kind, "\n".join(f.label for f in p.contact_features),
+                    f"SW{p.index}", _point(p.rho), p.kind, "\n".join(map(_label, p.contact_features)),
                     "\n".join(map(_point, p.contacts)),
                 )
-            console.print(points)
+            _print_table(console, points)
+            console.print()
+
+
+def _label(feature: Any) -> str:
+    """Return a feature's label, on two lines where faces with many vertices make it long."""
+    label: str = feature.label
+    return label if len(label) <= 2 * CELL_WIDTH else label.replace("; ", ";\n  ")
 
 
 def _point(values: Iterable[float]) -> str:
@@ -343,31 +366,43 @@ def _point(values: Iterable[float]) -> str:
 def _print_solutions(file: _File, rows: Sequence[_Row]) -> None:
     console = _console()
     _print_head(console, file)
-    amounts = ("published\namount", "found\namount", "new/old\npair", 'least\n"touch"')
-    columns = ("case", "requirement", "goal", "motion found", *amounts[:3], "pair made", amounts[3], "verified")
-    table = _table(*columns, numbers=amounts)
-    for row in rows:
-        solution, problem = row.solution, row.solution.problem
-        ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
-        motion = _motion(solution).replace(" + ", " +\n").replace(", ", ",\n")
-        gap = f"\n{solution.pair_gap:+.3g}" if math.isfinite(solution.pair_gap) else ""
-        table.add_row(
-            _wrapped(problem.name, 16), _wrapped(_asked(problem), 16), problem.goal, motion,
-            _amount(row.published_amount), _amount(solution.amount), "\n".join(f"{x:.6f}" for x in ratio) or "-",
-            solution.pair_state + gap, _amount(row.touch_amount) if problem.goal == "beyond" else "",
-            "-" if not solution.status.found or solution.certificate is None else "yes" if solution.usable else "no",
-        )
-    console.print(table)
+    lines = [_cells(row) for row in rows]
+    columns = [column for column in lines[0] if any(line[column] for line in lines)]
+    table = _table(*columns, numbers=("published\namount", "found\namount", "new/old\npair", 'least\n"touch"'))
+    for line in lines:
+        table.add_row(*(line[column] for column in columns))
+    _print_table(console, table)
+    console.print()
     for row in rows:
         solution = row.solution
         if solution.status.name != "SOLVED":
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            console.print(_wrapped(f"{solution.problem.name}: {solution.status.value}{checks}", indent="   "))
+            _print_text(console, f"{solution.problem.name}: {solution.status.value}{checks}", indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in ("build", "solve", "verify")}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total)
     console.print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
+
+
+def _cells(row: _Row) -> dict[str, str]:
+    """Return the table's cells for one case; a column that is empty for every case is left out."""
+    solution, problem = row.solution, row.solution.problem
+    ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
+    gap = f"\n{solution.pair_gap:+.3g}" if math.isfinite(solution.pair_gap) else ""
+    judged = solution.status.found and solution.certificate is not None
+    return {
+        "case": _wrapped(problem.name, CELL_WIDTH),
+        "require-\nment": _wrapped(_asked(problem), CELL_WIDTH),
+        "goal": problem.goal,
+        "motion found": _motion(solution).replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
+        "published\namount": "" if row.published_amount is None else _amount(row.published_amount),
+        "found\namount": _amount(solution.amount),
+        "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
+        "pair made": solution.pair_state + gap,
+        'least\n"touch"': _amount(row.touch_amount) if problem.goal == "beyond" else "",
+        "verified": ("yes" if solution.usable else "no") if judged else "-",
+    }
 
 
 def _amount(amount: float | None) -> str:
@@ -378,15 +413,13 @@ def _amount(amount: float | None) -> str:
 
 
 class _Pictures:
-    """Writes pictures to a directory, if there is one; every name is given once."""
+    """Writes pictures to a directory; every name is given once."""
 
-    def __init__(self, directory: Path | None) -> None:
+    def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._given: set[str] = set()
 
     def of_curve(self, file: _File, curve: DecisionCurve, suffix: str) -> None:
-        if self._directory is None:
-            return
         from fcdm_opt.show.plots import decision_curve_figure
         from fcdm_opt.show.scene import scene_figure
 
@@ -396,8 +429,6 @@ class _Pictures:
         self._write(f"{stem}-scene", scene_figure(curve.movable, curve.static, title=title, caption="as drawn"))
 
     def of_solution(self, file: _File, solution: Solution) -> None:
-        if self._directory is None:
-            return
         from fcdm_opt.curve.decision_curve import decision_curve
         from fcdm_opt.show.plots import before_after_figure
         from fcdm_opt.show.scene import scene_figure
@@ -433,6 +464,5 @@ class _Pictures:
     def _write(self, name: str, figure: Any) -> None:
         from fcdm_opt.show import save
 
-        assert self._directory is not None
         for path in save(figure, self._directory / name):
             _say(f"wrote {path}")

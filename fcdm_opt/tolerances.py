@@ -39,6 +39,9 @@ class Tolerances:
         Constraint tolerance of the NLP solver, in units of the scaled constraints.
     cut
         A constraint that was left out is added once it is violated by more than this.
+    least_unit
+        The program measures in a typical amount, but in no less than this times the size: rounding in the contact
+        equations is about 1e-16 times the size, and `solver` must stay attainable in the program's unit.
     determinant
         Two contact lines whose normalised determinant is below this do not define a switching point.
     seeds
@@ -60,6 +63,7 @@ class Tolerances:
     judge_gjk: float = 1e-12
     solver: float = 1e-11
     cut: float = 1e-10
+    least_unit: float = 1e-3
     determinant: float = 1e-9
     seeds: float = 1e-9
     rigid: float = 1e-9

@@ -37,11 +37,8 @@ class Shape:
     def shifted(self, shift: Sequence[Any]) -> Shape:
         """Move the shape and its seed."""
         (t,) = rational([shift])
-        move = lambda x: tuple(a + b for a, b in zip(x, t, strict=True))  # noqa: E731
-        return replace(self, vertices=tuple(map(move, self.vertices)), seed=move(self.seed))
-
-    def seeded(self, seed: Sequence[Any]) -> Shape:
-        return replace(self, seed=rational([seed])[0])
+        *vertices, seed = (tuple(a + b for a, b in zip(x, t, strict=True)) for x in (*self.vertices, self.seed))
+        return replace(self, vertices=tuple(vertices), seed=seed)
 
 
 def shape(vertices: Any, seed: Any, parts: Any = None, faces: Any = None) -> Shape:
@@ -79,7 +76,7 @@ TETRAHEDRON = shape([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], (0, 0, 0
 
 @dataclass(frozen=True)
 class OneLine:
-    """A pair of convex shapes that touches along one line p rho_1 + q rho_2 = r (in the default box), by one contact."""
+    """A pair of convex shapes that touches along one line p rho_1 + q rho_2 = r, by one contact."""
 
     name: str
     one: Shape
@@ -104,7 +101,7 @@ ONE_LINE = (
 
 @dataclass(frozen=True)
 class Published:
-    """An example of the paper (reconstruction): what the paper states and what these bodies give to the digits shown."""
+    """An example of the paper (reconstruction): published labels, and points as these bodies give them."""
 
     one: Shape
     two: Shape

@@ -42,7 +42,8 @@ def primitive(v: Vec) -> Vec:
 
 def rational(rows: Iterable[Any]) -> list[tuple[Fraction, ...]]:
     """Rows of numbers (integers, floats as they are, decimal strings) as fractions."""
-    return [tuple(Fraction(x) if isinstance(x, int | str | Fraction) else Fraction(float(x)) for x in row) for row in rows]
+    exact = (int, str, Fraction)
+    return [tuple(Fraction(x) if isinstance(x, exact) else Fraction(float(x)) for x in row) for row in rows]
 
 
 def homogeneous(r: Sequence[Any]) -> Vec:
@@ -139,7 +140,8 @@ def feature_label(one: tuple[int, ...], two: tuple[int, ...]) -> str:
 
 def common(facets: Sequence[Facet]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """1-based labels of the smallest faces that touch where all these facets are tight."""
-    one, two = (frozenset.intersection(*(facet[k] for facet in facets)) for k in (2, 3))
+    one = frozenset.intersection(*(facet.one for facet in facets))
+    two = frozenset.intersection(*(facet.two for facet in facets))
     return tuple(sorted(row + 1 for row in one)), tuple(sorted(row + 1 for row in two))
 
 
@@ -204,9 +206,7 @@ class Pair:
             return False
         if len(rows) < 2 or len(others) < 2:
             return True
-        e, f = (
-            minus(*(h.vertices[row] for row in support)) for h, support in ((self.one, rows), (self.two, others))
-        )
+        e, f = (minus(*(h.vertices[row] for row in support)) for h, support in ((self.one, rows), (self.two, others)))
         return cross(e, f) == (0, 0, 0)
 
     @cached_property
@@ -231,12 +231,12 @@ class Pair:
 
     def corners(self, box: Box) -> list[tuple[Point, str]]:
         """Switching points inside a box, with the label of the contact there."""
-        found = []
         ends = [{piece.start, piece.end} for piece in self.pieces]
-        for u in self.region:
-            if sum(u in pair for pair in ends) == 2 and all(dot(line, u) > 0 for line in box_lines(box)):
-                found.append((plane_point(u), feature_label(*common([f for f in self.facets if f.value(u) == 0]))))
-        return found
+        return [
+            (plane_point(u), feature_label(*common([facet for facet in self.facets if facet.value(u) == 0])))
+            for u in self.region
+            if sum(u in pair for pair in ends) == 2 and all(dot(line, u) > 0 for line in box_lines(box))
+        ]
 
     def side(self, r: Sequence[Any]) -> int:
         """Sign of the gap: 1 apart, 0 touching, -1 overlapping."""
@@ -247,8 +247,8 @@ class Pair:
     def gap(self, r: Sequence[Any]) -> float:
         """Largest separation over facet directions, rounded once at the end."""
         u = homogeneous(r)
-        return float(max(Fraction(-facet.value(u), u[2] * self.unit) / root(dot(f, f)) for facet in self.facets
-                         for f in (facet.normal,)))
+        depths = (Fraction(-f.value(u), u[2] * self.unit) / root(dot(f.normal, f.normal)) for f in self.facets)
+        return float(max(depths))
 
     def distance(self, r: Sequence[Any]) -> float:
         """Euclidean distance of the scaled parts, 0 unless apart.
@@ -356,7 +356,8 @@ class ExactCurve:
             end
             for end in ends
             if not any(bottom < end and (top is None or end < top) for bottom, top in intervals)
-            and low <= end and (high is None or end <= high)
+            and low <= end
+            and (high is None or end <= high)
         )
 
     def pieces(self, box: Box) -> list[tuple[tuple[int, int], Piece]]:
@@ -370,7 +371,7 @@ class ExactCurve:
                     ends = clipped(ends, line)
                 if len(ends) == 2:
                     made += [
-                        (key, piece._replace(start=_between(*ends, s), end=_between(*ends, t)))
+                        (key, piece._replace(start=_between(ends[0], ends[1], s), end=_between(ends[0], ends[1], t)))
                         for s, t in _outside(ends[0], ends[1], others)
                     ]
         return made
@@ -423,13 +424,17 @@ def exact_curve(
         points[0] = [_moved(T, x) for x in points[0]]
         seeds[0] = _moved(T, seeds[0])
     unit = lcm(*(x.denominator for row in (*points[0], *points[1], *seeds) for x in row))
-    whole = [[tuple(int(x * unit) for x in row) for row in rows] for rows in points]
-    parts = [[range(len(rows))] if given is None else given for rows, given in zip(whole, (parts1, parts2), strict=True)]
-    hulls = [[hull({k: rows[k] for k in part}) for part in own] for rows, own in zip(whole, parts, strict=True)]
-    s1, s2 = (tuple(int(x * unit) for x in seed) for seed in seeds)
+    whole = [[_scaled(row, unit) for row in rows] for rows in points]
+    given = [[range(len(rows))] if own is None else own for rows, own in zip(whole, (parts1, parts2), strict=True)]
+    hulls = [[hull({k: rows[k] for k in part}) for part in own] for rows, own in zip(whole, given, strict=True)]
+    s1, s2 = (_scaled(seed, unit) for seed in seeds)
     return ExactCurve(
         {(i, j): Pair(p, q, (s1, s2), unit) for i, p in enumerate(hulls[0]) for j, q in enumerate(hulls[1])}
     )
+
+
+def _scaled(x: tuple[Fraction, ...], unit: int) -> Vec:
+    return (int(x[0] * unit), int(x[1] * unit), int(x[2] * unit))
 
 
 def _moved(T: list[tuple[Fraction, ...]], x: tuple[Fraction, ...]) -> tuple[Fraction, ...]:

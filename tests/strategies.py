@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 from cases import Shape, shape, union
 from hypothesis import strategies as st
-from oracles import cross, dot, hull, minus, rational
+from oracles import Vec, hull, minus, rational
 
 SEEDS = ("inside", "vertex", "face", "outside")
 
 
-def random_points(rng: np.random.Generator, count: int, reach: int) -> list[tuple[int, ...]]:
+def random_points(rng: np.random.Generator, count: int, reach: int) -> list[Vec]:
     """Distinct integer points in [-reach, reach]^3 that span a volume, every one a corner of their hull."""
     while True:
-        rows = list(dict.fromkeys(tuple(map(int, x)) for x in rng.integers(-reach, reach, (count, 3), endpoint=True)))
-        if len(rows) >= 4 and any(dot(cross(minus(rows[1], rows[0]), minus(rows[2], rows[0])), minus(x, rows[0])) for x in rows):
-            return [rows[k] for k in sorted(hull(dict(enumerate(rows))).vertices)]
+        rows = rng.integers(-reach, reach, (count, 3), endpoint=True).tolist()
+        try:
+            solid = hull({k: (x, y, z) for k, (x, y, z) in enumerate(rows)})
+        except ValueError:  # flat: draw again
+            continue
+        return list(solid.vertices.values())
 
 
 def random_shape(rng: np.random.Generator, reach: int, seed: str = "inside", count: int = 8) -> Shape:
@@ -44,8 +47,10 @@ def _mean(rng: np.random.Generator, rows: Any) -> tuple[Fraction, ...]:
     return tuple(sum(Fraction(int(w), 64) * x[axis] for w, x in zip(weights, rows, strict=True)) for axis in range(3))
 
 
-def random_pair(rng: np.random.Generator, reach: int, seeds: tuple[str, str] = ("inside", "inside")) -> tuple[Shape, Shape]:
-    """Two convex shapes at an offset that is generic, along an axis, a diagonal, an edge of body 1 (or a diagonal), or small."""
+def random_pair(
+    rng: np.random.Generator, reach: int, seeds: tuple[str, str] = ("inside", "inside")
+) -> tuple[Shape, Shape]:
+    """Two convex shapes at an offset: generic, along an axis or diagonal, along two vertices of body 1, or small."""
     one, two = (random_shape(rng, reach, seed) for seed in seeds)
     kind = int(rng.integers(5))
     offset = rng.integers(-4 * reach, 4 * reach, 3, endpoint=True).tolist()
@@ -62,7 +67,8 @@ def random_pair(rng: np.random.Generator, reach: int, seeds: tuple[str, str] = (
 
 def random_union(rng: np.random.Generator, reach: int, parts: int) -> Shape:
     """Union of convex shapes with one seed, near the first; parts may overlap, touch or lie apart."""
-    own = [random_shape(rng, reach, "inside", 7).shifted(rng.integers(-reach, reach, 3, endpoint=True).tolist()) for _ in range(parts)]
+    shifts = rng.integers(-reach, reach, (parts, 3), endpoint=True).tolist()
+    own = [random_shape(rng, reach, "inside", 7).shifted(shift) for shift in shifts]
     return union(*own, seed=own[0].seed)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import ONE_LINE, OneLine
 from oracles import cross, dot, exact_curve, minus, rational
 
 from fcdm_opt.curve.features import Feature
@@ -114,3 +115,254 @@ def failed(certificate: Certificate) -> set[str]:
 def tell(certificate: Certificate) -> str:
     return "\n".join(map(str, certificate.failed))
 
+
+# ------------------------------------------------------------------------------------------- published motions hold
+
+
+@pytest.mark.parametrize(("file", "case"), CASES)
+def test_published_motions_satisfy_their_requirements(file: str, case: str) -> None:
+    certificate = verify(published(file, case))
+    assert certificate.passed, tell(certificate)
+    assert len(certificate.checks) >= 20
+
+
+# --------------------------------------------------------------------------------- planted errors, in all eight cases
+
+
+def shifted(solution: Solution, sign: float) -> Solution:
+    """Move body 1 by 1e-6 of the size along the first contact normal: sign 1 into body 2, -1 away."""
+    problem, transform = solution.problem, np.array(solution.transform)
+    feature = solution.features[0]
+    body, element = (problem.static, feature.two) if feature.two.kind == "F" else (problem.movable, feature.one)
+    corners = body.vertices[[label - 1 for label in element.vertices]]
+    n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    n *= np.sign(n @ (corners[0] - body.seed)) / np.linalg.norm(n)
+    n = -n if body is problem.static else transform[:3, :3] @ n
+    transform[:3, 3] += sign * 1e-6 * problem.static.size * n
+    return replace(solution, transform=transform)
+
+
+def renamed_vertex(solution: Solution, step: int) -> Solution:
+    """Claim a neighbour of the true contact vertex."""
+    feature, *rest = solution.features
+    field, body = ("one", solution.problem.movable) if feature.one.kind == "V" else ("two", solution.problem.static)
+    (vertex,) = getattr(feature, field).vertices
+    edges = [element.vertices for part in body.parts for element in part.elements["E"] if element.kind == "E"]
+    near = sorted({label for edge in edges if vertex in edge for label in edge} - {vertex})
+    return replace(solution, features=(replace(feature, **{field: Element("V", (near[step],))}), *rest))
+
+
+def retargeted(solution: Solution, relative: float) -> Solution:
+    """Ask for a target that lies further out than the tracked point, in both scales."""
+    problem, rho = solution.problem, solution.rho
+    assert rho is not None
+    target = tuple(rho * (1 + relative * problem.signs))
+    other = problem.changed(requirement=None, tolerance=None, target=target, goal="beyond")
+    return claimed(other, list(solution.parameters.values()), tuple(map(str, solution.features)))
+
+
+def turned_once_more(solution: Solution) -> Solution:
+    """Add a full turn: the pose at the end is the same, on the way the features come apart."""
+    problem = solution.problem
+    other = problem.changed(motion=problem.motion >> Rotation("z", "origin"), published=None)
+    return claimed(other, [*solution.parameters.values(), 2 * np.pi], tuple(map(str, solution.features)))
+
+
+def limited(solution: Solution) -> Solution:
+    name, value = next(iter(solution.parameters.items()))
+    reach = abs(value) * (1 - 1e-6)
+    return replace(solution, problem=solution.problem.changed(limits={name: (-reach, reach)}))
+
+
+def other_state(solution: Solution, step: int) -> Solution:
+    states = ["apart", "touching", "overlapping"]
+    return replace(solution, pair_state=states[(states.index(solution.pair_state) + step) % 3])
+
+
+def other_status(solution: Solution) -> Solution:
+    swap = {Status.SOLVED: Status.PAIR_OVERLAPS, Status.PAIR_OVERLAPS: Status.SOLVED}
+    return replace(solution, status=swap[solution.status])
+
+
+def other_parameter(solution: Solution) -> Solution:
+    (name, value), *rest = solution.parameters.items()
+    return replace(solution, parameters={name: value * (1 + 1e-3), **dict(rest)})
+
+
+def size(solution: Solution) -> float:
+    return solution.problem.static.size
+
+
+# name -> (how to spoil a good solution, checks that must fail, whether no other may)
+PLANTED: dict[str, tuple[Callable[[Solution], Solution], set[str], bool]] = {
+    "pose shifted into body 2": (lambda s: shifted(s, 1), {"transform of parameters", "touching", "contact 1"}, False),
+    "pose shifted away": (lambda s: shifted(s, -1), {"transform of parameters", "contact 1"}, False),
+    "first neighbour vertex": (lambda s: renamed_vertex(s, 0), {"contact 1", "nominal features"}, False),
+    "last neighbour vertex": (lambda s: renamed_vertex(s, -1), {"contact 1", "nominal features"}, False),
+    "one feature dropped": (lambda s: replace(s, features=s.features[:1]), {"nominal features"}, False),
+    "no features": (lambda s: replace(s, features=()), {"features", "nominal features"}, True),
+    "requirement off by 1e-6": (lambda s: retargeted(s, 1e-6), {"requirement"}, True),
+    "incoherent ray": (turned_once_more, {"path features", "path touching"}, True),
+    "wrong pair state": (lambda s: other_state(s, 1), {"pair state"}, True),
+    "other wrong pair state": (lambda s: other_state(s, 2), {"pair state"}, True),
+    "unknown pair state": (lambda s: replace(s, pair_state="unknown"), {"pair state"}, True),
+    "pair gap too large": (lambda s: replace(s, pair_gap=abs(s.pair_gap) + size(s) * 1e-1), {"pair gap"}, True),
+    "pair gap of wrong sign": (lambda s: replace(s, pair_gap=-s.pair_gap), {"pair gap"}, True),
+    "wrong status": (other_status, {"status"}, True),
+    "already satisfied, yet moved": (lambda s: replace(s, status=Status.ALREADY_SATISFIED), {"status"}, True),
+    "amount too small": (lambda s: replace(s, amount=s.amount * (1 - 1e-6)), {"amount"}, True),
+    "lower bound above the amount": (lambda s: replace(s, lower_bound=s.amount * (1 + 1e-6)), {"lower bound"}, True),
+    "limit violated": (limited, {"limits"}, True),
+    "parameter of another pose": (other_parameter, {"transform of parameters", "amount"}, False),
+    "transform grown": (lambda s: replace(s, transform=s.transform * np.diag([1 + 1e-6] * 3 + [1])),
+                        {"rigid transform"}, False),
+    "mirrored": (lambda s: replace(s, transform=s.transform @ np.diag([1, 1, -1, 1])), {"rigid transform"}, False),
+    "tracked pair off the curve": (lambda s: replace(s, rho=s.rho * (1 + 1e-6)), {"touching", "contact 1"}, False),
+    "pair of other parts": (lambda s: replace(s, pair=s.pair * (1 + 1e-6)), {"target pair"}, True),
+    "nan in rho": (lambda s: replace(s, rho=np.array([np.nan, 1])), {"finite numbers"}, True),
+    "nan in transform": (lambda s: replace(s, transform=s.transform * np.nan), {"finite numbers"}, True),
+    "nan amount": (lambda s: replace(s, amount=float("nan")), {"finite numbers"}, True),
+    "nan gap": (lambda s: replace(s, pair_gap=float("nan")), {"finite numbers"}, True),
+    "nan parameter": (lambda s: replace(s, parameters=dict.fromkeys(s.parameters, float("nan"))),
+                      {"finite numbers"}, True),
+    "no parameters": (lambda s: replace(s, parameters={}), {"motion found"}, True),
+    "no motion": (lambda s: Solution(problem=s.problem, status=Status.NOT_FOUND, pair=s.pair), {"motion found"}, True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("error", PLANTED)
+@pytest.mark.parametrize(("file", "case"), CASES)
+def test_planted_errors_fail_the_check_that_is_meant_for_them(file: str, case: str, error: str) -> None:
+    spoil, expected, alone = PLANTED[error]
+    certificate = verify(spoil(published(file, case)))
+    assert not certificate.passed
+    assert expected <= failed(certificate), tell(certificate)
+    assert not alone or expected == failed(certificate), tell(certificate)
+
+
+@pytest.mark.parametrize(("file", "case"), CASES)
+def test_a_requirement_met_exactly_passes(file: str, case: str) -> None:
+    certificate = verify(retargeted(published(file, case), 0.0))
+    assert certificate.passed, tell(certificate)
+
+
+@pytest.mark.parametrize(("file", "case"), CASES)
+def test_the_demanded_state_of_the_pair_is_checked(file: str, case: str) -> None:
+    solution = published(file, case)
+    q, labels = list(solution.parameters.values()), NOMINAL[file]
+    touching = claimed(solution.problem.changed(pair="touch"), q, labels)
+    assert failed(verify(touching)) == {"pair touches"}
+    apart = claimed(solution.problem.changed(pair="clear"), q, labels)
+    assert failed(verify(apart)) == (set() if solution.pair_state == "apart" else {"clearance"})
+    wide = claimed(solution.problem.changed(pair="clear", clearance=0.5 * size(solution)), q, labels)
+    assert failed(verify(wide)) == {"clearance"}
+
+
+def test_a_rejected_solution_is_not_usable_and_an_accepted_one_is() -> None:
+    good = published("example1", "B")
+    assert good.with_certificate(verify(good), 0.0).usable
+    bad = replace(good, amount=0.0)
+    judged = bad.with_certificate(verify(bad), 0.0)
+    assert judged.status is Status.NOT_VERIFIED
+    assert not judged.usable
+    assert "amount" in failed(verify(judged))  # judged again, the same faults are found
+
+
+# ----------------------------------------------------------------------------------------------- scenes in closed form
+
+
+def box(low: Any, high: Any, seed: Any = None, name: str = "box") -> Body:
+    corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)], dtype=np.float64)
+    return Body.convex(corners, seed=corners.mean(axis=0) if seed is None else seed, name=name)
+
+
+def test_a_ray_through_a_bump_is_incoherent() -> None:
+    """A tip slides along a floor; halfway stands a block. Both ends are fine."""
+    tip = Body.convex([[0, 0, 0], [1, 0, 2], [-1, 1, 2], [-1, -1, 2]], seed=[0, 0, 1], name="tip")
+    floor = [[x, y, z] for x in (-9, 9) for y in (-9, 9) for z in (-2, 0)]
+    block = [[x, y, z] for x in (3, 5) for y in (-1, 1) for z in (-1, 1)]
+    bodies = {name: Body.from_parts(parts, seed=[0, 0, -1], name=name)
+              for name, parts in (("floor", [floor]), ("bump", [floor, block]))}  # fmt: skip
+    outcome = {}
+    for name, static in bodies.items():
+        problem = Problem(tip, static, nominal=(1.0, 1.0), target=(1.0, 1.0), motion=Translation("x"), goal="at")
+        assert problem.nominal_contact.feature.kind == "V1F2"  # type: ignore[union-attr]
+        label = problem.nominal_contact.feature.label  # type: ignore[union-attr]
+        transform = problem.motion.transform([8.0], tip.seed, static.seed)
+        solution = Solution(
+            problem=problem, status=Status.SOLVED, parameters={"TX": 8.0}, transform=transform, amount=8.0,
+            rho=np.ones(2), features=(Feature.from_label(label),), pair=np.ones(2), pair_gap=0.0, pair_state="touching",
+        )  # fmt: skip
+        outcome[name] = failed(verify(solution))
+    assert outcome == {"floor": set(), "bump": {"path touching"}}
+
+
+def flush(gap: float, clearance: float, **changes: Any) -> Solution:
+    """Two unit boxes, face to face after a move of 1 - gap, asked to keep a clearance."""
+    one, two = box((-2, 0, 0), (-1, 1, 1)), box((0, 0.25, 0.25), (1, 1.25, 1.25))
+    goal = "clear" if clearance else "touch"
+    problem = Problem(one, two, target=(1.0, 1.0), motion=Translation("x"), goal=goal, clearance=clearance)
+    transform = problem.motion.transform([1 - gap], one.seed, two.seed)
+    made = Solution(
+        problem=problem, status=Status.SOLVED, parameters={"TX": 1 - gap}, transform=transform, amount=1 - gap,
+        rho=np.ones(2), features=() if clearance else (Feature.from_label("F1F2(P1V2,V4,V6,V8; P2V1,V3,V5,V7)"),),
+        pair=np.ones(2), pair_gap=gap, pair_state="apart" if clearance else "touching",
+    )  # fmt: skip
+    return replace(made, **changes)
+
+
+def test_face_on_face_touches() -> None:
+    certificate = verify(flush(0.0, 0.0))
+    assert certificate.passed, tell(certificate)
+    assert {"touching", "contact 1"} <= failed(verify(flush(1e-6, 0.0)))
+    assert {"touching", "contact 1"} <= failed(verify(flush(-1e-6, 0.0)))
+    other = Feature.from_label("F1F2(P1V1,V3,V5,V7; P2V1,V3,V5,V7)")
+    assert "contact 1" in failed(verify(flush(0.0, 0.0, features=(other,))))
+    diagonal = Feature.from_label("E1F2(P1V2,V8; P2V1,V3,V5,V7)")  # in the contact, but no edge
+    assert "contact 1" in failed(verify(flush(0.0, 0.0, features=(diagonal,))))
+
+
+def test_a_clearance_is_kept_to_the_letter() -> None:
+    certificate = verify(flush(0.125, 0.125))
+    assert certificate.passed, tell(certificate)
+    assert failed(verify(flush(0.125 - 1e-6, 0.125))) == {"clearance"}
+
+
+@pytest.mark.parametrize("label", ["F1F2(P1V1,V3,V5,V7; P2V2,V4,V6,V8)", "F1F2(P1V2,V4,V6,V8; P2V9,V11,V13,V15)"])
+def test_a_snug_key_has_two_opposed_lines(label: str) -> None:
+    """Both seeds lie beyond the left wall, so a larger key leaves one wall and enters the other."""
+    key = box((5, 0, 0), (6, 1, 1), seed=(0, 0, 0), name="key")
+    walls = [[[x, y, z] for z in (-1, 2) for y in (-1, 2) for x in xs] for xs in ((4, 5), (6, 7))]
+    slot = Body.from_parts(walls, seed=[0, 0, 0], name="slot")
+    problem = Problem(key, slot, target=(1.0, 1.0), motion=Translation("x"), goal="touch")
+    labels = ("F1F2(P1V1,V3,V5,V7; P2V2,V4,V6,V8)", "F1F2(P1V2,V4,V6,V8; P2V9,V11,V13,V15)")
+    both = Solution(
+        problem=problem, status=Status.ALREADY_SATISFIED, parameters={"TX": 0.0}, transform=np.eye(4), amount=0.0,
+        rho=np.ones(2), features=tuple(map(Feature.from_label, labels)), pair=np.ones(2), pair_gap=0.0,
+        pair_state="touching",
+    )  # fmt: skip
+    certificate = verify(both)
+    assert certificate.passed, tell(certificate)
+    assert "snug" in {check.name for check in certificate.checks}
+    alone = verify(replace(both, features=(Feature.from_label(label),)))  # with one wall there is no free side
+    assert failed(alone) == {"apart below"}
+
+
+@pytest.mark.parametrize("case", ONE_LINE, ids=lambda case: case.name)
+def test_degenerate_contacts_are_judged(case: OneLine) -> None:
+    """Parallel edges, vertex on vertex: where one contact is not enough to name a normal, and coal loses its way."""
+    one, two = case.one.body("one"), case.two.body("two")
+    p, q, r = case.line
+    target = (r / (p + q),) * 2
+    problem = Problem(one, two, target=target, motion=Translation("z"), goal="touch")
+    solution = Solution(
+        problem=problem, status=Status.ALREADY_SATISFIED, parameters={"TZ": 0.0}, transform=np.eye(4), amount=0.0,
+        rho=problem.target, features=(Feature.from_label(case.label),), pair=problem.target, pair_gap=0.0,
+        pair_state="touching",
+    )  # fmt: skip
+    certificate = verify(solution)
+    assert certificate.passed, tell(certificate)
+    for sign in (1, -1):
+        away = np.array(solution.transform)
+        away[:3, 3] = sign * 1e-6 * two.size * (two.seed - one.seed) / np.linalg.norm(two.seed - one.seed)
+        assert {"touching", "contact 1"} <= failed(verify(replace(solution, transform=away)))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from cases import CUBE, DEFAULT_BOX, EXAMPLE_1, EXAMPLE_2, ONE_LINE, Shape, box_shape, exact, union
+from cases import CUBE, DEFAULT_BOX, EXAMPLE_1, EXAMPLE_2, ONE_LINE, Shape, box_shape, exact, shape, union
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import Box, ExactCurve, plane_point, primitive
@@ -20,7 +21,8 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, Element
 
-ODD_BOX: Box = ((0.0731584, 9.7172613), (0.0643917, 11.3145927))  # no curve of small integers meets its border specially
+# no curve of small integers meets the border of this box in a special way
+ODD_BOX: Box = ((0.0731584, 9.7172613), (0.0643917, 11.3145927))
 SEED_PAIRS = [(p, q) for p in SEEDS for q in SEEDS]
 INSIDE = ("inside", "inside")
 
@@ -47,7 +49,9 @@ def check_lines(curve: DecisionCurve) -> None:
         assert np.linalg.norm(n) == pytest.approx(1, abs=1e-13)
         np.testing.assert_allclose(segment.line, [(X @ n).max(), (-Y @ n).max(), n @ d], atol=1e-12 * size)
         for end in (segment.start, segment.end):
-            assert segment.line[:2] @ end == pytest.approx(segment.line[2], abs=1e-12 * size * max(1, np.abs(end).max()))
+            assert segment.line[:2] @ end == pytest.approx(
+                segment.line[2], abs=1e-12 * size * max(1, np.abs(end).max())
+            )
 
 
 def check_convex(one: Shape, two: Shape, box: Box = ODD_BOX, pose: np.ndarray | None = None) -> int:
@@ -226,7 +230,7 @@ def test_both_seeds_inside_give_one_decreasing_function(rng, reach):
         assert x0 < x1
         assert y0 > y1
     assert [s.index for s in curve.segments] == list(range(1, len(ends) + 1))
-    for (*_, x, y), (u, v, *_) in zip(ends, ends[1:], strict=False):
+    for (*_, x, y), (u, v, *_) in pairwise(ends):
         assert (x, y) == pytest.approx((u, v), rel=1e-12)
 
 
@@ -307,6 +311,65 @@ def test_locate_finds_segments_and_switching_points_and_nothing_off_the_curve(rn
         assert curve.locate(point.rho * (1 + 1e-6)) is None
 
 
+def outside_by(points: np.ndarray, body: Body, part: int, rho: float) -> float:
+    """How far points lie outside a scaled part."""
+    own = body.scaled(rho).parts[part]
+    heights = (points @ own.normals.T) - (own.vertices @ own.normals.T).max(axis=0)
+    return float(heights.max())
+
+
+@settings(max_examples=100)
+@given(generators, reaches, st.sampled_from(SEED_PAIRS))
+def test_contact_points_belong_to_both_scaled_bodies(rng, reach, seeds):
+    curve = curve_of(*random_pair(rng, reach, seeds))
+    places = [(segment.start + rng.uniform(0.1, 0.9) * (segment.end - segment.start)) for segment in curve.segments]
+    for rho, contacts in [
+        *((rho, curve.contact_points(rho)) for rho in places),
+        *((point.rho, point.contacts) for point in curve.switching_points),
+    ]:
+        assert contacts.shape == (1, 3)
+        size = 4 * reach * max(1, *rho)
+        assert outside_by(contacts, curve.movable, 0, rho[0]) < 1e-11 * size
+        assert outside_by(contacts, curve.static, 0, rho[1]) < 1e-11 * size
+    assert curve.contact_points((100.0, 100.0)).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "line"),
+    [
+        (box_shape((0, -1, -1), (1, 1, 1), (0, 0, 0)), CUBE.shifted((-3, 0, 0)), (0, 3)),  # r2 = 3: r1 grows away
+        (CUBE.shifted((-3, 0, 0)), box_shape((0, -1, -1), (1, 1, 1), (0, 0, 0)), (math.inf, 3)),  # r1 = 3
+        (box_shape((1, -1, -1), (2, 1, 1), (0, 0, 0)), box_shape((1, -1, -1), (2, 1, 1), (0, 0, 0)), (2, 0)),
+    ],
+)
+def test_chains_that_run_to_infinity_are_located_outside_the_box_too(one, two, line):
+    slope, level = line
+    curve = curve_of(one, two)
+    for x in (2.0, 50.0):
+        rho = (level, x) if math.isinf(slope) else (x, slope * x + level)
+        assert exact(one, two).touches(rho)
+        assert curve.locate(rho).feature.kind == "F1F2"
+        assert curve.locate((rho[0] + 0.01, rho[1] + 0.02)) is None or slope == 2
+
+
+def test_bodies_drawn_vertex_on_vertex_touch_so_at_the_switching_point_of_scale_one():
+    one = shape([(2, 0, 1), (0, 1, 2), (0, -1, 1), (2, -1, 0)], ("1.15625", "-0.25", "0.9375"))
+    two = shape([(2, -1, 0), (-2, 0, -2), (-2, -3, -2), (-2, 0, 2)], ("-1.3125", "-0.6875", "-0.40625"))
+    check_convex(one, two)
+    curve = curve_of(one, two)
+    assert curve.locate((1.0, 1.0)).label == "V1V2(P1V4; P2V1)"  # three lines meet there: E1V2 says too little
+    np.testing.assert_allclose(curve.locate((1.0, 1.0)).contacts, [[2, -1, 0]], atol=1e-12)
+
+
+def test_chain_with_both_ends_on_one_axis_is_listed_once():
+    one = shape([(428, 282, -88), (977, 836, -978), (379, -462, -998), (-977, -981, 817), (-905, -300, 551),
+                 (155, -558, 630)], (1607, 1245, -1051))  # fmt: skip
+    two = shape([(-515, 2087, -1004), (-997, 1972, -2046), (419, 2895, -2182), (459, 2026, -1371)],
+                (-1168, 2366, -1612))  # fmt: skip
+    assert check_convex(one, two) == 3
+    assert check_convex(two, one, (ODD_BOX[1], ODD_BOX[0])) == 3
+
+
 # --------------------------------------------------------------------------------------------------- unions of parts
 
 
@@ -365,6 +428,34 @@ def test_unions_equal_the_exact_curve(rng, reach, counts):
         check_union(one, two, rng)
 
 
+@settings(max_examples=100)
+@given(generators, st.sampled_from([(1, 2), (2, 1), (2, 2), (3, 1), (2, 3)]))
+def test_generic_unions_have_the_exact_segments_and_switching_points(rng, counts):
+    one, two = (random_union(rng, 1000, k) for k in counts)
+    two = two.shifted(rng.integers(-3000, 3000, 3).tolist())
+    expected, curve = exact(one, two).pieces(ODD_BOX), curve_of(one, two)
+    assert len(curve.segments) == len(expected)
+    meetings: dict[tuple[Fraction, Fraction], list[tuple[tuple[int, int], Feature]]] = {}
+    for key, piece in expected:
+        ends, feature = [plane_point(piece.start), plane_point(piece.end)], Feature.from_label(piece.label)
+        twins = [s for s in curve.segments if (s.parts, s.feature) == (key, feature)]
+        assert min(np.abs(np.subtract(*turned_to([s.start, s.end], ends))).max() for s in twins) < 1e-9
+        for end in ends:
+            meetings.setdefault(end, []).append((key, feature))
+    corners = {end: tuple(met) for end, met in meetings.items() if len(met) > 1}
+    assert len(curve.switching_points) == len(corners)
+    for end, met in corners.items():
+        rho = np.array(end, dtype=float)
+        near = min(curve.switching_points, key=lambda point: np.abs(point.rho - rho).max())
+        np.testing.assert_allclose(near.rho, rho, rtol=1e-9)
+        assert set(near.features) == {feature for _, feature in met}
+        single = len({key for key, _ in met}) == 1
+        assert len(near.contact_features) == len(near.contacts) == (1 if single else 2)
+        if not single:
+            assert set(near.contact_features) == set(near.features)
+            assert near.kind == " & ".join(feature.kind for feature in near.contact_features)
+
+
 def test_key_that_exactly_fills_its_slot_is_snug():
     key = box_shape((2, -1, -1), (3, 1, 1), (0, 0, 0))  # both drift along x as they grow
     slot = union(box_shape((1, -9, -9), (2, 9, 9)), box_shape((3, -9, -9), (9, 9, 9)), seed=(0, 0, 0))
@@ -403,6 +494,13 @@ def test_key_with_play_is_free_in_a_wedge_between_its_walls():
     assert curve.gap((1.2, 1.0)) == pytest.approx(0.4, rel=1e-14)
     assert curve.gap((0.99, 1.0)) < 0
     assert curve.gap((1.34, 1.0)) < 0
+
+
+def test_part_covered_by_an_unbounded_overlap_adds_no_crossings():
+    inner = union(box_shape((1, -1, -1), (5, 1, 1)), box_shape((2, -1, -1), ("2.5", 1, 1)), seed=(4, 0, 0))
+    curve = curve_of(CUBE, inner)
+    np.testing.assert_allclose(curve.crossings(1.0), [1.0], rtol=1e-15)
+    check_union(CUBE, inner, np.random.default_rng(2))
 
 
 def test_example_2_cut_the_other_way_has_the_same_curve():
@@ -556,7 +654,9 @@ def check_same(
     def mapped(segment):
         elements = [segment.feature.one, segment.feature.two]
         if rename:
-            elements = [Element(e.kind, tuple(names[v] for v in e.vertices)) for e, names in zip(elements, rename, strict=True)]
+            elements = [
+                Element(e.kind, tuple(names[v] for v in e.vertices)) for e, names in zip(elements, rename, strict=True)
+            ]
         ends = np.array([segment.start, segment.end]) * factor
         line = segment.line * lengths * np.array([1, 1, factor])
         if swap:
@@ -612,7 +712,8 @@ def test_the_transform_moves_body_1_as_moving_it_does(rng):
 def test_the_unit_of_length_changes_nothing(rng, factor):
     one, two = generic_pairs(rng)
     scaled = [
-        Body.from_parts(own.array * factor, parts=own.parts, seed=np.array(own.seed, dtype=float) * factor) for own in (one, two)
+        Body.from_parts(own.array * factor, parts=own.parts, seed=np.array(own.seed, dtype=float) * factor)
+        for own in (one, two)
     ]
     check_same(curve_of(one, two), decision_curve(*scaled, box=ODD_BOX), lengths=factor)
 
@@ -654,7 +755,15 @@ def test_far_origin_changes_nothing(rng):
 
 @pytest.mark.parametrize(
     "box",
-    [((3, 1), (1, 3)), ((1, 1), (1, 3)), ((-1, 1), (1, 3)), ((1, math.nan), (1, 3)), ((1, math.inf), (1, 3)), (1, 3), None],
+    [
+        ((3, 1), (1, 3)),
+        ((1, 1), (1, 3)),
+        ((-1, 1), (1, 3)),
+        ((1, math.nan), (1, 3)),
+        ((1, math.inf), (1, 3)),
+        (1, 3),
+        None,
+    ],
 )
 def test_boxes_must_be_two_ranges(box):
     with pytest.raises(InputError, match="box"):

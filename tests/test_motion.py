@@ -137,7 +137,9 @@ def test_screws_of_zero_infinite_and_other_pitch_are_special_cases_of_the_free_o
 
 def test_screw_about_a_line_in_closed_form():
     point, direction = LINE
-    np.testing.assert_allclose(Screw(LINE, 0.5).transform([1.3], S1, S2), about(point, direction, 1.3, 0.65), atol=1e-12)
+    np.testing.assert_allclose(
+        Screw(LINE, 0.5).transform([1.3], S1, S2), about(point, direction, 1.3, 0.65), atol=1e-12
+    )
 
 
 def test_screw_of_the_paper_has_a_pitch_of_one_length_a_degree():
@@ -155,14 +157,15 @@ def test_steps_act_one_after_the_other_in_the_world_frame():
 
 
 def test_centre_seed_is_the_seed_as_already_moved():
-    T = (Translation("x") >> Rotation("z")).transform([2.0, 0.5], S1, S2)
-    np.testing.assert_allclose(T, about(S1 + [2, 0, 0], (0, 0, 1), 0.5) @ Translation("x").transform([2.0], S1, S2), atol=1e-14)
-    np.testing.assert_allclose(T[:3, :3] @ S1 + T[:3, 3], S1 + [2, 0, 0], atol=1e-15)
+    T, moved = (Translation("x") >> Rotation("z")).transform([2.0, 0.5], S1, S2), S1 + np.array([2, 0, 0])
+    expected = about(moved, (0, 0, 1), 0.5) @ Translation("x").transform([2.0], S1, S2)
+    np.testing.assert_allclose(T, expected, atol=1e-14)
+    np.testing.assert_allclose(T[:3, :3] @ S1 + T[:3, 3], moved, atol=1e-15)
 
 
 def test_screw_axis_runs_from_the_seed_as_already_moved():
     T = (Translation("y") >> Screw("seeds", 0.3)).transform([1.5, 0.8], S1, S2)
-    start = S1 + [0, 1.5, 0]
+    start = S1 + np.array([0, 1.5, 0])
     expected = about(start, S2 - start, 0.8, 0.24) @ Translation("y").transform([1.5], S1, S2)
     np.testing.assert_allclose(T, expected, atol=1e-13)
 
@@ -208,7 +211,7 @@ def test_describe_gives_lengths_and_degrees():
 @pytest.mark.parametrize("gap", [0.0, 1e-12])
 def test_coincident_seeds_define_no_screw_axis(gap):
     with pytest.raises(InputError, match="coincide"):
-        Screw("seeds", 1.0).transform([0.1], S1, S1 + [gap, 0, 0])
+        Screw("seeds", 1.0).transform([0.1], S1, S1 + np.array([gap, 0, 0]))
 
 
 def test_seeds_that_coincide_at_the_origin_define_no_screw_axis():

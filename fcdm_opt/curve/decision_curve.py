@@ -163,7 +163,7 @@ class DecisionCurve:
                 span = _clipped(piece, self.box)
                 if span is not None:
                     count += 1
-                    if run and not _close(run[-1].end, piece.at(span[0])):
+                    if run and not _close(run[-1].end, piece.end_at(span[0])):
                         branches.append(Branch(tuple(run)))
                         run = []
                     run.append(self._segment(piece, span, count))
@@ -200,7 +200,7 @@ class DecisionCurve:
 
     def _segment(self, piece: Piece, span: tuple[float, float], index: int) -> Segment:
         return Segment(
-            piece.feature, piece.line, piece.normal, frozen(piece.at(span[0])), frozen(piece.at(span[1])), piece.parts,
+            piece.feature, piece.line, piece.normal, frozen(piece.end_at(span[0])), frozen(piece.end_at(span[1])), piece.parts,
             piece.snug, index, piece,
         )
 
@@ -259,9 +259,9 @@ class DecisionCurve:
         )
         ends: list[float] = []
         for lo, hi in intervals:
-            if ends and lo < ends[-1] - DEFAULT.line * ends[-1]:
+            if ends and lo < ends[-1] * (1.0 - DEFAULT.line):
                 ends[-1] = max(ends[-1], hi)
-            elif ends and lo <= ends[-1] + DEFAULT.line * ends[-1]:
+            elif ends and lo <= ends[-1] * (1.0 + DEFAULT.line):
                 ends[-1:] = [lo, hi]  # two regions meet in one point: a snug fit
             else:
                 ends += [lo, hi]
@@ -358,7 +358,7 @@ def _pair(rho: ArrayLike) -> Array:
 
 
 def _close(p: Array, q: Array) -> bool:
-    return bool(np.abs(p - q).sum() <= DEFAULT.nominal * (1.0 + np.abs(p).sum()))
+    return bool(np.isfinite(p).all() and np.isfinite(q).all() and np.abs(p - q).sum() <= DEFAULT.nominal * (1.0 + np.abs(p).sum()))
 
 
 def _inside(point: Array, box: Box) -> bool:

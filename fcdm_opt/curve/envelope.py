@@ -59,7 +59,7 @@ def _minus(spans: list[tuple[float, float]], lo: float, hi: float) -> list[tuple
     rest = []
     for a, b in spans:
         for p, q in ((a, min(b, lo)), (max(a, hi), b)):
-            if q - p > DEFAULT.line * (1.0 + min(abs(p), abs(q))):
+            if p < q and q - p > DEFAULT.line * (1.0 + min(abs(p), abs(q))):  # two infinite ends: none left
                 rest.append((p, q))
     return rest
 

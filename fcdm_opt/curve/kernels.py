@@ -182,6 +182,13 @@ def least_separation(reals1, ints1, reals2, ints2, pose, rho, slack):  # type: i
     return best
 
 
+@kernel
+def separation(reals1, ints1, reals2, ints2, pose, rho, n):  # type: ignore[no-untyped-def]
+    """Return the separation c - a rho_1 - b rho_2 along one unit direction from body 1 to body 2."""
+    a = _support(rotated(reals1, pose), ints1[0], n, 1.0)[0]
+    return _dot(n, pose[9:]) - a * rho[0] - _support(reals2, ints2[0], n, -1.0)[0] * rho[1]
+
+
 # ---------------------------------------------------------------------------------------- the walk (design section 3)
 
 

@@ -201,7 +201,9 @@ def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int,
             continue
         if n == 0 or not np.isfinite(lo[k]) or not chains or (start + n) % len(order) in breaks:
             chains.append([])
-        feature = support_feature(one, two, rows[k, :3], pose)
+        same = np.abs(lines[: len(rows)] - lines[k]).max(axis=1) <= DEFAULT.tie * max(1.0, np.abs(lines[k]).max())
+        inner = rows[same, :3].sum(axis=0)  # directions of one line: what touches is what supports all of them
+        feature = support_feature(one, two, inner / np.linalg.norm(inner), pose)
         piece = _piece(feature, sites[k], rows[k], parts, np.zeros(2), None, 1)
         shift = float(piece.base @ piece.travel)  # zero up to rounding
         chains[-1].append(

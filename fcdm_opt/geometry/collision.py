@@ -45,8 +45,8 @@ class ScaledPair:
     coal is asked on bodies of about unit size. What is known of its answers (measured in the tests): on pairs in
     general position they are right to rounding, at touch too. Between parallel edges that are less than about 1e-4 of
     the size apart it often reports 0; and some settings return +-1.8e308. Every answer near touch is therefore
-    confirmed by its witness points, which must lie in both hulls; an answer that is not confirmed is asked for again
-    with the best separating direction as initial guess, and is nan if that fails too.
+    confirmed by its witness points, which must lie in the hulls and be that far apart. Where they are not, coal is
+    asked once more with the way between the parts as initial guess; if that fails too, the answer is nan.
     """
 
     def __init__(self, movable: Body, static: Body) -> None:
@@ -96,8 +96,7 @@ class ScaledPair:
                 if np.isnan(values[i, j]):
                     again = self._settings()
                     again.gjk_initial_guess = self._coal.GJKInitialGuess.CachedGuess
-                    _, direction = _separation(one, two, self._scales(), R, offset)
-                    again.cached_gjk_guess = -direction
+                    again.cached_gjk_guess = -_towards(one, two, self._scales(), R, offset)
                     values[i, j] = self._distance(one, two, again, R, offset)
         return values * self._unit
 
@@ -109,7 +108,7 @@ class ScaledPair:
         """
         R, offset = self._place(rho, transform)
         pairs = product(*self._hulls)
-        values = [_separation(one, two, self._scales(), R, offset)[0] for one, two in pairs]
+        values = [np.fmax.reduce(_gaps(one, two, self._scales(), R, offset)[0]) for one, two in pairs]
         return np.reshape(values, [len(hulls) for hulls in self._hulls]) * self._unit
 
     def exact_separation(self, rho: ArrayLike, transform: Array) -> float:
@@ -165,12 +164,13 @@ class ScaledPair:
         if not abs(value) <= np.abs(offset).sum() + 8.0:  # two bodies of unit reach: larger, or nan, is coal's failure
             return float("nan")
         if abs(value) <= DEFAULT.side:
-            scales = self._scales()
-            outside = max(
-                one.outside((result.getNearestPoint1() - offset) @ R, scales[0]),
-                two.outside(result.getNearestPoint2(), scales[1]),
+            scales, first, second = self._scales(), result.getNearestPoint1(), result.getNearestPoint2()
+            error = max(
+                one.outside((first - offset) @ R, scales[0]),
+                two.outside(second, scales[1]),
+                abs(float(np.linalg.norm(second - first)) - abs(value)),
             )
-            if not outside <= DEFAULT.tie:
+            if not error <= DEFAULT.tie:
                 return float("nan")
         return float(value)
 
@@ -220,15 +220,26 @@ def _gaps(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset:
     return scales[1] * (two.base @ n.T).min(axis=0) - (first @ n.T).max(axis=0), n
 
 
-def _separation(
-    one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset: Array
-) -> tuple[float, Array]:
-    """Return the largest separation and its direction; (nan, offset) for very large parts."""
+def _towards(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset: Array) -> Array:
+    """Return about the shortest way from part 1 to part 2: GJK that starts there has nothing left to get wrong.
+
+    All differences y - x of points of the two parts are {v : n_i.v >= gap_i}. Its point nearest to zero, over the
+    directions with a gap, is a least distance problem, solved through non-negative least squares.
+    """
+    from scipy.optimize import nnls
+
     gaps, n = _gaps(one, two, scales, R, offset)
     if np.isnan(gaps).all():
-        return float("nan"), -offset
+        return -offset
     best = int(np.nanargmax(gaps))
-    return float(gaps[best]), n[best]
+    apart = np.flatnonzero(gaps > 0)
+    if not apart.size:
+        return n[best]
+    system = np.vstack([n[apart].T, gaps[apart] / gaps[best]])
+    weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0]))
+    way = system[:3] @ weights
+    length = float(np.linalg.norm(way))
+    return way / length if length > 0 else n[best]
 
 
 def _best_directions(

@@ -20,8 +20,11 @@ if TYPE_CHECKING:
 LISTED = 24
 """Longest list of features that is written beside a curve."""
 
-LABEL_DISTANCE, LABEL_WIDTH, LABEL_PLACE = 9.0, 14.0, 0.4
-"""Points between a curve and the names on it; points that a name is wide; where along a segment its name stands."""
+LABEL_DISTANCE, LABEL_PLACE = 9.0, 0.4
+"""Points between a curve and the names on it, and where along a segment its name stands."""
+
+CHARACTER = (5.2, 10.0)
+"""Width and height of a character in a name, in points."""
 
 
 MARGIN, LEAST_EXTENT = 0.3, 0.05
@@ -144,7 +147,8 @@ def _name_pieces(
         across = np.array([1.5, 1.0]) * across / np.linalg.norm(across) * (1.0 if across.sum() >= 0 else -1.0)
         place = (rho - window[:, 0]) * points_per_unit
         tries = [place + sign * shift * across for sign in (1.0, -1.0)]
-        kept = [spot for spot in tries if np.all((spot > LABEL_WIDTH / 2) & (spot < page - LABEL_WIDTH / 2))]
+        half = np.array(CHARACTER) * [len(text), 1] / 2
+        kept = [spot for spot in tries if np.all((spot > half) & (spot < page - half))]
         axes.annotate(
             text, rho, xytext=tuple((kept or tries)[0] - place), textcoords="offset points", color=colour, fontsize=8,
             ha="center", va="center", zorder=6,

@@ -7,6 +7,14 @@ import numpy as np
 from fcdm_opt.tolerance.task import Task
 
 
+def displacement_rate(task: Task) -> float:
+    """Return the most that a vertex of body 1, re-scaled, can move per unit of weighted amount."""
+    seed = task.movable.seed
+    used = np.concatenate([part.vertices for part in task.movable.parts])
+    reaches = task.motion.reaches(seed + task.target[0] * (used - seed), seed)
+    return float(np.linalg.norm(reaches / task.weights))
+
+
 def displacement_bound(task: Task) -> float:
     """Return a lower bound of the weighted amount for "touch" and "clear" (design: bounds known to hold).
 
@@ -20,7 +28,4 @@ def displacement_bound(task: Task) -> float:
     need = abs(gap) if task.goal == "touch" else max(0.0, task.need - gap)
     if task.goal == "clear" and gap > 0:
         return 0.0  # facet directions understate the distance: the need may be less
-    seed = task.movable.seed
-    used = np.concatenate([part.vertices for part in task.movable.parts])
-    reaches = task.motion.reaches(seed + task.target[0] * (used - seed), seed)
-    return need / float(np.linalg.norm(reaches / task.weights))
+    return need / displacement_rate(task)

@@ -11,7 +11,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, contact_faults
 from fcdm_opt.geometry.bodies import Array
 from fcdm_opt.tolerance import program
-from fcdm_opt.tolerance.bounds import displacement_bound
+from fcdm_opt.tolerance.bounds import displacement_bound, displacement_rate
 from fcdm_opt.tolerance.equations import feature_points
 from fcdm_opt.tolerance.program import Row
 from fcdm_opt.tolerance.solution import Status
@@ -20,16 +20,55 @@ from fcdm_opt.tolerances import DEFAULT
 
 PATH_POINTS = 33
 ROUNDS = 40  # of adding violated constraints, for one choice of features
-CHOICES = 10  # features tried for a pair that must come apart, and pairs tried that might close
+REACH = 3.0  # starts away from rest, in typical amounts
+PROBES = 5  # improvements by probing, at most
+PROBE_FRACTIONS = (0.98, 0.7, 0.4)
+PROBE_SHARES = (0.5, 1.0, 2.0)
+CHOICES = 12  # features tried for a pair that must come apart, and pairs tried that might close
 Parts = tuple[int, int]
 
 
 def satisfied(task: Task) -> Answer | None:
     """Stage 0: nothing to do."""
     rest = np.zeros(len(task.weights))
-    if ((task.limits[:, 0] > 0) | (task.limits[:, 1] < 0)).any() or not _meets(task, rest, DEFAULT.line):
+    if ((task.limits[:, 0] > 0) | (task.limits[:, 1] < 0)).any() or not _meets(task, rest, DEFAULT.line, {}):
         return None
     return Answer(Status.ALREADY_SATISFIED, rest, "0: met without motion")
+
+
+def straight(task: Task) -> Answer | None:
+    """Stage 1 for "touch" and "clear" along one translation: exact, and smallest by construction.
+
+    Directions and supports do not change, so each part pair overlaps in an open interval of the parameter; the parts
+    touch at the ends of the intervals' union. A clearance is left to stage 4: the distance of corners is not linear.
+    """
+    if task.tracked or task.need > 0 or [kind for _, kind in task.motion.parameters] != ["translation"]:
+        return None
+    along = task.transform(np.ones(1))[:3, 3] - task.transform(np.zeros(1))[:3, 3]
+    pose = task.pose(np.zeros(1))
+    blocked = []
+    for parts in np.ndindex(len(task.movable.parts), len(task.static.parts)):
+        _, rows = _facets(task, parts, pose)
+        separations, rate = rows[:, 5] - rows[:, 3:5] @ task.target, rows[:, :3] @ along
+        level = np.abs(rate) <= DEFAULT.tie
+        if (separations[level] < 0).all():
+            at = separations[~level] / rate[~level]
+            blocked.append((at[rate[~level] > 0].max(initial=-np.inf), at[rate[~level] < 0].min(initial=np.inf)))
+    ends = [end for interval in blocked if interval[0] < interval[1] for end in interval]
+    _, must_touch = _demands(task)
+    low, high = task.limits[0]
+    candidates = ends if must_touch else [*ends, min(max(0.0, low), high)]
+    clear = [
+        end for end in candidates
+        if low <= end <= high and np.isfinite(end)
+        and not any(a + DEFAULT.line * abs(a) < end < b - DEFAULT.line * abs(b) for a, b in blocked)
+    ]
+    stage = "1: one translation, intervals of overlap"
+    if not clear:
+        return Answer(Status.INFEASIBLE, None, stage, float("inf"))
+    q = np.array([min(clear, key=abs)])
+    amount = task.amount(q)
+    return Answer(Status.SOLVED, q, stage, amount, ("the first contact on the way",), {"part_pairs_kept": len(blocked)})
 
 
 def nonlinear(task: Task) -> Answer:
@@ -39,16 +78,29 @@ def nonlinear(task: Task) -> Answer:
     """
     best: _Found | None = None
     goal_alone = False
-    for model in _choices(task):
-        found = _least(task, model, best)
-        goal_alone = goal_alone or model.goal_reached
-        if found is not None and (best is None or found.amount < best.amount):
-            best = found
+    for method in ("sqpmethod", "ipopt"):  # the slower one only where the faster finds nothing at all
+        for model in sorted(_choices(task, np.zeros(len(task.weights))), key=lambda model: model.promise):
+            if best is not None and model.promise >= best.amount:
+                break
+            best = _better(best, _least(task, model, _starts(task), best, method))
+            goal_alone = goal_alone or model.goal_reached
+        if best is not None:
+            break
+    for _ in range(PROBES if best is not None else 0):
+        q = _nearer(task, best)
+        if q is None:
+            break
+        for model in _choices(task, q):
+            best = _better(best, _least(task, model, [q], best, "sqpmethod"))
     bound = displacement_bound(task)
     if best is None:
         status = Status.LEFT_COHERENT_RANGE if goal_alone and task.coherent else Status.NOT_FOUND
         return Answer(status, None, "4: nonlinear program, no start succeeded", bound)
     return Answer(Status.SOLVED, best.q, "4: nonlinear program", bound, best.active, best.modelled)
+
+
+def _better(one: _Found | None, two: _Found | None) -> _Found | None:
+    return min((found for found in (one, two) if found is not None), key=lambda found: found.amount, default=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +118,7 @@ class _Model:
     """The constraints of one choice of features, growing as solutions violate what was left out.
 
     `planes` holds for each part pair that must stay apart the separating plane to start from; `closing` the pair that
-    must not stay apart.
+    must not stay apart; `promise` estimates the least amount from what the features need at rest.
     """
 
     task: Task
@@ -74,6 +126,7 @@ class _Model:
     rows: list[Row] = field(default_factory=list)
     planes: dict[Parts, Array] = field(default_factory=dict)
     known: set[tuple[object, ...]] = field(default_factory=set)
+    promise: float = 0.0
     goal_reached: bool = False
 
     def __post_init__(self) -> None:
@@ -143,15 +196,16 @@ class _Model:
             self.rows.append(program.line_row(task, s, feature, scale, apart, name))
         return True
 
-    def add_closing(self, q: Array) -> bool:
-        """Add the direction in which the closing pair is furthest apart; tell whether it is new."""
+    def add_closing(self, q: Array, slack: float) -> bool:
+        """Add the direction in which the closing pair is furthest apart, if by more than `slack`; tell whether it is
+        new."""
         assert self.closing is not None
         task, pose = self.task, self.task.pose(q)
         sites, rows = _facets(task, self.closing, pose)
         separations = rows[:, 5] - rows[:, 3:5] @ task.target
         worst = int(np.argmax(separations))
         site = (int(sites[worst, 0]), int(sites[worst, 1]), int(sites[worst, 2]))
-        if separations[worst] <= DEFAULT.cut * task.unit or ("closing", site) in self.known:
+        if separations[worst] <= slack or ("closing", site) in self.known:
             return False
         self.known.add(("closing", site))
         rotation = pose[:9].reshape(3, 3)
@@ -175,7 +229,7 @@ def _demands(task: Task) -> tuple[bool, bool]:
     )
 
 
-def _meets(task: Task, q: Array, slack: float) -> bool:
+def _meets(task: Task, q: Array, slack: float, normals: dict[Parts, Array]) -> bool:
     """Tell whether a motion meets goal, pair state and coherence to within a relative slack."""
     if task.tracked:
         rho, _, _ = task.tracked_contact(q)
@@ -183,7 +237,7 @@ def _meets(task: Task, q: Array, slack: float) -> bool:
         if not (excess >= -slack * task.target).all() or _path_faults(task, q):
             return False
     must_clear, must_touch = _demands(task)
-    gap = task.gap(q) if must_clear else 0.0
+    gap = task.gap(q, normals) if must_clear else 0.0
     short, loose = gap < task.need - slack * task.size, abs(gap) > slack * task.size
     return not (must_clear and short) and not (must_touch and loose)
 
@@ -203,45 +257,92 @@ def _path_faults(task: Task, q: Array) -> list[tuple[float, Array, Fault]]:
     return list(worst.values())
 
 
-def _choices(task: Task) -> Iterator[_Model]:
-    """Yield the models to try: which pair closes, and along which direction each overlapping pair comes apart."""
+def _choices(task: Task, q: Array) -> Iterator[_Model]:
+    """Yield the models to try near a motion: which pair closes, and along which direction each overlapping pair comes
+    apart."""
     must_clear, must_touch = _demands(task)
-    rest = np.zeros(len(task.weights))
+    rest = np.zeros(len(q))
     gaps = task.pair_gaps(rest) if must_clear else np.zeros((1, 1))
-    pairs = sorted(np.ndindex(gaps.shape), key=lambda parts: gaps[parts])
+    near = task.pair_gaps(q) if must_clear and q.any() else gaps
+    pairs = sorted(np.ndindex(gaps.shape), key=lambda parts: near[parts])
     closes = must_touch and (bool(task.tracked) or gaps.min() > 0)
-    low = [parts for parts in pairs if must_clear and gaps[parts] < task.need]
+    low = {parts: _ways_apart(task, parts, q) for parts in pairs if must_clear and gaps[parts] < task.need}
+    firsts = dict.fromkeys(low, 0)
+    variants = [firsts, *({**firsts, parts: k} for parts in low for k in range(1, min(CHOICES, len(low[parts]))))]
+    if q.any():  # near a motion that is known to do, its own features are the choice
+        pairs, variants = pairs[:1], variants[:1]
     for closing in pairs[:CHOICES] if closes else [None]:
-        for varied in range(max(len(low), 1)):
-            for choice in range(CHOICES if low else 1):
-                if varied and not choice:
-                    continue  # the best of each pair was the first model
-                model = _Model(task, closing)
-                for k, parts in enumerate(low):
-                    _, rows = _facets(task, parts, task.pose(rest))
-                    separations = rows[:, 5] - rows[:, 3:5] @ task.target
-                    order = np.argsort(-separations, kind="stable")
-                    rank = choice if k == varied else 0
-                    if rank < len(order):
-                        model.add_plane(parts, rest, rows[order[rank], :3])
-                yield model
+        for variant in variants:
+            model = _Model(task, closing)
+            if closing:
+                model.add_closing(q, -task.size)
+                model.promise = max(float(gaps[closing]), 0.0) / displacement_rate(task)
+            for parts, choice in variant.items():
+                amount, normal = low[parts][choice]
+                model.add_plane(parts, q, normal)
+                model.promise = max(model.promise, amount)
+            yield model
+
+
+def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:
+    """Return (amount, direction) for the ways in which a part pair can come apart near a motion, by the further amount
+    they need to first order."""
+    _, rows = _facets(task, parts, task.pose(q))
+    short = task.need - (rows[:, 5] - rows[:, 3:5] @ task.target)
+    part, seed = task.movable.parts[parts[0]], task.movable.seed
+    scaled = seed + task.target[0] * (part.vertices - seed)
+    foremost = scaled[np.argmax(rows[:, :3] @ task.transform(q)[:3, :3] @ (scaled - seed).T, axis=1)]
+    rates = np.zeros((len(rows), len(q)))
+    for k, step in enumerate(np.eye(len(q)) * DEFAULT.least_unit * task.size / task.weights):
+        velocity = (task.transform(q + step) - task.transform(q - step)) / 2.0
+        rates[:, k] = ((foremost @ velocity[:3, :3].T + velocity[:3, 3]) * rows[:, :3]).sum(axis=1) / step[k]
+    steepness = np.linalg.norm(rates / task.weights, axis=1)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        amounts = np.nan_to_num(short / steepness, nan=np.inf)
+    order = np.argsort(amounts, kind="stable")
+    return [(float(amounts[k]), rows[k, :3]) for k in order]
+
+
+def _nearer(task: Task, best: _Found) -> Array | None:
+    """Return a motion smaller than the best known that meets the goal or nearly so, None if the probes find none.
+
+    Probes stand on spheres of fixed fractions of the best amount, in fixed directions: where one is on the other side
+    of the contact than rest, the contact lies on its ray.
+    """
+    k = len(task.weights)
+    axes = np.vstack([np.eye(k), -np.eye(k)])
+    pairs = [one + share * two for one in axes for two in axes if abs(one @ two) < 1 for share in PROBE_SHARES]
+    directions = np.array([*axes, *pairs])
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    rest = task.gap(np.zeros(k)) - task.need if not task.tracked else 0.0
+    for fraction in PROBE_FRACTIONS:
+        for direction in directions:
+            q = fraction * best.amount * direction / task.weights
+            if (q < task.limits[:, 0]).any() or (q > task.limits[:, 1]).any():
+                continue
+            if not task.tracked:
+                if (task.gap(q) - task.need) * rest < 0:
+                    return _shortened(task, q, {})
+            elif _meets(task, q, DEFAULT.line, {}):
+                return q
+    return None
 
 
 def _starts(task: Task) -> list[Array]:
     """Return rest, and steps of three typical amounts either way along each parameter."""
-    step = 3.0 * task.unit / task.weights
+    step = REACH * task.unit / task.weights
     return [np.zeros(len(step)), *(sign * step * row for row in np.eye(len(step)) for sign in (1.0, -1.0))]
 
 
-def _least(task: Task, model: _Model, best: _Found | None) -> _Found | None:
+def _least(task: Task, model: _Model, starts: list[Array], best: _Found | None, method: str) -> _Found | None:
     """Return the smallest motion of a model, adding what its solutions violate; None if there is none.
 
     Without tracked features a model that is already worse than the best known is given up: rows only add to it.
     """
-    starts = _starts(task) if task.tracked or not model.planes else [np.zeros(len(task.weights))]
     must_clear, _ = _demands(task)
+    normals: dict[Parts, Array] = {}
     for _ in range(ROUNDS):
-        outcome = _solved(task, model, starts)
+        outcome = _solved(task, model, starts, method)
         if outcome is None:
             return None
         model.goal_reached = True
@@ -250,7 +351,8 @@ def _least(task: Task, model: _Model, best: _Found | None) -> _Found | None:
             return None
         added = [model.add_fault(*fault) for fault in (_path_faults(task, q) if task.tracked else [])]
         if must_clear:
-            gaps = task.pair_gaps(q)
+            normals = {parts: outcome.planes[:3, block] for block, parts in enumerate(model.planes)}
+            gaps = task.pair_gaps(q, normals)
             for parts in np.ndindex(gaps.shape):
                 if gaps[parts] >= task.need - DEFAULT.cut * task.unit:
                     continue
@@ -263,12 +365,12 @@ def _least(task: Task, model: _Model, best: _Found | None) -> _Found | None:
                     model.add_plane(parts, q, normal)
                     added.append(True)
         if model.closing is not None:
-            added.append(model.add_closing(q))
+            added.append(model.add_closing(q, DEFAULT.cut * task.unit))
         if not any(added):
             break
         starts = [*starts[:1], q, *starts[2:]] if len(starts) > 1 else [*starts, q]
-    q = _shortened(task, q) if not task.tracked else q
-    if not _meets(task, q, DEFAULT.requirement):
+    q = _shortened(task, q, normals) if not task.tracked else q
+    if not _meets(task, q, DEFAULT.requirement, normals):
         return None
     names = tuple(dict.fromkeys(model.rows[k].name for k in outcome.active))
     modelled = {
@@ -284,23 +386,21 @@ def _least(task: Task, model: _Model, best: _Found | None) -> _Found | None:
     return _Found(q, task.amount(q), names, modelled)
 
 
-def _solved(task: Task, model: _Model, starts: list[Array]) -> program.Outcome | None:
-    """Return the least feasible outcome over the starts; IPOPT is asked where SQP finds none."""
+def _solved(task: Task, model: _Model, starts: list[Array], method: str) -> program.Outcome | None:
+    """Return the least feasible outcome over the starts."""
     planes = np.array(list(model.planes.values())).T if model.planes else np.zeros((4, 0))
-    for method in ("sqpmethod", "ipopt"):
-        outcomes = [program.minimise(task, model.rows, start, planes, method) for start in starts]
-        feasible = [outcome for outcome in outcomes if outcome.feasible]
-        if feasible:
-            return min(feasible, key=lambda outcome: task.amount(outcome.q))
-    return None
+    outcomes = [program.minimise(task, model.rows, start, planes, method) for start in starts]
+    return min(
+        (outcome for outcome in outcomes if outcome.feasible), key=lambda found: task.amount(found.q), default=None
+    )
 
 
-def _shortened(task: Task, q: Array) -> Array:
+def _shortened(task: Task, q: Array, normals: dict[Parts, Array]) -> Array:
     """Return the shortest stretch of the ray at whose end the target pair has the gap it needs."""
     from scipy.optimize import brentq
 
     def miss(s: float) -> float:
-        return task.gap(s * q) - task.need
+        return task.gap(s * q, normals) - task.need
 
     start, end = miss(0.0), miss(1.0)
     if abs(end) <= DEFAULT.cut * task.unit or start * end >= 0 or not task.limits[:, 0].max() <= 0 <= task.limits[

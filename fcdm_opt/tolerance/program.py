@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,10 +49,10 @@ def goal_rows(task: Task) -> list[Row]:
     """Return what the goals "beyond" and "at" ask of the tracked point."""
     if len(task.tracked) == 1:
         return [Row(("on",), np.empty(0), 0.0, 0.0, "target on the moved segment")]
-    change = np.abs(task.target - task.nominal).max() or 1.0
+    change = max(np.abs(task.target - task.nominal).max(), DEFAULT.least_unit)
     upper = INF if task.goal == "beyond" else 0.0
     return [
-        Row(("tracked", k), np.array([task.signs[k] / change if task.signs[k] else 1.0 / change]), 0.0, upper,
+        Row(("tracked", k), np.array([(task.signs[k] or 1.0) / change]), 0.0, upper,
             f"rho_{k + 1} reaches its target")
         for k in range(2)
     ]
@@ -98,10 +98,17 @@ class _Symbols:
     tracked: tuple[tuple[int, Any], ...]
     planes: Any
 
-    def scene(self, s: Any = 1.0) -> Scene:
-        return Scene.of(self.motion, s * self.q, self.seeds)
+    @cached_property
+    def end(self) -> Scene:
+        """The scene after the whole motion."""
+        return Scene.of(self.motion, self.q, self.seeds)
 
-    def tracked_pair(self, scene: Scene, s: Any = 1.0) -> Any:
+    @cached_property
+    def end_pair(self) -> Any:
+        """The tracked scale pair after the whole motion."""
+        return self.tracked_pair(self.end, 1.0)
+
+    def tracked_pair(self, scene: Scene, s: Any) -> Any:
         """Return the tracked scale pair: both lines' intersection, or the one line's point nearest the straight path."""
         lines = [scene.line(kind, values) for kind, values in self.tracked]
         if len(lines) == 2:
@@ -124,18 +131,18 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
         return casadi.dot(n, n)
     if name == "plane":
         n, level = symbols.planes[:3, detail[0]], symbols.planes[3, detail[0]]
-        height = casadi.dot(n, symbols.scene().scaled(detail[1], symbols.target, values) - symbols.seeds[3:])
+        height = casadi.dot(n, symbols.end.scaled(detail[1], symbols.target, values) - symbols.seeds[3:])
         return (height / symbols.unit - level) * (-1 if detail[1] == 1 else 1)
     if name == "tracked":
-        return (symbols.tracked_pair(symbols.scene())[detail[0]] - symbols.target[detail[0]]) * values[0]
+        return (symbols.end_pair[detail[0]] - symbols.target[detail[0]]) * values[0]
     if name == "on":
-        a, b, c, n = symbols.scene().line(*symbols.tracked[0])
+        a, b, c, n = symbols.end.line(*symbols.tracked[0])
         return (a * symbols.target[0] + b * symbols.target[1] - c) / (casadi.norm_2(n) * symbols.unit)
     if name == "target":
-        a, b, c, _ = symbols.scene().line(detail[0], values)
+        a, b, c, _ = symbols.end.line(detail[0], values)
         return (c - a * symbols.target[0] - b * symbols.target[1]) / values[13]
     s, feature = values[0], values[1:14]
-    scene = symbols.scene(s)
+    scene = Scene.of(symbols.motion, s * symbols.q, symbols.seeds)
     a, b, c, n = scene.line(detail[0], feature)
     if name == "line":
         rho = symbols.tracked_pair(scene, s)

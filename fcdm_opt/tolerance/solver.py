@@ -45,7 +45,8 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     start = perf_counter()
     task = Task.of(problem)
     built = perf_counter()
-    answer = (models.satisfied(task) if model == "auto" else None) or models.nonlinear(task)
+    answer = (models.satisfied(task) or models.straight(task)) if model == "auto" else None
+    answer = answer or models.nonlinear(task)
     solution = _report(problem, task, answer)
     solved = perf_counter()
     certificate = verify(solution)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -115,12 +116,12 @@ class Task:
 
     @cached_property
     def unit(self) -> float:
-        """A typical amount: what a change of size by the deviation, or closing the gap, takes."""
+        """A typical amount, which scales the program: what the deviation, or closing the gap, takes."""
         if self.tracked:
             typical = float(np.abs(self.target / self.nominal - 1.0).max()) * self.size
         else:
             typical = abs(self.gap(np.zeros(len(self.weights))) - self.need)
-        return max(typical, DEFAULT.cut * self.size)
+        return max(typical, DEFAULT.least_unit * self.size)
 
     def amount(self, q: Array) -> float:
         """Return the weighted motion amount."""
@@ -134,20 +135,25 @@ class Task:
         """Return the relative pose that the kernels take."""
         return relative_pose(self.movable, self.static, self.transform(q))
 
-    def pair_gaps(self, q: Array) -> Array:
-        """Return the signed gap of every part pair at the target pair, (parts of 1, parts of 2)."""
-        pose = self.pose(q)
-        return np.array(
-            [
-                [kernels.least_separation(*one.packed, *two.packed, pose, self.target, DEFAULT.tie) for two in
-                 self.static.parts]
-                for one in self.movable.parts
-            ]
-        )
+    def pair_gaps(self, q: Array, normals: Mapping[tuple[int, int], Array] | None = None) -> Array:
+        """Return the signed gap of every part pair at the target pair, (parts of 1, parts of 2).
 
-    def gap(self, q: Array) -> float:
-        """Return the signed gap of the target pair."""
-        return float(self.pair_gaps(q).min())
+        The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
+        for a pair: none exceeds the distance.
+        """
+        pose = self.pose(q)
+        gaps = np.empty((len(self.movable.parts), len(self.static.parts)))
+        for (i, j), _ in np.ndenumerate(gaps):
+            one, two = self.movable.parts[i], self.static.parts[j]
+            gaps[i, j] = kernels.least_separation(*one.packed, *two.packed, pose, self.target, DEFAULT.tie)
+            if normals and (i, j) in normals:
+                n = normals[i, j] / np.linalg.norm(normals[i, j])
+                gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *two.packed, pose, self.target, n))
+        return gaps
+
+    def gap(self, q: Array, normals: Mapping[tuple[int, int], Array] | None = None) -> float:
+        """Return the signed gap of the target pair, see `pair_gaps`."""
+        return float(self.pair_gaps(q, normals).min())
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s; nan where lines are parallel."""

@@ -1,0 +1,315 @@
+"""The command line: what it prints, writes and returns; and that importing the package stays light."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import fcdm_opt
+from fcdm_opt.cli import app
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+HELP = "import sys; from fcdm_opt.cli import main; sys.argv = ['fcdm-opt', '--help']"
+HEAVY = ("numpy", "scipy", "numba", "casadi", "coal", "matplotlib", "pydantic", "rich")
+
+# Two unit cubes two apart along x, seeds in the middle: the gap at (rho_1, rho_2) is 2 - rho_1 / 2 - rho_2 / 2.
+CUBES = """
+title = "Two cubes (reconstruction)"
+note = "a note for the reader"
+[bodies.movable]
+name = "left"
+vertices = [[-0.5, -0.5, -0.5], [0.5, -0.5, -0.5], [-0.5, 0.5, -0.5], [0.5, 0.5, -0.5],
+            [-0.5, -0.5, 0.5], [0.5, -0.5, 0.5], [-0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]
+[bodies.static]
+name = "right"
+vertices = [[1.5, -0.5, -0.5], [2.5, -0.5, -0.5], [1.5, 0.5, -0.5], [2.5, 0.5, -0.5],
+            [1.5, -0.5, 0.5], [2.5, -0.5, 0.5], [1.5, 0.5, 0.5], [2.5, 0.5, 0.5]]
+[defaults]
+target = [1.0, 1.0]
+goal = "touch"
+motion = [{ translation = "x" }, { translation = "y" }]
+"""
+REACHABLE = """
+[[case]]
+name = "close it"
+published = [{ translation = 1.2 }, { translation = 0.5 }]
+"""
+UNREACHABLE = """
+[[case]]
+name = "too short: a/b"
+limits = { TX = [-0.1, 0.1] }
+"""
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def document(text: str) -> Any:
+    """Parse JSON strictly: NaN and Infinity are no JSON."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} in JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.fixture
+def cubes(tmp_path: Path) -> Path:
+    path = tmp_path / "cubes.toml"
+    path.write_text(CUBES + REACHABLE)
+    return path
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text(CUBES + UNREACHABLE)
+    return path
+
+
+# ---------------------------------------------------------------------------------------------------------------- curve
+
+
+def test_curve_prints_the_line_of_two_cubes(cubes: Path) -> None:
+    result = run("curve", cubes)
+    assert result.exit_code == 0
+    lines = result.stdout.splitlines()
+    assert lines[0] == "cubes.toml: Two cubes (reconstruction)"
+    assert lines[1:3] == ["a note for the reader", ""]
+    row = next(line.split() for line in lines if line.lstrip().startswith("S1"))
+    assert row[1].startswith("F1F2(P1")
+    assert [float(x.rstrip(",")) for x in row[-8:]] == pytest.approx([0.5, 0.5, 2, 1, 3, 3, 1, -1])
+    assert "contact in the box [0.8, 3] x [0.8, 3]" in result.stdout
+
+
+def test_curve_as_json(cubes: Path) -> None:
+    result = run("curve", cubes, "--json")
+    (file,) = document(result.stdout)
+    (curve,) = file["curves"]
+    (segment,) = curve["segments"]
+    assert (file["title"], curve["cases"], curve["status"]) == ("Two cubes (reconstruction)", ["close it"], "contact")
+    assert segment["line"] == pytest.approx([0.5, 0.5, 2.0])
+    assert segment["slope"] == pytest.approx(-1.0)
+    assert curve["switching_points"] == []
+
+
+def test_curve_lists_each_pair_of_bodies_once() -> None:
+    (file,) = document(run("curve", PROBLEMS / "example1.toml", "--json").stdout)
+    (curve,) = file["curves"]
+    assert curve["cases"] == ["A", "B", "C", "D"]
+    assert [len(curve["segments"]), len(curve["switching_points"])] == [5, 4]
+    printed = run("curve", PROBLEMS / "example1.toml").stdout
+    assert printed.count("V1F2(P1V6; P2V2,V3,V5)") == 1
+    assert "1.273451, 1.214536" in printed
+
+
+# ---------------------------------------------------------------------------------------------------------------- solve
+
+
+def test_solve_prints_the_smallest_motion_of_two_cubes(cubes: Path) -> None:
+    result = run("solve", cubes)
+    assert result.exit_code == 0
+    text = result.stdout
+    row = next(line for line in text.splitlines() if "close it" in line)
+    assert row.split()[-4:] == ["1", "1.000000", "touching", "yes"]
+    assert "TX 1 +" in row
+    assert "1.3" in row.split()  # published: hypot(1.2, 0.5)
+    assert text.splitlines()[-2].startswith("time of 1 case: build ")
+    assert '"touch"' not in text  # the column belongs to goal "beyond"
+
+
+def test_solve_as_json_gives_the_amounts(cubes: Path) -> None:
+    (file,) = document(run("solve", cubes, "--json").stdout)
+    (case,) = file["cases"]
+    assert (case["name"], case["status"], case["usable"]) == ("close it", "SOLVED", True)
+    assert case["amount"] == pytest.approx(1.0, rel=1e-9)
+    assert case["published_amount"] == pytest.approx(math.hypot(1.2, 0.5))
+    assert case["touch_amount"] is None
+
+
+def test_beside_goal_beyond_stands_the_least_touch_motion(tmp_path: Path) -> None:
+    """Moving along the seed line scales the whole curve: both amounts are tau times the seeds' distance."""
+    path = tmp_path / "along.toml"
+    path.write_text(f"""
+        bodies = {json.dumps(str(PROBLEMS / "example1.toml"))}
+        [[case]]
+        name = "along"
+        nominal = 3
+        tolerance = 0.02
+        requirement = "A"
+        goal = "beyond"
+        motion = [{{ translation = "x" }}]
+        """)
+    result = run("solve", path, "--json")
+    assert result.exit_code == 0
+    ((case,),) = [file["cases"] for file in document(result.stdout)]
+    expected = 0.02 * 0.2517
+    assert case["parameters"]["TX"] == pytest.approx(-expected, rel=1e-7)
+    assert [case["amount"], case["touch_amount"]] == pytest.approx([expected, expected], rel=1e-7)
+    printed = run("solve", path).stdout
+    row = next(line for line in printed.splitlines() if "along" in line and "beyond" in line)
+    assert row.split()[-4:] == ["1.020000", "touching", "0.005034", "yes"]
+    assert 'least' in printed
+    assert "A (+,+)" in row
+
+
+def test_cases_are_chosen_by_name() -> None:
+    result = run("solve", PROBLEMS / "example2.toml", "--json", "--case", "B", "--case", "A")
+    (file,) = document(result.stdout)
+    assert [case["name"] for case in file["cases"]] == ["A", "B"]
+
+
+def test_piped_tables_are_whole_and_plain(cubes: Path) -> None:
+    for command in ("curve", "solve"):
+        text = run(command, PROBLEMS / "example1.toml", cubes).stdout
+        assert "\x1b" not in text
+        assert "…" not in text
+        assert max(map(len, text.splitlines())) <= 120
+
+
+# ----------------------------------------------------------------------------------------------------------- exit codes
+
+
+def test_a_case_without_motion_is_exit_code_1_and_says_what_to_do(short: Path) -> None:
+    result = run("solve", short)
+    assert result.exit_code == 1
+    assert "widen the limits" in result.stdout
+    (file,) = document(run("solve", short, "--json").stdout)
+    (case,) = file["cases"]
+    assert case["amount"] is None
+    assert case["motion"] is None
+
+
+def test_bad_input_is_exit_code_2_without_traceback(tmp_path: Path, cubes: Path) -> None:
+    missing, wrong = tmp_path / "missing.toml", tmp_path / "wrong.toml"
+    wrong.write_text(CUBES + REACHABLE + "nominall = 3\n")
+    result = run("solve", missing, wrong, cubes)
+    assert result.exit_code == 2
+    assert "missing.toml" in result.stderr
+    assert "wrong.toml: case[1] 'close it'.nominall: unknown key 'nominall', did you mean 'nominal'?" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert "close it" in result.stdout  # the good file is solved all the same
+    files = document(run("solve", missing, cubes, "--json").stdout)
+    assert "missing.toml" in files[0]["error"]
+    assert files[1]["cases"][0]["usable"]
+
+
+def test_an_unknown_case_is_bad_input(cubes: Path) -> None:
+    result = run("solve", cubes, "--case", "open it")
+    assert result.exit_code == 2
+    assert "'open it'; allowed: close it" in result.stderr
+    assert result.stdout == ""
+
+
+def test_an_unknown_option_is_bad_input(cubes: Path) -> None:
+    assert run("solve", cubes, "--no-such-option").exit_code == 2
+
+
+def _rejecting(monkeypatch: pytest.MonkeyPatch) -> None:
+    from fcdm_opt.tolerance import solver
+
+    honest = solver.solve
+    verdict = Certificate((Check("planted", False, 1.0, 0.0, "a planted refusal"),))
+
+    def refused(problem: Problem) -> Solution:
+        answer = honest(problem)
+        status = Status.NOT_VERIFIED if answer.status.found else answer.status
+        return replace(answer, certificate=verdict, status=status)
+
+    monkeypatch.setattr(solver, "solve", refused)
+
+
+def test_a_motion_that_was_not_verified_is_exit_code_3(cubes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _rejecting(monkeypatch)
+    result = run("solve", cubes)
+    assert result.exit_code == 3
+    assert next(line for line in result.stdout.splitlines() if "close it" in line).split()[-1] == "no"
+    assert "Failed: planted." in result.stdout.replace("\n   ", " ")
+
+
+def test_the_most_severe_exit_code_wins(
+    cubes: Path, short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run("solve", cubes, short).exit_code == 1
+    assert run("solve", cubes, short, tmp_path / "missing.toml").exit_code == 2
+    _rejecting(monkeypatch)
+    assert run("solve", short, cubes).exit_code == 3
+    assert run("solve", tmp_path / "missing.toml", cubes).exit_code == 2
+
+
+# ------------------------------------------------------------------------------------------------------------- pictures
+
+
+def test_pictures_are_written_under_safe_names(cubes: Path, short: Path, tmp_path: Path) -> None:
+    out = tmp_path / "pictures"
+    assert run("curve", cubes, "--out", out / "of curves").exit_code == 0
+    result = run("solve", cubes, short, "--json", "--out", out)
+    document(result.stdout)
+    stems = ["cubes-close_it", "short-too_short_a_b"]
+    expected = {f"{stem}-{kind}.{suffix}" for stem in stems for kind in ("curve", "scene") for suffix in ("png", "svg")}
+    assert {path.name for path in out.iterdir() if path.is_file()} == expected
+    assert {path.name for path in (out / "of curves").iterdir()} == {
+        "cubes-curve.png", "cubes-curve.svg", "cubes-scene.png", "cubes-scene.svg"
+    }
+    assert "Two cubes (reconstruction): case close it" in (out / "cubes-close_it-curve.svg").read_text()
+    assert (out / "cubes-close_it-curve.png").read_bytes().startswith(b"\x89PNG")
+
+
+# -------------------------------------------------------------------------------------------------- start, public names
+
+
+def _python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import fcdm_opt",
+        "import fcdm_opt; dir(fcdm_opt); from fcdm_opt import InputError",
+        "import fcdm_opt.cli",
+        f"{HELP}\ntry: main()\nexcept SystemExit: pass",
+    ],
+)
+def test_nothing_heavy_is_imported_before_it_is_needed(code: str) -> None:
+    loaded = _python(f"{code}\nimport sys; print(sorted(set({HEAVY!r}) & set(sys.modules)))")
+    assert loaded.splitlines()[-1] == "[]"
+
+
+def test_import_and_help_are_fast() -> None:
+    timed = "from time import perf_counter as now; t = now(); import fcdm_opt; print(now() - t)"
+    assert min(float(_python(timed)) for _ in range(3)) < 0.15
+    spent = []
+    for _ in range(3):
+        start = perf_counter()
+        _python(f"{HELP}; main()")
+        spent.append(perf_counter() - start)
+    assert min(spent) < 0.3
+
+
+def test_every_public_name_is_there() -> None:
+    assert set(fcdm_opt.__all__) <= set(dir(fcdm_opt))
+    for name in fcdm_opt.__all__:
+        value = getattr(fcdm_opt, name)
+        assert name == "__version__" or value.__name__ == name
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = fcdm_opt.no_such_name
+
+
+def test_the_version_is_the_installed_one() -> None:
+    assert fcdm_opt.__version__ == version("fcdm_opt")
+    assert run("--version").stdout == f"fcdm-opt {version('fcdm_opt')}\n"

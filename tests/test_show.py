@@ -1,0 +1,209 @@
+"""Pictures: written the same every time, saying what they should, nothing off the page."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+from mpl_toolkits.mplot3d import proj3d
+
+from fcdm_opt.curve.decision_curve import decision_curve
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.show import save
+from fcdm_opt.show.plots import before_after_figure, clipped, decision_curve_figure
+from fcdm_opt.show.scene import scene_figure, true_edges
+from fcdm_opt.tolerance.files import load_problems
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution, Status
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+TITLE = "Example (reconstruction)"
+
+
+@cache
+def problem(example: int, name: str) -> Problem:
+    return next(p for p in load_problems(PROBLEMS / f"example{example}.toml") if p.name == name)
+
+
+def published(example: int, name: str) -> Solution:
+    """The paper's motion as a solution: pictures need no solver."""
+    asked = problem(example, name)
+    assert asked.published is not None
+    transform = asked.motion.transform(asked.published, asked.movable.seed, asked.static.seed)
+    moved = decision_curve(asked.movable, asked.static, box=asked.box, transform=transform)
+    point = moved.switching_points[asked.nominal - 1]
+    return Solution(
+        problem=asked, status=Status.SOLVED, transform=transform, rho=point.rho, pair=asked.target,
+        features=point.contact_features,
+    )
+
+
+def draw(kind: str, example: int, name: str) -> Any:
+    asked, solution = problem(example, name), published(example, name)
+    if kind == "curve":
+        return decision_curve_figure(asked.curve, title=TITLE, caption="a caption")
+    if kind == "before and after":
+        return before_after_figure(asked, solution, title=TITLE, caption="a caption")
+    moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
+    return scene_figure(
+        asked.movable, asked.static, rho=solution.rho, transform=solution.transform, features=solution.features,
+        contacts=moved.contact_points(solution.rho), title=TITLE, caption="a caption",
+    )
+
+
+KINDS = pytest.mark.parametrize("kind", ["curve", "before and after", "scene"])
+
+
+def texts(figure: Any) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if text.get_visible() and text.get_text()]
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+
+
+@KINDS
+def test_the_same_picture_gives_the_same_bytes(kind: str, tmp_path: Path) -> None:
+    first, second = (save(draw(kind, 1, "B"), tmp_path / part / "picture") for part in ("one", "two"))
+    for one, two in zip(first, second, strict=True):
+        assert one.read_bytes() == two.read_bytes()
+    png, svg = first
+    assert (png.name, svg.name) == ("picture.png", "picture.svg")
+    assert TITLE in svg.read_text()
+    assert "a caption" in svg.read_text()
+    assert "<dc:date>" not in svg.read_text()
+
+
+def test_drawing_leaves_the_global_plotting_state_alone() -> None:
+    code = """if True:
+        import sys, tempfile, matplotlib
+        from fcdm_opt.geometry.bodies import Body
+        from fcdm_opt.show import save
+        from fcdm_opt.show.scene import scene_figure
+        state = lambda: {key: matplotlib.rcParams[key] for key in matplotlib.rcParams if key != "backend"}
+        before = state()
+        body = Body.convex([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+        with tempfile.TemporaryDirectory() as directory:
+            save(scene_figure(body, body), directory + "/picture")
+        print("matplotlib.pyplot" in sys.modules, state() == before)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+
+
+@KINDS
+@pytest.mark.parametrize(("example", "name"), [(1, "A"), (1, "B"), (1, "C"), (1, "D"), (2, "A"), (2, "B")])
+def test_no_text_runs_off_the_page(kind: str, example: int, name: str) -> None:
+    figure = draw(kind, example, name)
+    figure.draw_without_rendering()
+    ticks = {label for axes in figure.axes for label in (*axes.get_xticklabels(), *axes.get_yticklabels())}
+    shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text()]
+    assert len(shown) > 5
+    for text in set(shown) - ticks:  # ticks beyond the limits exist, but are not drawn
+        box = text.get_window_extent()
+        assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
+        assert 0 <= box.y0 <= box.y1 <= figure.bbox.y1, text.get_text()
+
+
+# --------------------------------------------------------------------------------------------------------------- curves
+
+
+def test_the_curve_is_drawn_with_the_labels_of_the_paper(tmp_path: Path) -> None:
+    svg = save(draw("curve", 1, "B"), tmp_path / "curve")[1].read_text()
+    for label in ("S1  V1F2(P1V6; P2V2,V3,V5)", "SW3  (1.273451, 1.214536)"):
+        assert label in svg
+    for name in ("S5", "SW4", "apart", "overlapping"):
+        assert f">{name}<" in svg
+    assert ">S6<" not in svg
+    two_contacts = "\n".join(texts(draw("curve", 2, "B")))
+    for label in ("V1F2(P1V5; P2V4,V5,V10,V11)", "V1F2(P1V4; P2V3,V4,V9,V10)", "V1E2(P1V4; P2V9,V10)"):
+        assert label in two_contacts
+
+
+def test_a_box_without_contact_says_so() -> None:
+    asked = problem(1, "A")
+    apart = decision_curve(asked.movable, asked.static, box=((0.8, 0.85), (0.8, 0.85)))
+    assert "no contact in the box: apart" in texts(decision_curve_figure(apart))
+
+
+def test_before_and_after_shows_both_curves_and_the_three_points() -> None:
+    asked, solution = problem(1, "C"), published(1, "C")
+    figure = before_after_figure(asked, solution)
+    whole, zoom = figure.axes
+    points = {line.get_label(): line.get_xydata()[0] for line in zoom.lines if line.get_linestyle() == "None"}
+    np.testing.assert_array_equal(points["tracked point before"], asked.nominal_pair)
+    np.testing.assert_array_equal(points["target pair (parts made)"], asked.target)
+    np.testing.assert_array_equal(points["tracked point after"], solution.rho)
+    shown = texts(figure)
+    assert {"SW3", "SW3'", "S3", "S3'", "decision curve before", "after the motion", "tolerance"} <= set(shown)
+    low, high = np.transpose([zoom.get_xlim(), zoom.get_ylim()])
+    for point in (asked.target, solution.rho, 0.98 * asked.nominal_pair, 1.02 * asked.nominal_pair):
+        assert np.all((low < point) & (point < high))
+    assert whole.get_xlim() == (0.8, 3.0)
+
+
+def test_without_a_motion_only_the_curve_before_is_drawn() -> None:
+    asked = problem(1, "C")
+    shown = texts(before_after_figure(asked, Solution(problem=asked, status=Status.NOT_FOUND, pair=asked.target)))
+    assert "decision curve before" in shown
+    assert "after the motion" not in shown
+    assert "tracked point after" not in shown
+
+
+def test_clipping_a_straight_piece() -> None:
+    window = ((0.0, 1.0), (0.0, 1.0))
+    np.testing.assert_allclose(clipped((-1, -1), (2, 2), window), [[0, 0], [1, 1]], atol=1e-15)
+    np.testing.assert_allclose(clipped((0.5, 2), (0.5, -1), window), [[0.5, 1], [0.5, 0]], atol=1e-15)
+    np.testing.assert_allclose(clipped((0.2, 0.3), (0.4, 0.1), window), [[0.2, 0.3], [0.4, 0.1]], atol=1e-15)
+    assert clipped((0, 2), (2, 1.1), window) is None
+    assert clipped((2, 0), (2, 1), window) is None
+    random = np.random.default_rng(5)
+    kept = 0
+    for start, end in random.uniform(-2, 3, (200, 2, 2)):
+        piece = clipped(start, end, window)
+        if piece is None:  # then a dense sample stays outside too
+            sample = start + np.linspace(0, 1, 501)[:, None] * (end - start)
+            assert not np.any(np.all((sample > 0) & (sample < 1), axis=1))
+            continue
+        kept += 1
+        along = (piece - start) @ (end - start) / ((end - start) @ (end - start))
+        np.testing.assert_allclose(start + along[:, None] * (end - start), piece, atol=1e-12)
+        assert -1e-12 < along[0] < along[1] < 1 + 1e-12
+        assert np.all((piece > -1e-12) & (piece < 1 + 1e-12))
+    assert kept > 40
+
+
+# --------------------------------------------------------------------------------------------------------------- scenes
+
+
+def test_true_edges_leave_out_what_a_cut_makes_on_a_face() -> None:
+    cube = Body.convex([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    edges = true_edges(cube)
+    assert len(edges) == 12
+    np.testing.assert_allclose([np.linalg.norm(b - a) for a, b in edges.values()], 1.0)
+    ell = true_edges(problem(2, "A").static)  # a prism over a hexagon, cut along 1-4-10-7
+    assert len(ell) == 18
+    assert (1, 4) not in ell
+    assert (7, 10) not in ell
+    assert (4, 10) in ell  # the reflex edge
+
+
+def test_a_scene_numbers_every_vertex_at_one_scale() -> None:
+    figure = draw("scene", 2, "A")
+    numbers = sorted(int(text) for text in texts(figure) if text.isdigit() and int(text) <= 12)
+    assert [numbers.count(k) for k in range(1, 13)] == [2, 3, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1]  # and the bar of length 2
+    (axes,) = figure.axes
+    figure.draw_without_rendering()
+    origin_and_units = np.vstack([np.zeros(3), np.eye(3)])
+    x, y, _ = proj3d.proj_transform(*origin_and_units.T, axes.get_proj())
+    page = axes.transData.transform(np.column_stack([x, y]))
+    rows = (page[1:] - page[0]).T  # of a rotation, times one scale: orthogonal, of equal length
+    gram = rows @ rows.T
+    np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])
+    assert "contact points" in texts(figure)
+    assert "in contact" in texts(figure)
