@@ -42,6 +42,9 @@ class Tolerances:
     least_unit
         The program measures in a typical amount, but in no less than this times the size: rounding in the contact
         equations is about 1e-16 times the size, and `solver` must stay attainable in the program's unit.
+    march
+        Shortest step of the advancement along a ray, relative to the size: a graze shallower than this may be missed
+        and is not claimed as proved.
     determinant
         Two contact lines whose normalised determinant is below this do not define a switching point.
     seeds
@@ -64,6 +67,7 @@ class Tolerances:
     solver: float = 1e-11
     cut: float = 1e-10
     least_unit: float = 1e-3
+    march: float = 1e-7
     determinant: float = 1e-9
     seeds: float = 1e-9
     rigid: float = 1e-9

@@ -349,7 +349,14 @@ def test_chains_that_run_to_infinity_are_located_outside_the_box_too(one, two, l
         rho = (level, x) if math.isinf(slope) else (x, slope * x + level)
         assert exact(one, two).touches(rho)
         assert curve.locate(rho).feature.kind == "F1F2"
-        assert curve.locate((rho[0] + 0.01, rho[1] + 0.02)) is None or slope == 2
+        assert curve.locate((rho[0] + 0.01, rho[1] - 0.01)) is None
+
+
+def test_chains_that_only_meet_where_both_scales_vanish_have_no_switching_point():
+    both = box_shape((1, -1, -1), (2, 1, 1), (0, 0, 0))
+    curve = curve_of(both, both, ((0, 3), (0, 3)))  # overlap where r1 / 2 < r2 < 2 r1
+    assert len(curve.segments) == len(curve.branches) == 2
+    assert curve.switching_points == ()
 
 
 def test_bodies_drawn_vertex_on_vertex_touch_so_at_the_switching_point_of_scale_one():

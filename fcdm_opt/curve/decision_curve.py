@@ -13,7 +13,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import contact_point
 from fcdm_opt.curve.envelope import boundary, overlap_interval
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.region import Piece, Region, pair_region
+from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair, support_feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Array, Body, frozen, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
@@ -163,12 +163,12 @@ class DecisionCurve:
                 span = _clipped(piece, self.box)
                 if span is not None:
                     count += 1
-                    if run and not _close(run[-1].end, piece.end_at(span[0])):
+                    if run and not same_pair(run[-1].end, piece.end_at(span[0])):
                         branches.append(Branch(tuple(run)))
                         run = []
                     run.append(self._segment(piece, span, count))
                 successor = chain[(k + 1) % len(chain)]
-                meets = len(chain) > 1 and np.isfinite(piece.hi) and _close(piece.end, successor.start)
+                meets = len(chain) > 1 and np.isfinite(piece.hi) and same_pair(piece.end, successor.start)
                 if meets and _inside(piece.end, self.box):
                     points.append(self._switching_point(piece, successor, len(points) + 1))
             if run:
@@ -206,19 +206,30 @@ class DecisionCurve:
 
     def _switching_point(self, before: Piece, after: Piece, index: int) -> SwitchingPoint:
         rho = before.end
-        merged = before.feature.merged(after.feature) if before.parts == after.parts else None
-        features = (merged,) if merged else (before.feature, after.feature)
-        pieces = (before,) if merged else (before, after)
-        contacts = [self._contact_point(piece, rho) for piece in pieces]
+        if before.parts == after.parts:
+            normal = self._inner_normal(before.parts, rho)
+            one, two = self.movable.parts[before.parts[0]], self.static.parts[before.parts[1]]
+            features = (support_feature(one, two, normal, self.pose),)
+            contacts = [self._contact_point(before.parts, normal, rho)]
+        else:
+            features = (before.feature, after.feature)
+            contacts = [self._contact_point(piece.parts, piece.normal, rho) for piece in (before, after)]
         return SwitchingPoint(
             frozen(rho), (before.feature, after.feature), frozen([before.line, after.line]), (before, after), features,
             frozen(contacts), index,
         )
 
-    def _contact_point(self, piece: Piece, rho: Array) -> Array:
-        i, j = piece.parts
-        local = contact_point(self.movable.parts[i], self.static.parts[j], self.pose, piece.normal, rho)
-        return self.static.seed + local
+    def _inner_normal(self, parts: tuple[int, int], rho: Array) -> Array:
+        """Return a direction inside the cone of all directions in which a touching part pair supports each other."""
+        rows = self._rows[parts[0] * len(self.static.parts) + parts[1]]
+        sides = np.abs(rows[:, 3:5]) @ rho + np.abs(rows[:, 5])
+        tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= DEFAULT.nominal * sides
+        inner = rows[tight, :3].sum(axis=0)
+        return inner / np.linalg.norm(inner)
+
+    def _contact_point(self, parts: tuple[int, int], normal: Array, rho: Array) -> Array:
+        one, two = self.movable.parts[parts[0]], self.static.parts[parts[1]]
+        return self.static.seed + contact_point(one, two, self.pose, normal, rho)
 
     def contact_points(self, rho: ArrayLike) -> Array:
         """Return the contact point(s) at a scale pair on the curve, (k, 3), world frame; (0, 3) off the curve."""
@@ -227,7 +238,7 @@ class DecisionCurve:
             return np.empty((0, 3))
         if isinstance(found, SwitchingPoint):
             return found.contacts
-        return self._contact_point(found.piece, _pair(rho))[None]
+        return self._contact_point(found.parts, found.normal, _pair(rho))[None]
 
     def locate(self, rho: ArrayLike, tolerance: float = DEFAULT.nominal) -> Segment | SwitchingPoint | None:
         """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
@@ -357,10 +368,6 @@ def _pair(rho: ArrayLike) -> Array:
     return point
 
 
-def _close(p: Array, q: Array) -> bool:
-    return bool(np.isfinite(p).all() and np.isfinite(q).all() and np.abs(p - q).sum() <= DEFAULT.nominal * (1.0 + np.abs(p).sum()))
-
-
 def _inside(point: Array, box: Box) -> bool:
     slack = DEFAULT.line * np.abs(point)
     return all(lo - e <= x <= hi + e for x, (lo, hi), e in zip(point, box, slack, strict=True))
@@ -376,4 +383,6 @@ def _clipped(piece: Piece, box: Box) -> tuple[float, float] | None:
             continue
         s, e = sorted(((low - x) / t, (high - x) / t))
         lo, hi = max(lo, s), min(hi, e)
-    return (lo, hi) if hi - lo > DEFAULT.line * max(1.0, abs(hi)) else None
+    endless = np.isinf(lo) or np.isinf(hi)
+    rounding = DEFAULT.line * (np.abs(piece.base).sum() + abs(lo) + abs(hi))
+    return (lo, hi) if hi > lo and (endless or hi - lo > rounding) else None

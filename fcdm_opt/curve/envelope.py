@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fcdm_opt.curve.region import Piece, Region
+from fcdm_opt.curve.region import Piece, Region, same_pair
 from fcdm_opt.geometry.bodies import Array
 from fcdm_opt.tolerances import DEFAULT
+
+_LEAST_SCALE = 1e-6  # lines that pass this near to (0, 0) are compared as lines through it
 
 
 def boundary(regions: Sequence[Region]) -> list[list[Piece]]:
@@ -47,19 +49,24 @@ def _outside_others(regions: Sequence[Region], own: int) -> list[Piece]:
         spans = [(piece.lo, piece.hi)]
         for other, region in enumerate(regions):
             if other != own:
-                spans = _minus(spans, *overlap_interval(region, piece.base, piece.travel))
+                spans = _minus(spans, *overlap_interval(region, piece.base, piece.travel), _scale(piece))
         left += [piece if span == (piece.lo, piece.hi) else replace(piece, lo=span[0], hi=span[1]) for span in spans]
     return left
 
 
-def _minus(spans: list[tuple[float, float]], lo: float, hi: float) -> list[tuple[float, float]]:
+def _scale(piece: Piece) -> float:
+    """Return the size of a piece's scale pairs, which rounding is relative to."""
+    return max(float(np.abs(piece.base).sum()), _LEAST_SCALE)
+
+
+def _minus(spans: list[tuple[float, float]], lo: float, hi: float, scale: float) -> list[tuple[float, float]]:
     """Take an open interval out of a list of closed ones; slivers within rounding are dropped."""
     if hi <= lo:
         return spans
     rest = []
     for a, b in spans:
         for p, q in ((a, min(b, lo)), (max(a, hi), b)):
-            if p < q and q - p > DEFAULT.line * (1.0 + min(abs(p), abs(q))):  # two infinite ends: none left
+            if p < q and q - p > DEFAULT.line * (scale + min(abs(p), abs(q))):  # two infinite ends: none left
                 rest.append((p, q))
     return rest
 
@@ -74,12 +81,12 @@ def _without_repeats(pieces: list[Piece]) -> list[Piece]:
                 continue
             same = float(piece.travel @ known.travel)
             lo, hi = sorted(same * s + float(piece.base @ piece.travel) for s in (known.lo, known.hi))
-            if not any(_minus([(p.lo, p.hi)], lo, hi) != [(p.lo, p.hi)] for p in rest):
+            if all(_minus([(p.lo, p.hi)], lo, hi, _scale(p)) == [(p.lo, p.hi)] for p in rest):
                 continue
             if same < 0:
                 kept.remove(known)
                 kept += _marked_snug(known, piece)
-            rest = [replace(p, lo=a, hi=b) for p in rest for a, b in _minus([(p.lo, p.hi)], lo, hi)]
+            rest = [replace(p, lo=a, hi=b) for p in rest for a, b in _minus([(p.lo, p.hi)], lo, hi, _scale(p))]
         kept += rest
     return kept
 
@@ -87,21 +94,15 @@ def _without_repeats(pieces: list[Piece]) -> list[Piece]:
 def _one_line(one: Piece, two: Piece) -> bool:
     cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
     apart = np.abs(one.base - two.base).sum()
-    return bool(cross <= DEFAULT.nominal and apart <= DEFAULT.nominal * (1e-3 + np.abs(one.base).sum()))
+    return bool(cross <= DEFAULT.nominal and apart <= DEFAULT.nominal * _scale(one))
 
 
 def _marked_snug(known: Piece, other: Piece) -> list[Piece]:
     """Split a piece where an opposite one covers it."""
     lo, hi = sorted(-s for s in (other.lo, other.hi))
     inside = (max(known.lo, lo), min(known.hi, hi))
-    outside = [replace(known, lo=a, hi=b) for a, b in _minus([(known.lo, known.hi)], *inside)]
+    outside = [replace(known, lo=a, hi=b) for a, b in _minus([(known.lo, known.hi)], *inside, _scale(known))]
     return [*outside, replace(known, lo=inside[0], hi=inside[1], snug=True)]
-
-
-def _near(p: Array, q: Array) -> bool:
-    if not (np.isfinite(p).all() and np.isfinite(q).all()):
-        return False
-    return bool(np.abs(p - q).sum() <= DEFAULT.nominal * (1.0 + np.abs(p).sum()))
 
 
 def _chains(pieces: list[Piece]) -> list[list[Piece]]:
@@ -117,7 +118,7 @@ def _chains(pieces: list[Piece]) -> list[list[Piece]]:
                     (
                         p
                         for p in sorted(rest, key=lambda p: p.parts != (chain[-1] if forward else chain[0]).parts)
-                        if p.snug == chain[0].snug and _near(p.start if forward else p.end, tip)
+                        if p.snug == chain[0].snug and same_pair(p.start if forward else p.end, tip)
                     ),
                     None,
                 )

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Element
 
-_LABEL = re.compile(r"([VEF])1([VEF])2\(P1([V0-9,]+); ?P2([V0-9,]+)\)")
+_VERTICES = r"V[1-9][0-9]*(?:,V[1-9][0-9]*)*"
+_LABEL = re.compile(rf"([VEF])1([VEF])2\(P1({_VERTICES}); ?P2({_VERTICES})\)")
+_COUNTS = {"V": range(1, 2), "E": range(2, 3), "F": range(3, 10**6)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +56,11 @@ class Feature:
     def from_label(cls, label: str) -> Feature:
         """Read a label back; raises `InputError` if it is none."""
         found = _LABEL.fullmatch(label.strip())
-        if not found:
+        texts = zip(found.group(1, 2), found.group(3, 4), strict=True) if found else ()
+        elements = [Element(kind, tuple(int(v) for v in text.replace("V", "").split(","))) for kind, text in texts]
+        if not elements or any(len(set(vertices)) not in _COUNTS[kind] for kind, vertices in elements):
             raise InputError("not a feature label", found=label, allowed="V1F2(P1V6; P2V2,V3,V5) and the like")
-        kinds, texts = found.group(1, 2), found.group(3, 4)
-        one, two = (
-            Element(kind, tuple(int(v) for v in text.replace("V", "").split(",")))
-            for kind, text in zip(kinds, texts, strict=True)
-        )
-        return cls(one, two)
+        return cls(*elements)
 
     def merged(self, other: Feature) -> Feature | None:
         """Return the contact feature in which two features of one part pair meet, None if they share nothing."""

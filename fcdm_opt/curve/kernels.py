@@ -464,7 +464,7 @@ def walk(reals1, ints1, reals2, ints2, pose, tie):  # type: ignore[no-untyped-de
     hit2, in2, face_in2, out2, face_out2 = _seed_ray(X, ints1, d, tie)  # rho_2 = 0: where s_2 lies in part 1
     if hit1 != 2 and hit2 != 2 and (hit1 == 1 or hit2 == 1):
         state = WALKED
-        low_joined = high_joined = False
+        low_joined = far1_joined = far2_joined = False  # ends on an axis that an earlier chain has reached
         for start in range(4):
             # where, on which axis, at which face, walked forward or backward, unless already reached from the other end
             if start == 0:
@@ -472,9 +472,9 @@ def walk(reals1, ints1, reals2, ints2, pose, tie):  # type: ignore[no-untyped-de
             elif start == 1:
                 wanted, axis, at, face, forward = hit2 == 1 and not low_joined, 1, out2, face_out2, -1.0
             elif start == 2:
-                wanted, axis, at, face, forward = hit1 == 1 and in1 > 0, 0, in1, face_in1, -1.0
+                wanted, axis, at, face, forward = hit1 == 1 and in1 > 0 and not far1_joined, 0, in1, face_in1, -1.0
             else:
-                wanted, axis, at, face, forward = hit2 == 1 and in2 > 0 and not high_joined, 1, in2, face_in2, 1.0
+                wanted, axis, at, face, forward = hit2 == 1 and in2 > 0 and not far2_joined, 1, in2, face_in2, 1.0
             if not wanted:
                 continue
             points[used + made, axis], points[used + made, 1 - axis] = 0.0, 1.0 / at
@@ -489,7 +489,8 @@ def walk(reals1, ints1, reals2, ints2, pose, tie):  # type: ignore[no-untyped-de
                 break
             chains[made, 0], chains[made, 1], chains[made, 2], chains[made, 3] = used, count, int(forward), end == 0
             low_joined = low_joined or (start == 0 and end == -2)
-            high_joined = high_joined or (start == 2 and end == -2)
+            far1_joined = far1_joined or (start == 0 and end == -1)
+            far2_joined = far2_joined or (start > 0 and end == -2)
             used += count
             made += 1
     return state, sites[:used], rows[:used], points[: used + made], chains[:made]

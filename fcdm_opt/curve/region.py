@@ -191,7 +191,7 @@ def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int,
     breaks = [
         n
         for n, k in enumerate(order)
-        if sites[k, 0] == kernels.AXIS or not np.isfinite(lo[k]) or not _same(ends[order[n - 1]][1], ends[k][0])
+        if sites[k, 0] == kernels.AXIS or not np.isfinite(lo[k]) or not same_pair(ends[order[n - 1]][1], ends[k][0])
     ]
     start = breaks[0] if breaks else 0
     chains: list[list[Piece]] = []
@@ -226,9 +226,10 @@ def _on_line(line: Array, s: float) -> Array:
     return line[2] * line[:2] + s * np.array([line[1], -line[0]])
 
 
-def _same(p: Array, q: Array) -> bool:
+def same_pair(p: Array, q: Array) -> bool:
+    """Tell whether two finite scale pairs, not both zero, are equal up to rounding."""
     return bool(np.isfinite(p).all() and np.isfinite(q).all()
-                and np.abs(p - q).sum() <= DEFAULT.nominal * (np.abs(p).sum() + np.abs(q).sum()))
+                and np.abs(p - q).sum() < DEFAULT.nominal * (np.abs(p).sum() + np.abs(q).sum()))
 
 
 def _intervals(lines: Array, rank: Array) -> tuple[Array, Array]:

@@ -545,17 +545,26 @@ def _faces_from_parts(rows: Any, planes: Any, size: float) -> list[list[tuple[in
 
 
 def _owners(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float) -> dict[tuple[int, int], int]:
-    """Map each part face to the given face in its plane with which it shares most vertices."""
+    """Map each part face to the given face in its plane with which it shares most vertices, or in which it lies."""
     owner = {}
     for part, loops in enumerate(rows):
         for face, loop in enumerate(loops):
             normal, level = planes[part][face]
-            shared = [
-                len(set(own) & set(loop))
+            shared = {
+                k: len(set(own) & set(loop))
+                for k, own in enumerate(given)
                 if np.abs(points[own] @ normal - level).max() <= DEFAULT.nominal * size
-                else 0
-                for own in given
-            ]
-            if max(shared, default=0) >= 2:
-                owner[part, face] = int(np.argmax(shared))
+            }
+            middle = points[list(loop)].mean(axis=0)
+            best = max(shared, key=lambda k: shared[k], default=None)
+            if best is not None and (shared[best] or _surrounds(points[given[best]], middle, normal)):
+                owner[part, face] = best
     return owner
+
+
+def _surrounds(outline: Array, point: Array, normal: Array) -> bool:
+    """Tell whether a polygon, corners in order, goes round a point of its plane: its winding number is not zero."""
+    spokes = outline - point
+    ahead = np.roll(spokes, -1, axis=0)
+    turns = np.arctan2(np.cross(spokes, ahead) @ normal, (spokes * ahead).sum(axis=1))
+    return bool(abs(turns.sum()) > np.pi)

@@ -10,7 +10,7 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, contact_faults
 from fcdm_opt.geometry.bodies import Array
-from fcdm_opt.tolerance import program
+from fcdm_opt.tolerance import program, rays
 from fcdm_opt.tolerance.bounds import displacement_bound, displacement_rate
 from fcdm_opt.tolerance.equations import feature_points
 from fcdm_opt.tolerance.program import Row
@@ -31,7 +31,7 @@ Parts = tuple[int, int]
 def satisfied(task: Task) -> Answer | None:
     """Stage 0: nothing to do."""
     rest = np.zeros(len(task.weights))
-    if ((task.limits[:, 0] > 0) | (task.limits[:, 1] < 0)).any() or not _meets(task, rest, DEFAULT.line, {}):
+    if not _rest_allowed(task) or not _meets(task, rest, DEFAULT.line, {}):
         return None
     return Answer(Status.ALREADY_SATISFIED, rest, "0: met without motion")
 
@@ -71,6 +71,25 @@ def straight(task: Task) -> Answer | None:
     return Answer(Status.SOLVED, q, stage, amount, ("the first contact on the way",), {"part_pairs_kept": len(blocked)})
 
 
+def one_parameter(task: Task) -> Answer | None:
+    """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
+    if task.tracked or task.need > 0 or len(task.weights) != 1 or not _rest_allowed(task):
+        return None
+    stage = "2: one parameter, safe steps to the first contact"
+    ways = [sign / task.weights for sign in (1.0, -1.0)]
+    ends = [rays.reach(task, way) for way in ways]
+    first = rays.first_contact(task, ways[0], ends[0])
+    second = rays.first_contact(task, ways[1], min(ends[1], first.amount))
+    amount, way = min(((first.amount, 0), (second.amount, 1)))
+    bound = max(min(first.clear_to, second.clear_to), displacement_bound(task))
+    if not np.isfinite(amount):
+        whole = task.motion.weights(0.0)[0] == 0 or np.isfinite(task.limits).all()
+        proved = whole and first.clear_to >= ends[0] and second.clear_to >= ends[1]
+        return Answer(Status.INFEASIBLE if proved else Status.NOT_FOUND, None, stage, bound)
+    return Answer(Status.SOLVED, amount * ways[way], stage, min(bound, amount), ("the first contact on the way",),
+                  {"part_pairs_kept": task.part_pairs})
+
+
 def nonlinear(task: Task) -> Answer:
     """Stage 4: the nonlinear program, with constraints of other features added only when a solution violates them.
 
@@ -78,7 +97,8 @@ def nonlinear(task: Task) -> Answer:
     """
     best: _Found | None = None
     goal_alone = False
-    for method in ("sqpmethod", "ipopt"):  # the slower one only where the faster finds nothing at all
+    # IPOPT only where SQP finds nothing and no ray of motions can be searched instead
+    for method in ("sqpmethod", "ipopt") if task.tracked else ("sqpmethod",):
         for model in sorted(_choices(task, np.zeros(len(task.weights))), key=lambda model: model.promise):
             if best is not None and model.promise >= best.amount:
                 break
@@ -86,8 +106,10 @@ def nonlinear(task: Task) -> Answer:
             goal_alone = goal_alone or model.goal_reached
         if best is not None:
             break
-    for _ in range(PROBES if best is not None else 0):
-        q = _nearer(task, best)
+    if best is None and not task.tracked and _rest_allowed(task):
+        best = _on_a_ray(task)
+    for _ in range(PROBES):
+        q = _nearer(task, best) if best is not None else None
         if q is None:
             break
         for model in _choices(task, q):
@@ -97,6 +119,11 @@ def nonlinear(task: Task) -> Answer:
         status = Status.LEFT_COHERENT_RANGE if goal_alone and task.coherent else Status.NOT_FOUND
         return Answer(status, None, "4: nonlinear program, no start succeeded", bound)
     return Answer(Status.SOLVED, best.q, "4: nonlinear program", bound, best.active, best.modelled)
+
+
+def _rest_allowed(task: Task) -> bool:
+    """Tell whether no motion at all lies within the limits."""
+    return bool(((task.limits[:, 0] <= 0) & (task.limits[:, 1] >= 0)).all())
 
 
 def _better(one: _Found | None, two: _Found | None) -> _Found | None:
@@ -303,21 +330,37 @@ def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]
     return [(float(amounts[k]), rows[k, :3]) for k in order]
 
 
+def _directions(task: Task) -> Array:
+    """Return fixed directions in the parameters, per unit of amount: the axes both ways and between each two."""
+    k = len(task.weights)
+    axes = np.vstack([np.eye(k), -np.eye(k)])
+    between = [one + share * two for one in axes for two in axes if abs(one @ two) < 1 for share in PROBE_SHARES]
+    directions = np.array([*axes, *between])
+    return directions / np.linalg.norm(directions, axis=1)[:, None] / task.weights
+
+
+def _on_a_ray(task: Task) -> _Found | None:
+    """Return the least first contact along the fixed directions."""
+    best = None
+    for direction in _directions(task):
+        limit = min(rays.reach(task, direction), best.amount if best else np.inf)
+        contact = rays.first_contact(task, direction, limit)
+        if contact.amount < limit:
+            best = _Found(contact.amount * direction, contact.amount, ("the first contact on the way",), {})
+    return best
+
+
 def _nearer(task: Task, best: _Found) -> Array | None:
     """Return a motion smaller than the best known that meets the goal or nearly so, None if the probes find none.
 
     Probes stand on spheres of fixed fractions of the best amount, in fixed directions: where one is on the other side
     of the contact than rest, the contact lies on its ray.
     """
-    k = len(task.weights)
-    axes = np.vstack([np.eye(k), -np.eye(k)])
-    pairs = [one + share * two for one in axes for two in axes if abs(one @ two) < 1 for share in PROBE_SHARES]
-    directions = np.array([*axes, *pairs])
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    directions, k = _directions(task), len(task.weights)
     rest = task.gap(np.zeros(k)) - task.need if not task.tracked else 0.0
     for fraction in PROBE_FRACTIONS:
         for direction in directions:
-            q = fraction * best.amount * direction / task.weights
+            q = fraction * best.amount * direction
             if (q < task.limits[:, 0]).any() or (q > task.limits[:, 1]).any():
                 continue
             if not task.tracked:
@@ -377,7 +420,7 @@ def _least(task: Task, model: _Model, starts: list[Array], best: _Found | None, 
         "rows": len(model.rows),
         "part_pairs_kept": len({*model.planes, *(f.parts for f in task.tracked), *([model.closing] if model.closing
                                                                                     else [])}),
-        "part_pairs_total": len(task.movable.parts) * len(task.static.parts),
+        "part_pairs_total": task.part_pairs,
         "directions_total": sum(
             len(_facets(task, parts, task.pose(q))[0])
             for parts in np.ndindex(len(task.movable.parts), len(task.static.parts))

@@ -45,8 +45,8 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     start = perf_counter()
     task = Task.of(problem)
     built = perf_counter()
-    answer = (models.satisfied(task) or models.straight(task)) if model == "auto" else None
-    answer = answer or models.nonlinear(task)
+    exact = (models.satisfied, models.straight, models.one_parameter) if model == "auto" else ()
+    answer = next(filter(None, (stage(task) for stage in exact)), None) or models.nonlinear(task)
     solution = _report(problem, task, answer)
     solved = perf_counter()
     certificate = verify(solution)

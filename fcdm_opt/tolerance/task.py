@@ -110,6 +110,11 @@ class Task:
         return max(self.movable.size, self.static.size)
 
     @property
+    def part_pairs(self) -> int:
+        """Number of pairs of convex parts."""
+        return len(self.movable.parts) * len(self.static.parts)
+
+    @property
     def need(self) -> float:
         """Gap that the target pair must have where it must be clear."""
         return self.clearance if "clear" in (self.goal, self.pair) else 0.0
