@@ -37,6 +37,8 @@ class Tolerances:
         Tolerance handed to the collision library on bodies of unit size; its default of 1e-6 is a dead zone.
     solver
         Constraint tolerance of the NLP solver, in units of the scaled constraints.
+    dual
+        Tolerance of the NLP solver's stationarity: an error d in it costs the amount only d^2.
     cut
         A constraint that was left out is added once it is violated by more than this.
     least_unit
@@ -65,6 +67,7 @@ class Tolerances:
     requirement: float = 1e-9
     judge_gjk: float = 1e-12
     solver: float = 1e-11
+    dual: float = 1e-8
     cut: float = 1e-10
     least_unit: float = 1e-3
     march: float = 1e-7

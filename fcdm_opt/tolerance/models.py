@@ -162,7 +162,6 @@ class _Model:
 
     def add_plane(self, parts: Parts, q: Array, normal: Array) -> None:
         """Keep a part pair apart along a direction that is free to turn; rows for its vertices follow when needed."""
-        self.rows.append(program.unit_row(len(self.planes)))
         block = len(self.planes)
         self.planes[parts] = np.append(normal, 0.0)
         heights = self._heights(parts, q, normal)
@@ -190,16 +189,12 @@ class _Model:
         self.rows.append(program.plane_row(self.task, block, body, part.vertices[vertex], name))
         return True
 
-    def hold_vertices(self, parts: Parts, q: Array, plane: Array) -> bool:
-        """Add rows for the vertices that stick out furthest beyond a pair's plane; tell whether any did."""
-        heights = self._heights(parts, q, plane[:3])
-        level, slack = plane[3] * self.task.unit, DEFAULT.cut * self.task.unit
-        out = (heights[0] - level, level + self.task.need - heights[1])
+    def hold_vertices(self, parts: Parts, q: Array, normal: Array) -> bool:
+        """Add rows for the vertices that reach furthest along a pair's separating direction; tell whether any is new."""
+        heights = self._heights(parts, q, normal)
         block = list(self.planes).index(parts)
-        return any(
-            [self._hold(parts, block, body, int(np.argmax(over))) for body, over in ((1, out[0]), (2, out[1]))
-             if over.max() > slack]
-        )
+        foremost = (int(np.argmax(heights[0])), int(np.argmin(heights[1])))
+        return any([self._hold(parts, block, body, vertex) for body, vertex in zip((1, 2), foremost, strict=True)])
 
     def add_fault(self, s: float, pose: Array, fault: Fault) -> bool:
         """Add the row that forbids a fault of the tracked contact at path position s; tell whether it is new."""
@@ -394,14 +389,13 @@ def _least(task: Task, model: _Model, starts: list[Array], best: _Found | None, 
             return None
         added = [model.add_fault(*fault) for fault in (_path_faults(task, q) if task.tracked else [])]
         if must_clear:
-            normals = {parts: outcome.planes[:3, block] for block, parts in enumerate(model.planes)}
+            normals = dict(zip(model.planes, outcome.normals, strict=True))
             gaps = task.pair_gaps(q, normals)
             for parts in np.ndindex(gaps.shape):
                 if gaps[parts] >= task.need - DEFAULT.cut * task.unit:
                     continue
                 if parts in model.planes:
-                    plane = outcome.planes[:, list(model.planes).index(parts)]
-                    added.append(model.hold_vertices(parts, q, plane))
+                    added.append(model.hold_vertices(parts, q, normals[parts]))
                 else:
                     _, rows = _facets(task, parts, task.pose(q))
                     normal = rows[int(np.argmax(rows[:, 5] - rows[:, 3:5] @ task.target)), :3]
@@ -431,7 +425,7 @@ def _least(task: Task, model: _Model, starts: list[Array], best: _Found | None, 
 
 def _solved(task: Task, model: _Model, starts: list[Array], method: str) -> program.Outcome | None:
     """Return the least feasible outcome over the starts."""
-    planes = np.array(list(model.planes.values())).T if model.planes else np.zeros((4, 0))
+    planes = np.array(list(model.planes.values())).reshape(-1, 4)
     outcomes = [program.minimise(task, model.rows, start, planes, method) for start in starts]
     return min(
         (outcome for outcome in outcomes if outcome.feasible), key=lambda found: task.amount(found.q), default=None

@@ -2,7 +2,8 @@
 
 A program's layout (which templates, in which order) is compiled once and cached; its numbers are parameters.
 Variables: z = w q / unit, so that the objective is |z|^2 and everything is of order one, and for each
-pair that a free separating plane keeps apart that plane: its normal n and level / unit.
+pair that a free separating plane keeps apart that plane: the tilt of its normal against a
+fixed one, in a frame given as a parameter, and its level / unit.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ class Row(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Result of one solve: parameters, planes, whether all rows hold, and the rows that are active."""
+    """Result of one solve: parameters, normals of the planes, whether all rows hold, and the rows that are active."""
 
     q: Array
-    planes: Array
+    normals: Array
     feasible: bool
     active: tuple[int, ...]
 
@@ -77,12 +78,8 @@ def support_row(task: Task, s: float, feature: FeaturePoints, scale: float, body
 
 def plane_row(task: Task, block: int, body: int, vertex: Array, name: str) -> Row:
     """Keep a vertex, as drawn, at the target pair on its body's side of separating plane `block`."""
-    return Row(("plane", block, body), vertex, 0.0 if body == 1 else task.need / task.unit, INF, name)
-
-
-def unit_row(block: int) -> Row:
-    """Keep a plane's normal of unit length."""
-    return Row(("unit", block), np.empty(0), 1.0, 1.0, "unit normal")
+    need = 0.0 if body == 1 else task.need / task.unit
+    return Row(("plane", block, body), np.append(vertex, need), 0.0, INF, name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +94,7 @@ class _Symbols:
     target: Any
     tracked: tuple[tuple[int, Any], ...]
     planes: Any
+    frames: tuple[Any, ...]
 
     @cached_property
     def end(self) -> Scene:
@@ -126,13 +124,12 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
     import casadi
 
     name, *detail = template
-    if name == "unit":
-        n = symbols.planes[:3, detail[0]]
-        return casadi.dot(n, n)
     if name == "plane":
-        n, level = symbols.planes[:3, detail[0]], symbols.planes[3, detail[0]]
-        height = casadi.dot(n, symbols.end.scaled(detail[1], symbols.target, values) - symbols.seeds[3:])
-        return (height / symbols.unit - level) * (-1 if detail[1] == 1 else 1)
+        block, body = detail
+        tilt, level = symbols.planes[:2, block], symbols.planes[2, block]
+        n = symbols.frames[block] @ casadi.vertcat(1.0, tilt)
+        height = casadi.dot(n, symbols.end.scaled(body, symbols.target, values[:3]) - symbols.seeds[3:]) / symbols.unit
+        return level - height if body == 1 else height - level - values[3] * casadi.sqrt(1.0 + casadi.dot(tilt, tilt))
     if name == "tracked":
         return (symbols.end_pair[detail[0]] - symbols.target[detail[0]]) * values[0]
     if name == "on":
@@ -164,16 +161,19 @@ def _compiled(
     import casadi
 
     k = len(motion.parameters)
-    z, planes = casadi.SX.sym("z", k), casadi.SX.sym("planes", 4, blocks)
+    z, planes = casadi.SX.sym("z", k), casadi.SX.sym("planes", 3, blocks)
     step, unit = casadi.SX.sym("step", k), casadi.SX.sym("unit")
     seeds, nominal, target = casadi.SX.sym("seeds", 6), casadi.SX.sym("nominal", 2), casadi.SX.sym("target", 2)
     tracked = tuple((kind, casadi.SX.sym(f"tracked_{m}", 13)) for m, kind in enumerate(kinds))
+    frames = tuple(casadi.SX.sym(f"frame_{m}", 3, 3) for m in range(blocks))
     values = [casadi.SX.sym(f"row_{m}", size) for m, size in enumerate(sizes)]
-    symbols = _Symbols(motion, step * z, seeds, unit, nominal, target, tracked, planes)
+    symbols = _Symbols(motion, step * z, seeds, unit, nominal, target, tracked, planes, frames)
     rows = [_template(symbols, template, value) for template, value in zip(templates, values, strict=True)]
     nlp = {
         "x": casadi.vertcat(z, casadi.vec(planes)),
-        "p": casadi.vertcat(step, unit, seeds, nominal, target, *(value for _, value in tracked), *values),
+        "p": casadi.vertcat(step, unit, seeds, nominal, target, *(value for _, value in tracked),
+            *(casadi.vec(frame) for frame in frames), *values,
+        ),
         "f": casadi.dot(z, z),
         "g": casadi.vertcat(*rows),
     }
@@ -191,7 +191,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         "print_status": False,
         "max_iter": 60,
         "tol_pr": DEFAULT.solver,
-        "tol_du": DEFAULT.solver,
+        "tol_du": DEFAULT.dual,
         "min_step_size": 1e-14,
         "convexify_strategy": "eigen-clip",
     },
@@ -219,27 +219,29 @@ def minimise(
     rows : sequence of Row
     start : (k,) array
         Motion parameters to start from.
-    planes : (4, blocks) array
-        Separating planes to start from, n and level / unit, one for each block that a "plane" row names.
+    planes : (blocks, 4) array
+        Separating planes to start from, unit normal and level / unit, one for each block that a "plane" row names.
     method : "sqpmethod" or "ipopt"
         CasADi plugin.
     """
     solver = _compiled(
         task.motion,
         tuple(feature.kind for feature in task.tracked),
-        planes.shape[1],
+        len(planes),
         tuple(row.template for row in rows),
         tuple(len(row.values) for row in rows),
         method,
     )
     step = task.unit / task.weights
+    frames = [_frame(plane[:3]) for plane in planes]
     parameters = np.concatenate(
         [step, [task.unit], task.movable.seed, task.static.seed, task.nominal, task.target,
-         *(feature.values for feature in task.tracked), *(row.values for row in rows)]
+         *(feature.values for feature in task.tracked), *(frame.ravel(order="F") for frame in frames),
+         *(row.values for row in rows)]
     )
-    free = np.full(planes.size, INF)
+    free = np.full(3 * len(planes), INF)
     result = solver(
-        x0=np.concatenate([start / step, planes.ravel(order="F")]),
+        x0=np.concatenate([start / step, np.column_stack([np.zeros((len(planes), 2)), planes[:, 3]]).ravel()]),
         p=parameters,
         lbx=np.concatenate([task.limits[:, 0] / step, -free]),
         ubx=np.concatenate([task.limits[:, 1] / step, free]),
@@ -253,4 +255,11 @@ def minimise(
     excess = np.maximum(lower - g, g - upper)
     feasible = bool(np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= DEFAULT.cut)
     active = tuple(int(m) for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper)))
-    return Outcome(q, x[k:].reshape(planes.shape, order="F"), feasible, active)
+    tilts = x[k:].reshape(-1, 3)
+    normals = [frame @ [1.0, *tilt[:2]] for frame, tilt in zip(frames, tilts, strict=True)]
+    return Outcome(q, np.array(normals).reshape(-1, 3), feasible, active)
+
+
+def _frame(normal: Array) -> Array:
+    """Return a right-angled frame whose first column is a unit vector."""
+    return np.linalg.svd(normal[:, None])[0] * np.array([np.sign(np.linalg.svd(normal[:, None])[0][:, 0] @ normal), 1, 1])
