@@ -51,6 +51,8 @@ class Tolerances:
         Two contact lines whose normalised determinant is below this do not define a switching point.
     seeds
         Seeds nearer than this define no screw axis (design: 1e-9).
+    path_points
+        Points of a motion's ray, ends included, at which the tracked contact must be real (design: 33).
     rigid
         How far a transform may be from orthogonal.
     """
@@ -73,6 +75,7 @@ class Tolerances:
     march: float = 1e-7
     determinant: float = 1e-9
     seeds: float = 1e-9
+    path_points: int = 33
     rigid: float = 1e-9
 
 

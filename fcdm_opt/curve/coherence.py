@@ -60,6 +60,11 @@ class Fault(NamedTuple):
     body: int = 0
     vertex: int = -1
 
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What identifies the fault, whatever its size."""
+        return (self.kind, self.parts, self.site, self.body, self.vertex)
+
 
 def contact_faults(
     movable: Body, static: Body, pose: Array, rho: Array, tracked: Sequence[Tracked], slack: float

@@ -7,17 +7,19 @@ its needed gap within an amount |g - need| / rate: steps of that size miss no co
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.geometry.bodies import Array
 from fcdm_opt.tolerance.bounds import displacement_rate
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.tolerance.task import Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further
+SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 
 
 class Contact(NamedTuple):
@@ -33,6 +35,29 @@ class Contact(NamedTuple):
 
     amount: float
     clear_to: float
+
+
+def directions(task: Task) -> Array:
+    """Return fixed directions in the parameters, per unit of amount: the axes both ways, and between each two."""
+    k = len(task.weights)
+    axes = np.vstack([np.eye(k), -np.eye(k)])
+    between = [one + share * two for one in axes for two in axes if abs(one @ two) < 1 for share in SHARES]
+    rays = np.array([*axes, *between])
+    return rays / np.linalg.norm(rays, axis=1)[:, None] / task.weights
+
+
+def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
+    """Return the stretch of the ray to q at whose end the target pair has just the gap it needs; q if there is none."""
+    from scipy.optimize import brentq
+
+    def miss(s: float) -> float:
+        return task.gap(s * q, normals) - task.need
+
+    end = miss(1.0)
+    if abs(end) <= DEFAULT.cut * task.unit or miss(0.0) * end >= 0:
+        return q
+    shorter = q * brentq(miss, 0.0, 1.0, xtol=DEFAULT.line, rtol=4 * np.finfo(float).eps)
+    return shorter if task.allows(shorter) else q
 
 
 def reach(task: Task, direction: Array) -> float:

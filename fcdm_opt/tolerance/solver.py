@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
 
-from fcdm_opt.curve import kernels
+from fcdm_opt.curve.decision_curve import Segment
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import support_feature
 from fcdm_opt.errors import InputError, UnsolvedError
@@ -45,8 +46,8 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     start = perf_counter()
     task = Task.of(problem)
     built = perf_counter()
-    exact = (models.satisfied, models.straight, models.one_parameter) if model == "auto" else ()
-    answer = next(filter(None, (stage(task) for stage in exact)), None) or models.nonlinear(task)
+    stages = models.STAGES if model == "auto" else (models.nonlinear,)
+    answer = next(answer for stage in stages if (answer := stage(task)) is not None)
     solution = _report(problem, task, answer)
     solved = perf_counter()
     certificate = verify(solution)
@@ -68,49 +69,42 @@ def _check(problem: Problem, model: str, certify: bool) -> None:
 
 def _report(problem: Problem, task: Task, answer: Answer) -> Solution:
     """Return the answer as a solution: parameters by name, tracked pair, features, state of the target pair."""
-    rest = np.zeros(len(task.weights))
-    q = rest if answer.q is None else answer.q
-    gap = task.gap(q)
-    slack = DEFAULT.touch * task.size
+    q = task.rest if answer.q is None else answer.q
+    gap, slack = task.gap(q), DEFAULT.touch * task.size
     state = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
+    common = Solution(
+        problem=problem, status=answer.status, lower_bound=answer.lower_bound, pair=problem.target, pair_gap=gap,
+        pair_state=state, stage=answer.stage, active=answer.active, modelled=answer.modelled or {},
+    )
     if answer.q is None:
-        return Solution(problem=problem, status=answer.status, lower_bound=answer.lower_bound, pair=problem.target,
-                        pair_gap=gap, pair_state=state, stage=answer.stage)
-    status = Status.PAIR_OVERLAPS if state == "overlapping" and answer.status.found else answer.status
+        return common
     names = [parameter.name for parameter in task.motion.parameters]
-    return Solution(
-        problem=problem,
-        status=status,
+    return replace(
+        common,
+        status=Status.PAIR_OVERLAPS if state == "overlapping" else answer.status,
         parameters=dict(zip(names, q.tolist(), strict=True)),
         transform=frozen(task.transform(q)),
         amount=task.amount(q),
-        lower_bound=answer.lower_bound,
         rho=frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
         features=_tracked_features(problem) if task.tracked else _touching_features(task, q),
-        pair=problem.target,
-        pair_gap=gap,
-        pair_state=state,
-        active=answer.active,
-        modelled=answer.modelled or {},
-        stage=answer.stage,
     )
 
 
 def _tracked_features(problem: Problem) -> tuple[Feature, ...]:
     contact = problem.nominal_contact
-    features = getattr(contact, "features", None)
-    return tuple(features) if features else (contact.feature,)
+    if isinstance(contact, Segment):
+        return (contact.feature,)
+    return contact.features if contact is not None else ()
 
 
 def _touching_features(task: Task, q: Array) -> tuple[Feature, ...]:
     """Return the features by which the target pair touches, each once; none where it is apart."""
-    pose = task.pose(q)
+    pose, slack = task.pose(q), DEFAULT.touch * task.size
     found = []
-    for i, one in enumerate(task.movable.parts):
-        for j, two in enumerate(task.static.parts):
-            _, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
-            separations = rows[:, 5] - rows[:, 3:5] @ task.target
-            if abs(separations.max()) <= DEFAULT.touch * task.size:
-                near = np.flatnonzero(separations >= -DEFAULT.touch * task.size)
-                found += [support_feature(one, two, rows[k, :3], pose) for k in near]
+    for i, j in np.ndindex(len(task.movable.parts), len(task.static.parts)):
+        _, rows, separations = task.separations((i, j), pose)
+        if abs(separations.max()) <= slack:
+            one, two = task.movable.parts[i], task.static.parts[j]
+            near = rows[separations >= -slack, :3]
+            found += [support_feature(one, two, normal, pose) for normal in near]
     return tuple(dict.fromkeys(found))

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.coherence import Tracked
+from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
 from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
-from fcdm_opt.geometry.bodies import Array, Body
+from fcdm_opt.geometry.bodies import Array, Body, Ints
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
 from fcdm_opt.tolerance.problem import Problem
@@ -20,6 +20,9 @@ from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.tolerance.solution import Status
+
+
+Parts = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +118,24 @@ class Task:
         return len(self.movable.parts) * len(self.static.parts)
 
     @property
+    def must_clear(self) -> bool:
+        """Whether the target pair must be apart by `need`."""
+        return bool({"touch", "clear"} & {self.goal, self.pair})
+
+    @property
+    def must_touch(self) -> bool:
+        """Whether the target pair must touch."""
+        return "touch" in (self.goal, self.pair)
+
+    @property
     def need(self) -> float:
-        """Gap that the target pair must have where it must be clear."""
+        """Least gap of a target pair that must be apart."""
         return self.clearance if "clear" in (self.goal, self.pair) else 0.0
+
+    @property
+    def rest(self) -> Array:
+        """No motion."""
+        return np.zeros(len(self.weights))
 
     @cached_property
     def unit(self) -> float:
@@ -125,7 +143,7 @@ class Task:
         if self.tracked:
             typical = float(np.abs(self.target / self.nominal - 1.0).max()) * self.size
         else:
-            typical = abs(self.gap(np.zeros(len(self.weights))) - self.need)
+            typical = abs(self.gap(self.rest) - self.need)
         return max(typical, DEFAULT.least_unit * self.size)
 
     def amount(self, q: Array) -> float:
@@ -140,7 +158,17 @@ class Task:
         """Return the relative pose that the kernels take."""
         return relative_pose(self.movable, self.static, self.transform(q))
 
-    def pair_gaps(self, q: Array, normals: Mapping[tuple[int, int], Array] | None = None) -> Array:
+    def allows(self, q: Array) -> bool:
+        """Tell whether a motion lies within the limits."""
+        return bool((q >= self.limits[:, 0]).all() and (q <= self.limits[:, 1]).all())
+
+    def separations(self, parts: Parts, pose: Array) -> tuple[Ints, Array, Array]:
+        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the target pair."""
+        one, two = self.movable.parts[parts[0]], self.static.parts[parts[1]]
+        sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
+        return sites, rows, rows[:, 5] - rows[:, 3:5] @ self.target
+
+    def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
         """Return the signed gap of every part pair at the target pair, (parts of 1, parts of 2).
 
         The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
@@ -156,12 +184,15 @@ class Task:
                 gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *two.packed, pose, self.target, n))
         return gaps
 
-    def gap(self, q: Array, normals: Mapping[tuple[int, int], Array] | None = None) -> float:
+    def gap(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> float:
         """Return the signed gap of the target pair, see `pair_gaps`."""
         return float(self.pair_gaps(q, normals).min())
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
-        """Return (scale pair, pose, features) of the tracked contact at path position s; nan where lines are parallel."""
+        """Return (scale pair, pose, features) of the tracked contact at path position s.
+
+        The pair is nan where the two lines are parallel.
+        """
         pose = self.pose(s * np.asarray(q))
         tracked = tuple(
             Tracked.at(self.movable, self.static, pose, feature.parts, feature.site, feature.sign)
@@ -177,3 +208,36 @@ class Task:
         a, b, c = lines[0]
         path = self.nominal + s * (self.target - self.nominal)
         return path + (c - a * path[0] - b * path[1]) / (a * a + b * b) * np.array([a, b]), pose, tracked
+
+    def path_faults(self, q: Array) -> list[tuple[float, Array, Fault | None]]:
+        """Return why the tracked contact is not real along the path (at its end only where coherence is not asked).
+
+        The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
+        exist.
+        """
+        worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
+        for s in np.linspace(1.0, 0.0, DEFAULT.path_points)[: DEFAULT.path_points - 1 if self.coherent else 1]:
+            rho, pose, tracked = self.tracked_contact(q, s)
+            if not (np.isfinite(rho).all() and rho.min() > 0):
+                worst.setdefault((), (float(s), pose, None))
+                continue
+            for fault in contact_faults(self.movable, self.static, pose, rho, tracked, DEFAULT.cut * self.size):
+                known = worst.get(fault.key)
+                if known is None or known[2] is None or fault.excess > known[2].excess:
+                    worst[fault.key] = (float(s), pose, fault)
+        return list(worst.values())
+
+    def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None) -> bool:
+        """Tell whether a motion meets goal, pair state and coherence to within a relative slack.
+
+        `normals` are directions that prove part pairs apart, see `pair_gaps`.
+        """
+        if self.tracked:
+            rho, _, _ = self.tracked_contact(q)
+            excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
+            if not (excess >= -slack * self.target).all() or self.path_faults(q):
+                return False
+        if not self.must_clear:
+            return True
+        gap, slack = self.gap(q, normals), slack * self.size
+        return gap >= self.need - slack and not (self.must_touch and gap > slack)

@@ -1,0 +1,249 @@
+"""Programs that leave out what may not matter, and grow by what their solutions violate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fcdm_opt.curve.coherence import Fault
+from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.tolerance import program, rays
+from fcdm_opt.tolerance.bounds import displacement_rate
+from fcdm_opt.tolerance.equations import feature_points
+from fcdm_opt.tolerance.program import Outcome, Row
+from fcdm_opt.tolerance.task import Parts, Task
+from fcdm_opt.tolerances import DEFAULT
+
+ROUNDS = 40  # of adding violated constraints
+CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
+HELD = 3  # vertices of either part that a new separating plane holds at once
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A motion that meets everything: parameters, amount, what is active, what was modelled."""
+
+    q: Array
+    amount: float
+    active: tuple[str, ...]
+    modelled: dict[str, int]
+
+
+@dataclass(eq=False)
+class Relaxation:
+    """The constraints of one choice of features.
+
+    Attributes
+    ----------
+    task : Task
+    closing : (i, j) or None
+        The part pair that must not stay apart.
+    promise : float
+        What the choice needs at rest, to first order: tried in this order.
+    goal_reached : bool
+        Whether any of its programs had a solution.
+    """
+
+    task: Task
+    closing: Parts | None = None
+    promise: float = 0.0
+    goal_reached: bool = False
+    _rows: list[Row] = field(default_factory=list)
+    _planes: dict[Parts, Array] = field(default_factory=dict)
+    _known: set[tuple[object, ...]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        if self.task.tracked:
+            self._rows += program.goal_rows(self.task)
+
+    def smallest(self, starts: list[Array], method: str, enough: float = np.inf) -> Found | None:
+        """Return the smallest motion, adding what solutions violate; None if there is none.
+
+        Parameters
+        ----------
+        starts : list of (k,) arrays
+            The first is kept in every round; the latest solution joins.
+        method : str
+            CasADi plugin.
+        enough : float
+            Give up once the amount is no smaller: more constraints only add to it.
+        """
+        task = self.task
+        for _ in range(ROUNDS):
+            outcome = self._solved(starts, method)
+            if outcome is None:
+                return None
+            self.goal_reached = True
+            q = outcome.q
+            if task.amount(q) >= enough * (1.0 - DEFAULT.cut):
+                return None
+            normals = dict(zip(self._planes, outcome.normals, strict=True))
+            if not self._grown(q, normals):
+                break
+            starts = [*starts[:1], q, *starts[2:]]
+        if not task.tracked:
+            q = rays.shortened(task, q, normals)
+        if not task.meets(q, DEFAULT.requirement, normals):
+            return None
+        active = tuple(dict.fromkeys(self._rows[k].name for k in outcome.active))
+        return Found(q, task.amount(q), active, self._modelled(q))
+
+    def _solved(self, starts: list[Array], method: str) -> Outcome | None:
+        """Return the least feasible outcome over the starts."""
+        planes = np.array(list(self._planes.values())).reshape(-1, 4)
+        outcomes = [program.minimise(self.task, self._rows, start, planes, method) for start in starts]
+        feasible = [outcome for outcome in outcomes if outcome.feasible]
+        return min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)
+
+    def _grown(self, q: Array, normals: dict[Parts, Array]) -> bool:
+        """Add the constraints that a motion violates; tell whether any is new."""
+        task = self.task
+        added = [self._forbid(*fault) for fault in (task.path_faults(q) if task.tracked else [])]
+        if task.must_clear:
+            gaps = task.pair_gaps(q, normals)
+            for parts in np.ndindex(gaps.shape):
+                if gaps[parts] < task.need - DEFAULT.cut * task.unit:
+                    added.append(self._hold_foremost(parts, q, normals[parts]) if parts in normals
+                                 else self._keep_apart_as_near(parts, q))
+        if self.closing is not None:
+            added.append(self.close(q, DEFAULT.cut * task.unit))
+        return any(added)
+
+    def _modelled(self, q: Array) -> dict[str, int]:
+        kept = {*self._planes, *(feature.parts for feature in self.task.tracked)}
+        kept |= {self.closing} if self.closing is not None else set()
+        gaps, pose = np.ndindex(len(self.task.movable.parts), len(self.task.static.parts)), self.task.pose(q)
+        return {
+            "constraints": len(self._rows),
+            "part_pairs_kept": len(kept),
+            "part_pairs_total": self.task.part_pairs,
+            "directions_total": sum(len(self.task.separations(parts, pose)[2]) for parts in gaps),
+        }
+
+    # ------------------------------------------------------------------------------------------- kinds of constraints
+
+    def _is_new(self, *key: object) -> bool:
+        new = key not in self._known
+        self._known.add(key)
+        return new
+
+    def _forbid(self, s: float, pose: Array, fault: Fault | None) -> bool:
+        """Forbid a fault of the tracked contact at path position s."""
+        if fault is None or not self._is_new(s, *fault.key):
+            return False
+        task, rotation = self.task, pose[:9].reshape(3, 3)
+        feature = feature_points(task.movable, task.static, fault.site, fault.parts, fault.normal, rotation)
+        scale = feature.steepness(rotation)
+        pair = _numbered(fault.parts)
+        if fault.kind == "unsupported":
+            part = (task.movable, task.static)[fault.body - 1].parts[fault.parts[fault.body - 1]]
+            name = f"a vertex of body {fault.body}, part {fault.parts[fault.body - 1] + 1}, behind the tracked feature"
+            vertex = part.vertices[fault.vertex]
+            self._rows.append(program.support_row(task, s, feature, scale, fault.body, vertex, name))
+        elif fault.kind == "overlapping":
+            self._rows.append(program.line_row(task, s, feature, scale, True, f"{pair} stays apart on the way"))
+        else:
+            self._rows.append(program.line_row(task, s, feature, scale, False, f"{pair} stays in contact on the way"))
+        return True
+
+    def close(self, q: Array, slack: float) -> bool:
+        """Close the closing pair along the direction in which it is furthest apart, if by more than `slack`."""
+        assert self.closing is not None
+        task, pose = self.task, self.task.pose(q)
+        sites, rows, separations = task.separations(self.closing, pose)
+        worst = int(np.argmax(separations))
+        kind, i, j = (int(x) for x in sites[worst])
+        if separations[worst] <= slack or not self._is_new("closing", kind, i, j):
+            return False
+        rotation = pose[:9].reshape(3, 3)
+        feature = feature_points(task.movable, task.static, (kind, i, j), self.closing, rows[worst, :3], rotation)
+        name = f"{_numbered(self.closing)} closes"
+        self._rows.append(program.target_row(task, feature, feature.steepness(rotation), name))
+        return True
+
+    def keep_apart(self, parts: Parts, q: Array, normal: Array) -> bool:
+        """Keep a part pair apart along a direction that is free to turn."""
+        heights = self._heights(parts, q, normal)
+        self._planes[parts] = np.append(normal, heights[0].max() / self.task.unit)
+        for body, order in ((1, np.argsort(-heights[0], kind="stable")), (2, np.argsort(heights[1], kind="stable"))):
+            for vertex in order[:HELD]:
+                self._hold(parts, body, int(vertex))
+        return True
+
+    def _keep_apart_as_near(self, parts: Parts, q: Array) -> bool:
+        _, rows, separations = self.task.separations(parts, self.task.pose(q))
+        return self.keep_apart(parts, q, rows[int(np.argmax(separations)), :3])
+
+    def _hold_foremost(self, parts: Parts, q: Array, normal: Array) -> bool:
+        """Hold the vertices that reach furthest along a pair's separating direction."""
+        heights = self._heights(parts, q, normal)
+        return any([self._hold(parts, 1, int(np.argmax(heights[0]))), self._hold(parts, 2, int(np.argmin(heights[1])))])
+
+    def _hold(self, parts: Parts, body: int, vertex: int) -> bool:
+        """Keep a vertex on its body's side of the pair's separating plane."""
+        if not self._is_new("plane", parts, body, vertex):
+            return False
+        point = (self.task.movable, self.task.static)[body - 1].parts[parts[body - 1]].vertices[vertex]
+        block = list(self._planes).index(parts)
+        self._rows.append(program.plane_row(self.task, block, body, point, f"{_numbered(parts)} stays apart"))
+        return True
+
+    def _heights(self, parts: Parts, q: Array, normal: Array) -> tuple[Array, Array]:
+        """Return n.(x - s_2) of both parts' vertices at the target pair."""
+        pose, task = self.task.pose(q), self.task
+        one, two = task.movable.parts[parts[0]], task.static.parts[parts[1]]
+        own = normal @ pose[:9].reshape(3, 3)
+        first = task.target[0] * (one.vertices - one.seed) @ own - normal @ pose[9:]
+        return first, task.target[1] * (two.vertices - two.seed) @ normal
+
+
+def _numbered(parts: Parts) -> str:
+    return f"part pair {parts[0] + 1}, {parts[1] + 1}"
+
+
+def choices(task: Task, q: Array) -> Iterator[Relaxation]:
+    """Yield the programs to try near a motion: which pair closes, and along which direction each overlapping pair comes
+    apart. Near rest all that may matter, near any other motion its own features only.
+    """
+    gaps = task.pair_gaps(task.rest) if task.must_clear else np.zeros((1, 1))
+    near = task.pair_gaps(q) if task.must_clear else gaps
+    pairs = sorted(np.ndindex(gaps.shape), key=lambda parts: near[parts])
+    closes = task.must_touch and (bool(task.tracked) or gaps.min() > 0)
+    low = {parts: _ways_apart(task, parts, q) for parts in pairs if task.must_clear and gaps[parts] < task.need}
+    variants = [dict.fromkeys(low, 0)]
+    if q.any():
+        pairs = pairs[:1]
+    else:
+        variants += [{**variants[0], parts: k} for parts in low for k in range(1, min(CHOICES, len(low[parts])))]
+    for closing in pairs[:CHOICES] if closes else [None]:
+        for variant in variants:
+            relaxation = Relaxation(task, closing)
+            if closing is not None:
+                relaxation.close(q, -np.inf)
+                relaxation.promise = max(float(gaps[closing]), 0.0) / displacement_rate(task)
+            for parts, choice in variant.items():
+                amount, normal = low[parts][choice]
+                relaxation.keep_apart(parts, q, normal)
+                relaxation.promise = max(relaxation.promise, amount)
+            yield relaxation
+
+
+def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:
+    """Return (amount, direction) for the ways in which a part pair can come apart near a motion, by the further amount
+    they need to first order.
+    """
+    pose = task.pose(q)
+    _, rows, separations = task.separations(parts, pose)
+    seed, vertices = task.movable.seed, task.movable.parts[parts[0]].vertices
+    scaled = seed + task.target[0] * (vertices - seed)
+    foremost = scaled[np.argmax(rows[:, :3] @ pose[:9].reshape(3, 3) @ (scaled - seed).T, axis=1)]
+    rates = np.zeros((len(rows), len(q)))
+    for k, step in enumerate(np.diag(DEFAULT.least_unit * task.size / task.weights)):
+        velocity = (task.transform(q + step) - task.transform(q - step)) / 2.0
+        rates[:, k] = ((foremost @ velocity[:3, :3].T + velocity[:3, 3]) * rows[:, :3]).sum(axis=1) / step[k]
+    steepness = np.linalg.norm(rates / task.weights, axis=1)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        amounts = np.nan_to_num((task.need - separations) / steepness, nan=np.inf)
+    return [(float(amounts[k]), rows[k, :3]) for k in np.argsort(amounts, kind="stable")]
