@@ -11,6 +11,7 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Array, frozen
 from fcdm_opt.tolerances import DEFAULT
 
-AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
 Matrix = tuple[tuple[Any, ...], ...]
 IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
@@ -43,7 +44,7 @@ class Motion:
         """The elementary steps, first to last."""
         raise TypeError(f"{type(self).__name__} defines no steps")
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Names and kinds of the parameters, in order; repeated names get a number."""
         seen: dict[str, int] = {}
@@ -100,7 +101,7 @@ class Motion:
     def _composed(self, q: list[Any], movable_seed: list[Any], static_seed: list[Any]) -> Matrix:
         before, start = IDENTITY, 0
         for step in self.steps:
-            count = len(step.own_parameters)
+            count = len(step.parameters)
             moved_seed = tuple(
                 sum(before[i][j] * movable_seed[j] for j in range(3)) + before[i][3] for i in range(3)
             )
@@ -129,7 +130,7 @@ class Motion:
         """Return the motion in words, lengths and degrees: "TZ 0.25 + RZ 7.02 deg"."""
         words, start = [], 0
         for step in self.steps:
-            count = len(step.own_parameters)
+            count = len(step.parameters)
             words.append(step.own_words([float(x) for x in q[start : start + count]]))
             start += count
         return " + ".join(words)
@@ -294,7 +295,7 @@ class Screw(Step):
         return (along,) if math.isinf(self.pitch) else (about,)
 
     def own_weights(self, length: float) -> tuple[float, ...]:
-        """A fixed pitch couples both movements: hypot(pitch, length) a radian."""
+        """Weight of each parameter; a fixed pitch couples both movements: hypot(pitch, length) a radian."""
         if isinstance(self.pitch, str):
             return (1.0, length)
         return (1.0,) if math.isinf(self.pitch) else (math.hypot(self.pitch, length),)
@@ -331,7 +332,7 @@ class Screw(Step):
         return (1.0,) if math.isinf(self.pitch) else (math.hypot(self.pitch, away),)
 
     def own_words(self, q: list[float]) -> str:
-        """Translation and angle, as in the paper's tables."""
+        """Parameters in words: translation and angle, as in the paper's tables."""
         along, about = self.movements(q)
         return f"Screw {_digits(along)}, {_digits(math.degrees(about))} deg"
 

@@ -156,7 +156,9 @@ class DecisionCurve:
 
     @cached_property
     def _listed(self) -> tuple[tuple[Branch, ...], tuple[SwitchingPoint, ...]]:
-        branches, points, count = [], [], 0
+        branches: list[Branch] = []
+        points: list[SwitchingPoint] = []
+        count = 0
         for chain in self.chains:
             run: list[Segment] = []
             for k, piece in enumerate(chain):
@@ -199,9 +201,9 @@ class DecisionCurve:
         return "apart" if self.gap(middle) >= 0 else "overlapping"
 
     def _segment(self, piece: Piece, span: tuple[float, float], index: int) -> Segment:
+        start, end = (frozen(piece.end_at(s)) for s in span)
         return Segment(
-            piece.feature, piece.line, piece.normal, frozen(piece.end_at(span[0])), frozen(piece.end_at(span[1])), piece.parts,
-            piece.snug, index, piece,
+            piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, piece
         )
 
     def _switching_point(self, before: Piece, after: Piece, index: int) -> SwitchingPoint:
@@ -209,7 +211,7 @@ class DecisionCurve:
         if before.parts == after.parts:
             normal = self._inner_normal(before.parts, rho)
             one, two = self.movable.parts[before.parts[0]], self.static.parts[before.parts[1]]
-            features = (support_feature(one, two, normal, self.pose),)
+            features: tuple[Feature, ...] = (support_feature(one, two, normal, self.pose),)
             contacts = [self._contact_point(before.parts, normal, rho)]
         else:
             features = (before.feature, after.feature)

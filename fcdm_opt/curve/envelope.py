@@ -106,7 +106,7 @@ def _marked_snug(known: Piece, other: Piece) -> list[Piece]:
 
 
 def _chains(pieces: list[Piece]) -> list[list[Piece]]:
-    """String pieces together where one ends and another starts, snug ones apart."""
+    """Join pieces where one ends and another starts, snug ones apart."""
     rest = list(pieces)
     chains: list[list[Piece]] = []
     while rest:

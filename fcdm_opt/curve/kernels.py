@@ -33,19 +33,19 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @kernel
-def _dot(u, x):  # type: ignore[no-untyped-def]
+def _dot(u, x):
     return u[0] * x[0] + u[1] * x[1] + u[2] * x[2]
 
 
 @kernel
-def _cross(u, x, out):  # type: ignore[no-untyped-def]
+def _cross(u, x, out):
     out[0] = u[1] * x[2] - u[2] * x[1]
     out[1] = u[2] * x[0] - u[0] * x[2]
     out[2] = u[0] * x[1] - u[1] * x[0]
 
 
 @kernel
-def rotated(reals, pose):  # type: ignore[no-untyped-def]
+def rotated(reals, pose):
     """Return the rows of body 1 turned by R, (n + f, 3)."""
     out = np.empty_like(reals)
     for k in range(len(reals)):
@@ -55,7 +55,7 @@ def rotated(reals, pose):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _support(X, count, n, sign):  # type: ignore[no-untyped-def]
+def _support(X, count, n, sign):
     """Return the largest sign * n.x over the vertices, where, and the second largest."""
     best, where, second = -_INF, -1, -_INF
     for k in range(count):
@@ -68,7 +68,7 @@ def _support(X, count, n, sign):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _face_level(X, ints, face, n, sign):  # type: ignore[no-untyped-def]
+def _face_level(X, ints, face, n, sign):
     """Return the largest sign * n.x over a face's vertices."""
     best = -_INF
     start, stop = ints[ints[6] + face], ints[ints[6] + face + 1]
@@ -79,7 +79,7 @@ def _face_level(X, ints, face, n, sign):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def site_row(X, ints1, Y, ints2, d, site, row):  # type: ignore[no-untyped-def]
+def site_row(X, ints1, Y, ints2, d, site, row):
     """Fill `row` = (n, a, b, c) of a site; return False where two edges are parallel."""
     kind, i, j = site[0], site[1], site[2]
     n = row[:3]
@@ -105,7 +105,7 @@ def site_row(X, ints1, Y, ints2, d, site, row):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def facet_rows(reals1, ints1, reals2, ints2, pose, slack):  # type: ignore[no-untyped-def]
+def facet_rows(reals1, ints1, reals2, ints2, pose, slack):
     """Return sites and rows of all facet directions of the Minkowski difference, with true supports.
 
     Every direction gives a valid constraint, so those accepted within `slack` do no harm; parallel edges give none
@@ -172,9 +172,11 @@ def facet_rows(reals1, ints1, reals2, ints2, pose, slack):  # type: ignore[no-un
 
 
 @kernel
-def least_separation(reals1, ints1, reals2, ints2, pose, rho, slack):  # type: ignore[no-untyped-def]
-    """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2: minus the penetration depth
-    where the parts overlap, a lower bound of the distance where they are apart."""
+def least_separation(reals1, ints1, reals2, ints2, pose, rho, slack):
+    """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2.
+
+    Minus the penetration depth where the parts overlap, a lower bound of the distance where they are apart.
+    """
     rows = facet_rows(reals1, ints1, reals2, ints2, pose, slack)[1]
     best = -_INF
     for k in range(len(rows)):
@@ -183,7 +185,7 @@ def least_separation(reals1, ints1, reals2, ints2, pose, rho, slack):  # type: i
 
 
 @kernel
-def separation(reals1, ints1, reals2, ints2, pose, rho, n):  # type: ignore[no-untyped-def]
+def separation(reals1, ints1, reals2, ints2, pose, rho, n):
     """Return the separation c - a rho_1 - b rho_2 along one unit direction from body 1 to body 2."""
     a = _support(rotated(reals1, pose), ints1[0], n, 1.0)[0]
     return _dot(n, pose[9:]) - a * rho[0] - _support(reals2, ints2[0], n, -1.0)[0] * rho[1]
@@ -193,7 +195,7 @@ def separation(reals1, ints1, reals2, ints2, pose, rho, n):  # type: ignore[no-u
 
 
 @kernel
-def _seed_ray(Y, ints, ray, tie):  # type: ignore[no-untyped-def]
+def _seed_ray(Y, ints, ray, tie):
     """Return (state, t_in, face_in, t_out, face_out): the part of t ray, t > 0, inside a convex part.
 
     State 0: missed, 1: hit, 2: too close to an edge or to grazing to tell. t_in = 0 where the seed is inside.
@@ -237,7 +239,7 @@ def _seed_ray(Y, ints, ray, tie):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _leave(value, slope, scale, candidate, best, tie):  # type: ignore[no-untyped-def]
+def _leave(value, slope, scale, candidate, best, tie):
     """Update the first constraint to reach zero: best = (parameter, candidate, runner-up parameter)."""
     at, who, second = best
     if slope >= -tie * scale:
@@ -251,7 +253,7 @@ def _leave(value, slope, scale, candidate, best, tie):  # type: ignore[no-untype
 
 
 @kernel
-def _exit(X, ints1, Y, ints2, d, site, row, rho, travel, tie):  # type: ignore[no-untyped-def]
+def _exit(X, ints1, Y, ints2, d, site, rho, travel, tie):
     """Return (parameter, candidate, runner-up): where the contact point leaves its feature.
 
     The contact point's coordinates in face or edges, times the scale, are linear in rho. Candidate: an edge of the
@@ -260,7 +262,6 @@ def _exit(X, ints1, Y, ints2, d, site, row, rho, travel, tie):  # type: ignore[n
     best = (_INF, -9, _INF)
     best = _leave(rho[0], travel[0], 1.0, -1, best, tie)
     best = _leave(rho[1], travel[1], 1.0, -2, best, tie)
-    n = row[:3]
     kind, i, j = site[0], site[1], site[2]
     if kind == E1E2:
         e, g = ints1[3] + 4 * i, ints2[3] + 4 * j
@@ -305,7 +306,7 @@ def _exit(X, ints1, Y, ints2, d, site, row, rho, travel, tie):  # type: ignore[n
 
 
 @kernel
-def _first_neighbour(B, ints, vertex, skip, start, target, sign, tie):  # type: ignore[no-untyped-def]
+def _first_neighbour(B, ints, vertex, skip, start, target, sign, tie):
     """Follow the arc of directions from `start` to `target` through the normal cone of a vertex.
 
     Inside the cone sign * n.(x - vertex) <= 0 for all neighbours x. Return (state, edge): the first edge whose arc is
@@ -335,7 +336,7 @@ def _first_neighbour(B, ints, vertex, skip, start, target, sign, tie):  # type: 
 
 
 @kernel
-def _next_site(X, ints1, Y, ints2, site, row, leaving, following, tie):  # type: ignore[no-untyped-def]
+def _next_site(X, ints1, Y, ints2, site, row, leaving, following, tie):
     """Fill `following` with the site beyond the switching point; return False on a tie."""
     kind, i, j = site[0], site[1], site[2]
     n = row[:3]
@@ -371,7 +372,7 @@ def _next_site(X, ints1, Y, ints2, site, row, leaving, following, tie):  # type:
 
 
 @kernel
-def _is_support(X, n1, Y, n2, row, tie, size):  # type: ignore[no-untyped-def]
+def _is_support(X, n1, Y, n2, row, tie, size):
     """Tell whether a and b are the supports of both parts in direction n."""
     return (
         _support(X, n1, row[:3], 1.0)[0] <= row[3] + tie * size
@@ -380,7 +381,7 @@ def _is_support(X, n1, Y, n2, row, tie, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _walk_chain(X, ints1, Y, ints2, d, forward, tie, size, sites, rows, points):  # type: ignore[no-untyped-def]
+def _walk_chain(X, ints1, Y, ints2, d, forward, tie, size, sites, rows, points):
     """Walk one chain from an axis: sites[0] at the scale pair points[0]. Return (segments, how it ended).
 
     Forward (+1) is along (b, -a), with the overlap region on the left; -1 is backward. Fills `sites`, `rows` and
@@ -406,7 +407,7 @@ def _walk_chain(X, ints1, Y, ints2, d, forward, tie, size, sites, rows, points):
                 here[0], here[1] = x, y
         travel[0], travel[1] = forward * row[4] / steep, -forward * row[3] / steep
         scale = np.abs(here[0]) + np.abs(here[1])
-        at, leaving, second = _exit(X, ints1, Y, ints2, d, sites[k], row, here, travel, tie)
+        at, leaving, second = _exit(X, ints1, Y, ints2, d, sites[k], here, travel, tie)
         if at == _INF:
             points[k + 1] = travel
             return k + 1, 0
@@ -423,7 +424,7 @@ def _walk_chain(X, ints1, Y, ints2, d, forward, tie, size, sites, rows, points):
 
 
 @kernel
-def _start_on_axis(X, ints1, Y, ints2, axis, face, site, tie, size):  # type: ignore[no-untyped-def]
+def _start_on_axis(X, ints1, Y, ints2, axis, face, site, tie, size):
     """Fill the site of a chain that starts where one body is the point at its seed; return False on a tie.
 
     Axis 0: rho_1 = 0, the seed of body 1 lies on a face of part 2 and the vertex of part 1 extreme along its normal
@@ -439,14 +440,14 @@ def _start_on_axis(X, ints1, Y, ints2, axis, face, site, tie, size):  # type: ig
 
 
 @kernel
-def walk(reals1, ints1, reals2, ints2, pose, tie):  # type: ignore[no-untyped-def]
+def walk(reals1, ints1, reals2, ints2, pose, tie):
     """Walk the overlay of the two Gauss maps along the boundary of the pair's overlap region in the open quadrant.
 
     Chains start where the seed ray of either body enters or leaves the other part. Return (state, sites, rows,
     points, chains): chains (k, 4) = first segment, segments, direction (+1 walked with the overlap region on the
-    left, -1 on the right), whether it runs to infinity; chain c has points from its first segment + c on, one more than segments. State
-    UNDECIDED: a tie, or no seed ray hits (then the boundary is empty, a closed polygon, or runs from infinity to
-    infinity).
+    left, -1 on the right), whether it runs to infinity; chain c has points from its first segment + c on, one more
+    than segments. State UNDECIDED: a tie, or no seed ray hits (then the boundary is empty, a closed polygon, or runs
+    from infinity to infinity).
     """
     d, Y = pose[9:], reals2
     X = rotated(reals1, pose)
@@ -500,9 +501,12 @@ def walk(reals1, ints1, reals2, ints2, pose, tie):  # type: ignore[no-untyped-de
 
 
 @kernel
-def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):  # type: ignore[no-untyped-def]
-    """Return the row of a site at a pose. `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it
-    does not jump where the pair stops being a facet. Parallel edges give nan."""
+def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
+    """Return the row of a site at a pose; parallel edges give nan.
+
+    `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
+    facet.
+    """
     row = np.full(6, np.nan)
     X, d = rotated(reals1, pose), pose[9:]
     if site_row(X, ints1, reals2, ints2, d, site, row) and site[0] == E1E2:
@@ -515,7 +519,7 @@ def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):  # type: ignore
 
 
 @kernel
-def site_vertices(ints1, ints2, site):  # type: ignore[no-untyped-def]
+def site_vertices(ints1, ints2, site):
     """Return a vertex of either part on a site's elements."""
     one, two = site[1], site[2]
     if site[0] == F1V2:

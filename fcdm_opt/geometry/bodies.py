@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations, pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -112,7 +113,7 @@ class ConvexPart:
         """Volume and centroid, by signed tetrahedra about the mean vertex."""
         centre = self.vertices.mean(axis=0)
         local = self.vertices - centre
-        triangles = local[[(loop[0], a, b) for loop in self.loops for a, b in zip(loop[1:], loop[2:], strict=False)]]
+        triangles = local[[(loop[0], a, b) for loop in self.loops for a, b in pairwise(loop[1:])]]
         volumes = np.linalg.det(triangles) / 6.0
         return float(volumes.sum()), centre + volumes @ triangles.sum(axis=1) / 4.0 / volumes.sum()
 
@@ -301,7 +302,7 @@ def _rows(indices: Iterable[int], count: int, key: str) -> list[int]:
 
 
 def _numbered(groups: list[Array]) -> tuple[Array, list[list[int]]]:
-    """Number points by first appearance, equal points once."""
+    """Return the distinct points by first appearance, and each group's rows among them."""
     number: dict[tuple[float, ...], int] = {}
     rows = []
     for group in groups:
@@ -337,8 +338,6 @@ def _parts_overlap(parts: list[ConvexPart]) -> bool:
     """Tell whether interiors of two parts meet: the largest ball inside both, by linear programming."""
     if len(parts) == 1:
         return False
-    from itertools import combinations
-
     from scipy.optimize import linprog
 
     for one, two in combinations(parts, 2):

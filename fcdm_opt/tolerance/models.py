@@ -1,4 +1,4 @@
-"""The stages of the solver, least first. Each takes a `Task` and answers it, or returns None where it is not its own."""
+"""The stages of the solver, least first: each answers a `Task`, or returns None where the task is not its own."""
 
 from __future__ import annotations
 

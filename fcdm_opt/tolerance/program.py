@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.geometry.bodies import Array
 from fcdm_opt.motion import Motion
-from fcdm_opt.tolerance.equations import OWNERS, FeaturePoints, Scene, intersection
+from fcdm_opt.tolerance.equations import FeaturePoints, Scene, intersection
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
@@ -107,7 +107,7 @@ class _Symbols:
         return self.tracked_pair(self.end, 1.0)
 
     def tracked_pair(self, scene: Scene, s: Any) -> Any:
-        """Return the tracked scale pair: both lines' intersection, or the one line's point nearest the straight path."""
+        """Return the tracked scale pair: both lines' intersection, or one line's point nearest the straight path."""
         lines = [scene.line(kind, values) for kind, values in self.tracked]
         if len(lines) == 2:
             return intersection(*lines)[0]
@@ -144,9 +144,8 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
     if name == "line":
         rho = symbols.tracked_pair(scene, s)
         return (c - a * rho[0] - b * rho[1]) / values[14]
-    kind, body = detail
-    own = feature[:3] if body == 1 else feature[9:12]
-    assert OWNERS[kind][0] == 1 and OWNERS[kind][3] == 2
+    body = detail[1]
+    own = feature[:3] if body == 1 else feature[9:12]  # the first point is of body 1, the last of body 2
     vertex = values[14:17]
     height = casadi.dot(n, scene.moved(vertex) - scene.moved(own)) if body == 1 else casadi.dot(n, own - vertex)
     return height / values[17]
@@ -261,5 +260,7 @@ def minimise(
 
 
 def _frame(normal: Array) -> Array:
-    """Return a right-angled frame whose first column is a unit vector."""
-    return np.linalg.svd(normal[:, None])[0] * np.array([np.sign(np.linalg.svd(normal[:, None])[0][:, 0] @ normal), 1, 1])
+    """Return a right-angled frame whose first column is a given unit vector."""
+    frame = np.linalg.svd(normal[:, None])[0]
+    frame[:, 0] = normal
+    return frame

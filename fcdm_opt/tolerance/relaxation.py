@@ -70,19 +70,18 @@ class Relaxation:
         enough : float
             Give up once the amount is no smaller: more constraints only add to it.
         """
-        task = self.task
+        task, outcome = self.task, self._solved(starts, method)
         for _ in range(ROUNDS):
-            outcome = self._solved(starts, method)
-            if outcome is None:
+            if outcome is None or task.amount(outcome.q) >= enough * (1.0 - DEFAULT.cut):
                 return None
             self.goal_reached = True
-            q = outcome.q
-            if task.amount(q) >= enough * (1.0 - DEFAULT.cut):
-                return None
-            normals = dict(zip(self._planes, outcome.normals, strict=True))
+            q, normals = outcome.q, dict(zip(self._planes, outcome.normals, strict=True))
             if not self._grown(q, normals):
                 break
             starts = [*starts[:1], q, *starts[2:]]
+            outcome = self._solved(starts, method)
+        if outcome is None:
+            return None
         if not task.tracked:
             q = rays.shortened(task, q, normals)
         if not task.meets(q, DEFAULT.requirement, normals):
@@ -104,9 +103,12 @@ class Relaxation:
         if task.must_clear:
             gaps = task.pair_gaps(q, normals)
             for parts in np.ndindex(gaps.shape):
-                if gaps[parts] < task.need - DEFAULT.cut * task.unit:
-                    added.append(self._hold_foremost(parts, q, normals[parts]) if parts in normals
-                                 else self._keep_apart_as_near(parts, q))
+                if gaps[parts] >= task.need - DEFAULT.cut * task.unit:
+                    continue
+                if parts in normals:
+                    added.append(self._hold_foremost(parts, q, normals[parts]))
+                else:
+                    added.append(self._keep_apart_as_near(parts, q))
         if self.closing is not None:
             added.append(self.close(q, DEFAULT.cut * task.unit))
         return any(added)
@@ -204,8 +206,10 @@ def _numbered(parts: Parts) -> str:
 
 
 def choices(task: Task, q: Array) -> Iterator[Relaxation]:
-    """Yield the programs to try near a motion: which pair closes, and along which direction each overlapping pair comes
-    apart. Near rest all that may matter, near any other motion its own features only.
+    """Yield the programs to try near a motion.
+
+    Which pair closes, and along which direction each overlapping pair comes apart: near rest all that may matter, near
+    any other motion its own features only.
     """
     gaps = task.pair_gaps(task.rest) if task.must_clear else np.zeros((1, 1))
     near = task.pair_gaps(q) if task.must_clear else gaps
@@ -231,8 +235,9 @@ def choices(task: Task, q: Array) -> Iterator[Relaxation]:
 
 
 def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:
-    """Return (amount, direction) for the ways in which a part pair can come apart near a motion, by the further amount
-    they need to first order.
+    """Return (amount, direction) for the ways in which a part pair can come apart near a motion, least first.
+
+    The amount is what a way still needs, to first order.
     """
     pose = task.pose(q)
     _, rows, separations = task.separations(parts, pose)
