@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Array, frozen
+from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerances import DEFAULT
 
 AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}

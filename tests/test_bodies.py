@@ -13,7 +13,8 @@ from oracles import hull
 from strategies import generators, random_points, random_pose, reaches
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body, ConvexPart, Element, rigid_transform
+from fcdm_opt.geometry.bodies import Body, ConvexPart, rigid_transform
+from fcdm_opt.geometry.elements import Element
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
 GRID = np.array(list(itertools.product([0.0, 0.5, 1.0], repeat=3)))  # mid-edge, mid-face and interior points too
@@ -370,15 +371,15 @@ def test_bad_seeds_are_refused(seed, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"parts": [[0, 1, 2, 8]]}, r"parts\[0\].*not a row.*found 8"),
-        ({"parts": [range(8), [0, 1, 2, -1]]}, r"parts\[1\].*not a row.*found -1"),
+        ({"parts": [[0, 1, 2, 8]]}, r"part 1.*not a row.*found 8"),
+        ({"parts": [range(8), [0, 1, 2, -1]]}, r"part 2.*not a row.*found -1"),
         ({"parts": [[0, 1, 2, 4.0]]}, "not a row"),
         ({"parts": [[0, 1, 2, True]]}, "not a row"),
         ({"parts": [[0, 1, 2, 2, 4]]}, "twice"),
         ({"parts": [[0, 1, 2]]}, "at least 4"),
-        ({"parts": [range(8), [0, 1, 2, 3]]}, r"parts\[1\].*one plane"),
+        ({"parts": [range(8), [0, 1, 2, 3]]}, r"part 2.*one plane"),
         ({"parts": []}, "at least one part"),
-        ({"parts": [range(8)], "faces": [[0, 1, 9]]}, r"faces\[0\]"),
+        ({"parts": [range(8)], "faces": [[0, 1, 9]]}, r"face 1"),
         ({"parts": [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6], range(8)]}, "overlapping parts"),
     ],
 )

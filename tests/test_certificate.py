@@ -15,7 +15,8 @@ from cases import ONE_LINE, OneLine
 from oracles import cross, dot, exact_curve, minus, rational
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.bodies import Body, Element
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.motion import Rotation, Translation
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.files import load_problems

@@ -19,7 +19,8 @@ from strategies import SEEDS, generators, random_pair, random_pose, random_shape
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body, Element
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
 
 # no curve of small integers meets the border of this box in a special way
 ODD_BOX: Box = ((0.0731584, 9.7172613), (0.0643917, 11.3145927))

@@ -7,7 +7,7 @@ from cases import EXAMPLE_1, EXAMPLE_2
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Element
+from fcdm_opt.geometry.elements import Element
 
 PRINTED = (*EXAMPLE_1.labels, *EXAMPLE_2.labels, "V1E2(P1V4; P2V9,V10)", "E1E2(P1V4,V3; P2V9,V10)", "V1V2(P1V10; P2V2)")
 

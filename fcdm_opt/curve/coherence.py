@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.geometry.bodies import Array, Body
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.geometry.bodies import Array, ConvexPart
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 

@@ -15,7 +15,8 @@ from fcdm_opt.curve.envelope import boundary, overlap_interval
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair, support_feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Array, Body, frozen, rigid_transform
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
 
 Box = tuple[tuple[float, float], tuple[float, float]]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fcdm_opt.curve.region import Piece, Region, same_pair
-from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
 
 _LEAST_SCALE = 1e-6  # lines that pass this near to (0, 0) are compared as lines through it

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Element
+from fcdm_opt.geometry.elements import Element
 
 _VERTICES = r"V[1-9][0-9]*(?:,V[1-9][0-9]*)*"
 _LABEL = re.compile(rf"([VEF])1([VEF])2\(P1({_VERTICES}); ?P2({_VERTICES})\)")

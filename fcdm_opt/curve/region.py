@@ -13,7 +13,9 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.bodies import Array, ConvexPart, Element, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
 

@@ -10,32 +10,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations, pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.elements import Element, own_elements
+from fcdm_opt.geometry.hull import Hull, convex_hull, unit_normal
 from fcdm_opt.tolerances import DEFAULT
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 SeedRule = Literal["centroid", "vertices", "box"]
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
-
-
-class Element(NamedTuple):
-    """A vertex, edge or face of a body: `kind` "V", "E" or "F" and the body's 1-based vertex labels."""
-
-    kind: str
-    vertices: tuple[int, ...]
-
-
-def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
-    """Return a read-only C-contiguous copy."""
-    array = np.array(values, dtype=dtype, order="C")
-    array.flags.writeable = False
-    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +53,7 @@ class ConvexPart:
     @cached_property
     def normals(self) -> Array:
         """Outward unit normals of the faces, (f, 3)."""
-        return frozen([_area_vector(self.vertices[list(loop)]) for loop in self.loops])
+        return frozen([unit_normal(self.vertices[list(loop)]) for loop in self.loops])
 
     @cached_property
     def half_edges(self) -> Ints:
@@ -164,7 +151,7 @@ class Body:
         InputError
             For anything that is not a finite solid; names the body and the offending row.
         """
-        points = _points(vertices, name)
+        points = _points(vertices, f"body '{name}'")
         return cls.from_parts(points, parts=[range(len(points))], seed=seed, name=name)
 
     @classmethod
@@ -200,18 +187,19 @@ class Body:
             Names the body, the part and the row.
         """
         if parts is None:
-            groups = [_points(group, f"{name}, part {k + 1}") for k, group in enumerate(_groups(vertices, name))]
+            groups = [_points(group, f"body '{name}': part {k + 1}") for k, group in enumerate(_groups(vertices, name))]
             points, rows = _numbered(groups)
         else:
-            points = _points(vertices, name)
-            rows = [_rows(part, len(points), f"body '{name}': parts[{k}]") for k, part in enumerate(parts)]
+            points = _points(vertices, f"body '{name}'")
+            rows = [_rows(part, len(points), f"body '{name}': part {k + 1}") for k, part in enumerate(parts)]
         if not rows:
             raise InputError("a body needs at least one part", key=f"body '{name}'")
-        hulls = [_hull(points[part], part, name, k, len(rows)) for k, part in enumerate(rows)]
+        keys = [f"body '{name}'" + (f": part {k + 1}" if len(rows) > 1 else "") for k in range(len(rows))]
+        hulls = [convex_hull(points[part], part, key) for part, key in zip(rows, keys, strict=True)]
         given = None
         if faces is not None:
-            given = [_rows(face, len(points), f"body '{name}': faces[{k}]") for k, face in enumerate(faces)]
-        true_faces, elements = _own_elements(points, hulls, given)
+            given = [_rows(face, len(points), f"body '{name}': face {k + 1}") for k, face in enumerate(faces)]
+        true_faces, elements = own_elements(points, hulls, given)
         origin = _seed(seed, points, hulls, name)
         made = tuple(
             ConvexPart(frozen(points[used]), origin, tuple(loops), frozen(edges, np.int64), named)
@@ -278,8 +266,7 @@ def _groups(vertices: Any, name: str) -> list[Any]:
     return list(vertices)
 
 
-def _points(vertices: Any, name: str) -> Array:
-    key = f"body '{name}'"
+def _points(vertices: Any, key: str) -> Array:
     points = _array(vertices, key)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")
@@ -311,7 +298,7 @@ def _numbered(groups: list[Array]) -> tuple[Array, list[list[int]]]:
     return np.array(list(number)), rows
 
 
-def _seed(seed: Any, points: Array, hulls: list[tuple[list[int], Any, Any]], name: str) -> Array:
+def _seed(seed: Any, points: Array, hulls: list[Hull], name: str) -> Array:
     key = f"body '{name}': seed"
     if not isinstance(seed, str):
         point = _array(seed, key)
@@ -350,220 +337,3 @@ def _parts_overlap(parts: list[ConvexPart]) -> bool:
         if answer.status == 0 and -answer.fun > DEFAULT.partition * size:
             return True
     return False
-
-
-# --------------------------------------------------------------------------------------------------------- topology
-
-
-def _area_vector(polygon: Array) -> Array:
-    """Return the unit normal of a (nearly) planar polygon, by Newell's sum about its first vertex."""
-    spokes = polygon[1:] - polygon[0]
-    total = np.cross(spokes[:-1], spokes[1:]).sum(axis=0)
-    return total / np.linalg.norm(total)
-
-
-Hull = tuple[list[int], list[tuple[int, ...]], list[tuple[int, int, int, int]]]
-
-
-def _hull(points: Array, rows: list[int], name: str, part: int, count: int) -> Hull:
-    """Return (rows used, face loops, edges) of the hull of one part, coplanar facets merged."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    key = f"body '{name}'" + (f": parts[{part}]" if count > 1 else "")
-    if len(points) < 4:
-        raise InputError("a convex part needs at least 4 vertices", key=key, found=len(points))
-    centred = points - points.mean(axis=0)
-    size = np.abs(centred).max()
-    if size == 0:
-        raise InputError("all points coincide", key=key, found=points[0].tolist())
-    _, stretch, axes = np.linalg.svd(centred / size, full_matrices=False)
-    if stretch[2] <= DEFAULT.flatness * stretch[0]:
-        raise InputError("the points lie in one plane", key=key, found=f"thickness ratio {stretch[2] / stretch[0]:.2g}")
-    axes[2] *= np.sign(np.linalg.det(axes))  # no mirror: it would turn the facets inside out
-    try:  # hulls are affinely invariant: equal extents keep Qhull from calling thin parts flat
-        hull = ConvexHull(centred / size @ (axes.T / stretch), qhull_options="Qt")
-    except QhullError as reason:
-        raise InputError(f"no convex hull: {str(reason).splitlines()[0]}", key=key) from reason
-    triangles = [
-        tuple(row if normal @ np.cross(*(hull.points[row[1:]] - hull.points[row[0]])) > 0 else row[::-1])
-        for row, normal in zip(hull.simplices, hull.equations[:, :3], strict=True)
-    ]
-    loops = _merged_faces(centred / size, triangles, hull.neighbors)
-    edges = _edges(loops)
-    if edges is None:  # merging met a borderline case: the triangles of the hull are always consistent
-        loops = [tuple(int(v) for v in triangle) for triangle in triangles]
-        edges = _edges(loops)
-        if edges is None:
-            raise InputError("the hull of the points is not a closed surface", key=key)
-    used = sorted({vertex for loop in loops for vertex in loop})
-    place = {vertex: k for k, vertex in enumerate(used)}
-    loops = [tuple(place[vertex] for vertex in loop) for loop in loops]
-    edges = [(place[a], place[b], left, right) for a, b, left, right in edges]
-    return [rows[vertex] for vertex in used], loops, edges
-
-
-def _merged_faces(points: Array, triangles: list[tuple[Any, ...]], neighbours: Ints) -> list[tuple[int, ...]]:
-    """Group triangles coplanar within `planarity`, largest first, and return each group's outline."""
-    corners = points[np.array(triangles)]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(areas, axis=1)
-    group = np.full(len(triangles), -1)
-    loops = []
-    for start in np.argsort(-sizes, kind="stable"):
-        if group[start] >= 0:
-            continue
-        normal = areas[start] / sizes[start] if sizes[start] > 0 else areas[start]
-        heights = np.abs((points - corners[start, 0]) @ normal)
-        group[start], stack, members = start, [start], {int(v) for v in triangles[start]}
-        while stack:
-            for other in neighbours[stack.pop()]:
-                if group[other] < 0 and heights[list(triangles[other])].max() <= DEFAULT.planarity:
-                    group[other] = start
-                    members.update(int(v) for v in triangles[other])
-                    stack.append(other)
-        loops.append(_outline(points, sorted(members), normal))
-    return [loop for loop in loops if len(loop) >= 3]
-
-
-def _outline(points: Array, members: list[int], normal: Array) -> tuple[int, ...]:
-    """Return the strictly convex outline of coplanar points, counter-clockwise about `normal` (monotone chain)."""
-    if len(members) == 3:
-        a, b, c = members
-        turn = np.cross(points[b] - points[a], points[c] - points[a]) @ normal
-        return (a, b, c) if turn > 0 else (a, c, b) if turn < 0 else ()
-    u = np.linalg.svd(normal[None])[2][1]
-    plane = points[members] @ np.column_stack([u, np.cross(normal, u)])
-    order = [members[k] for k in np.lexsort((plane[:, 1], plane[:, 0]))]
-    flat = dict(zip(members, plane, strict=True))
-
-    def chain(sequence: list[int]) -> list[int]:
-        kept: list[int] = []
-        for vertex in sequence:
-            while len(kept) > 1:
-                p, q = flat[kept[-1]] - flat[kept[-2]], flat[vertex] - flat[kept[-2]]
-                if p[0] * q[1] - p[1] * q[0] > DEFAULT.planarity * np.hypot(*q):
-                    break
-                kept.pop()
-            kept.append(vertex)
-        return kept[:-1]
-
-    return tuple(chain(order) + chain(order[::-1]))
-
-
-def _edges(loops: list[tuple[int, ...]]) -> list[tuple[int, int, int, int]] | None:
-    """Pair the half-edges of face loops; None unless they close to a sphere."""
-    left = {(a, b): f for f, loop in enumerate(loops) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)}
-    if len(left) != sum(map(len, loops)) or any((b, a) not in left for a, b in left):
-        return None
-    edges = [(a, b, f, left[b, a]) for (a, b), f in left.items() if a < b]
-    vertices = {vertex for loop in loops for vertex in loop}
-    return edges if len(vertices) - len(edges) + len(loops) == 2 else None
-
-
-# -------------------------------------------------------------------------------------------- the body's own elements
-
-
-def _own_elements(
-    points: Array, hulls: list[Hull], given: list[list[int]] | None
-) -> tuple[tuple[tuple[int, ...], ...], list[dict[str, tuple[Element, ...]]]]:
-    """Return the body's faces and, for each part, the body's element that each vertex, edge, face belongs to."""
-    size = np.abs(points - points.mean(axis=0)).max()
-    rows = [[tuple(used[v] for v in loop) for loop in loops] for used, loops, _ in hulls]
-    planes = [[_plane(points, loop) for loop in loops] for loops in rows]
-    if given is None:
-        groups = _faces_from_parts(rows, planes, size)
-        given = [sorted({v for part, face in group for v in rows[part][face]}) for group in groups]
-        owner = {place: k for k, group in enumerate(groups) for place in group}
-    else:
-        owner = _owners(points, rows, planes, given, size)
-    faces = tuple(tuple(sorted(v + 1 for v in face)) for face in given)
-    around: dict[tuple[int, int], set[int]] = {}
-    corners: dict[int, set[int]] = {}
-    for (part, face), own in owner.items():
-        loop = rows[part][face]
-        for a, b in zip(loop, loop[1:] + loop[:1], strict=True):
-            around.setdefault((min(a, b), max(a, b)), set()).add(own)
-            corners.setdefault(a, set()).add(own)
-    elements = []
-    for part, (used, _, edges) in enumerate(hulls):
-        named_faces = tuple(
-            Element("F", faces[owner[part, f]] if (part, f) in owner else _label(loop))
-            for f, loop in enumerate(rows[part])
-        )
-        named_edges = []
-        for a, b, _, _ in edges:
-            pair = (min(used[a], used[b]), max(used[a], used[b]))
-            beside = around.get(pair, set())
-            named_edges.append(Element("F", faces[min(beside)]) if len(beside) == 1 else Element("E", _label(pair)))
-        named_vertices = tuple(
-            Element("F", faces[min(corners[v])]) if len(corners.get(v, ())) == 1 else Element("V", (v + 1,))
-            for v in used
-        )
-        elements.append({"V": named_vertices, "E": tuple(named_edges), "F": named_faces})
-    return faces, elements
-
-
-def _label(rows: Iterable[int]) -> tuple[int, ...]:
-    return tuple(sorted(v + 1 for v in rows))
-
-
-def _plane(points: Array, loop: tuple[int, ...]) -> tuple[Array, float]:
-    normal = _area_vector(points[list(loop)])
-    return normal, float(normal @ points[loop[0]])
-
-
-def _faces_from_parts(rows: Any, planes: Any, size: float) -> list[list[tuple[int, int]]]:
-    """Group part faces in one plane that share vertices; drop seams (the same outline turned to each other)."""
-    places = [(part, face) for part, loops in enumerate(rows) for face in range(len(loops))]
-    outlines: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-    for part, face in places:
-        outlines.setdefault(tuple(sorted(rows[part][face])), []).append((part, face))
-    seams = {
-        place
-        for same in outlines.values()
-        for place in same
-        if any(planes[place[0]][place[1]][0] @ planes[p][f][0] < 0 for p, f in same)
-    }
-    groups: list[list[tuple[int, int]]] = []
-    for part, face in places:
-        if (part, face) in seams:
-            continue
-        normal, level = planes[part][face]
-        mine = [(part, face)]
-        rest = []
-        for group in groups:
-            other, height = planes[group[0][0]][group[0][1]]
-            joined = (
-                np.abs(normal - other).max() <= DEFAULT.nominal
-                and abs(level - height) <= DEFAULT.nominal * size
-                and any(set(rows[p][f]) & set(rows[part][face]) for p, f in group)
-            )
-            (mine := group + mine) if joined else rest.append(group)
-        groups = [*rest, mine]
-    return groups
-
-
-def _owners(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float) -> dict[tuple[int, int], int]:
-    """Map each part face to the given face in its plane with which it shares most vertices, or in which it lies."""
-    owner = {}
-    for part, loops in enumerate(rows):
-        for face, loop in enumerate(loops):
-            normal, level = planes[part][face]
-            shared = {
-                k: len(set(own) & set(loop))
-                for k, own in enumerate(given)
-                if np.abs(points[own] @ normal - level).max() <= DEFAULT.nominal * size
-            }
-            middle = points[list(loop)].mean(axis=0)
-            best = max(shared, key=lambda k: shared[k], default=None)
-            if best is not None and (shared[best] or _surrounds(points[given[best]], middle, normal)):
-                owner[part, face] = best
-    return owner
-
-
-def _surrounds(outline: Array, point: Array, normal: Array) -> bool:
-    """Tell whether a polygon, corners in order, goes round a point of its plane: its winding number is not zero."""
-    spokes = outline - point
-    ahead = np.roll(spokes, -1, axis=0)
-    turns = np.arctan2(np.cross(spokes, ahead) @ normal, (spokes * ahead).sum(axis=1))
-    return bool(abs(turns.sum()) > np.pi)

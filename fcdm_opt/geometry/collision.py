@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.geometry.bodies import Array, Body, ConvexPart
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 # Above this many edge pairs `separations` would cost more than everything else the judge does: nan, coal stands alone.

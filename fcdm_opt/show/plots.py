@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, new_figure
 
 if TYPE_CHECKING:

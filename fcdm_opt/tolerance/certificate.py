@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.tolerance.claim import Claim
 from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status

@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.bodies import Array, Body, Element
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import Direction, ScaledPair, face_corners
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
 _Place = tuple[int, tuple[int, ...]]  # a part, and vertex rows of it

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
-from fcdm_opt.geometry.bodies import Array, Body, frozen
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
 
 KINDS = (F1V2, V1F2, E1E2)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance import rays
 from fcdm_opt.tolerance.bounds import displacement_bound
 from fcdm_opt.tolerance.relaxation import Found, choices

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Array, Body, frozen
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerances import DEFAULT
 

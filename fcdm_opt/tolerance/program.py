@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.equations import FeaturePoints, Scene, intersection
 from fcdm_opt.tolerance.task import Task

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.bounds import displacement_rate
 from fcdm_opt.tolerance.task import Parts, Task
 from fcdm_opt.tolerances import DEFAULT

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fcdm_opt.curve.coherence import Fault
-from fcdm_opt.geometry.bodies import Array
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance import program, rays
 from fcdm_opt.tolerance.bounds import displacement_rate
 from fcdm_opt.tolerance.equations import feature_points

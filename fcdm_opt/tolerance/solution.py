@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Array, frozen
+from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.problem import Problem
 
 

@@ -11,7 +11,7 @@ from fcdm_opt.curve.decision_curve import Segment
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import support_feature
 from fcdm_opt.errors import InputError, UnsolvedError
-from fcdm_opt.geometry.bodies import Array, frozen
+from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance import models
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem

@@ -12,7 +12,8 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
 from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
-from fcdm_opt.geometry.bodies import Array, Body, Ints
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
 from fcdm_opt.tolerance.problem import Problem
