@@ -9,7 +9,6 @@ import json
 import math
 import os
 import re
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,16 +19,13 @@ import typer
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.show.tables import SolvedCase
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solution import Solution
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
-PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
-"""Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
 
 app = typer.Typer(
     name="fcdm-opt", add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
@@ -67,6 +63,8 @@ def _common(
 @app.command("curve")
 def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
+    from fcdm_opt.show.tables import print_curves
+
     opened = _opened(files, case or ())
     document, codes = [], [BAD_INPUT for file in opened if file.error]
     pictures = _Pictures(out) if out else None
@@ -74,7 +72,7 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
         found = _distinct_curves(file.problems)
         document.append({**file.head(), "curves": [{"cases": names, **_curve_data(curve)} for curve, names in found]})
         if not as_json and not file.error:
-            _print_curves(file, found)
+            print_curves(file.path.name, file.title, file.note, found)
         if pictures:
             for number, (curve, _) in enumerate(found, 1):
                 pictures.of_curve(file, curve, f"-pair{number}" if len(found) > 1 else "")
@@ -86,16 +84,18 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
     """Find the smallest motion of each case, verify it, and print one table a file."""
     from rich.progress import track
 
+    from fcdm_opt.show.tables import console, print_solutions
+
     opened = _opened(files, case or ())
     document, codes = [], [BAD_INPUT for file in opened if file.error]
     pictures = _Pictures(out) if out else None
     for file in opened:
         rows, cases = [], []
-        notes = _console(stderr=True)
+        notes = console(stderr=True)
         for problem in track(file.problems, file.path.name, console=notes, transient=True,
                              disable=not notes.is_terminal):
             try:
-                row = _Row.of(problem)
+                row = _solved(problem)
             except InputError as reason:
                 error = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
                 _say(f"error: {error}")
@@ -103,13 +103,13 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
                 cases.append({"problem": problem.to_dict(), "error": error})
                 continue
             rows.append(row)
-            cases.append(row.data())
-            codes.append(row.code)
+            cases.append(_case_data(row))
+            codes.append(_code(row.solution))
             if pictures:
                 pictures.of_solution(file, row.solution)
         document.append({**file.head(), "cases": cases})
         if rows and not as_json:
-            _print_solutions(file, rows)
+            print_solutions(file.path.name, file.title, file.note, rows)
     _finish(document if as_json else None, codes)
 
 
@@ -191,38 +191,31 @@ def _plain(value: Any) -> Any:
 # -------------------------------------------------------------------------------------------------------------- results
 
 
-@dataclass(frozen=True)
-class _Row:
-    """What is known of one case after solving it."""
+def _solved(problem: Problem) -> SolvedCase:
+    """Solve a case, and beside goal "beyond" the assembly question with the same motions."""
+    from fcdm_opt.show.tables import SolvedCase
+    from fcdm_opt.tolerance.solver import solve
 
-    solution: Solution
-    published_amount: float | None
-    touch_amount: float | None
+    solution = solve(problem)
+    published = None
+    if problem.published is not None:
+        published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))
+    touch = None
+    if problem.goal == "beyond":
+        answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
+        touch = answer.amount if answer.usable else None
+    return SolvedCase(solution, published, touch)
 
-    @classmethod
-    def of(cls, problem: Problem) -> _Row:
-        """Solve a case, and beside goal "beyond" the assembly question with the same motions."""
-        from fcdm_opt.tolerance.solver import solve
 
-        solution = solve(problem)
-        published = None
-        if problem.published is not None:
-            published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))
-        touch = None
-        if problem.goal == "beyond":
-            answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
-            touch = answer.amount if answer.usable else None
-        return cls(solution, published, touch)
+def _code(solution: Solution) -> int:
+    if not solution.status.found:
+        return NO_MOTION
+    return SOLVED if solution.usable else NOT_VERIFIED
 
-    @property
-    def code(self) -> int:
-        if not self.solution.status.found:
-            return NO_MOTION
-        return SOLVED if self.solution.usable else NOT_VERIFIED
 
-    def data(self) -> dict[str, Any]:
-        extras = {"published_amount": self.published_amount, "touch_amount": self.touch_amount}
-        return {"name": self.solution.problem.name, **self.solution.to_dict(), **extras}
+def _case_data(case: SolvedCase) -> dict[str, Any]:
+    extras = {"published_amount": case.published_amount, "touch_amount": case.touch_amount}
+    return {"name": case.solution.problem.name, **case.solution.to_dict(), **extras}
 
 
 def _distinct_curves(problems: Iterable[Problem]) -> list[tuple[DecisionCurve, list[str]]]:
@@ -235,6 +228,8 @@ def _distinct_curves(problems: Iterable[Problem]) -> list[tuple[DecisionCurve, l
 
 
 def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
+    from fcdm_opt.show.tables import slope
+
     return {
         "movable": curve.movable.name,
         "static": curve.static.name,
@@ -243,7 +238,7 @@ def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
         "segments": [
             {
                 "index": s.index, "feature": s.feature.label, "line": s.line, "start": s.start, "end": s.end,
-                "slope": _slope(s), "parts": s.parts, "snug": s.snug,
+                "slope": slope(s), "parts": s.parts, "snug": s.snug,
             }
             for s in curve.segments
         ],
@@ -252,161 +247,6 @@ def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
             for p in curve.switching_points
         ],
     }
-
-
-def _slope(segment: Any) -> float:
-    a, b, _ = segment.line
-    return float(-a / b) if b else math.inf
-
-
-def _signs(problem: Problem) -> str:
-    return "(" + ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs) + ")"
-
-
-def _motion(solution: Solution) -> str:
-    values = list(solution.parameters.values())
-    return solution.problem.motion.describe(values) if values else "-"
-
-
-def _asked(problem: Problem) -> str:
-    if problem.requirement:
-        return f"{problem.requirement} {_signs(problem)}"
-    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
-
-
-# --------------------------------------------------------------------------------------------------------------- tables
-
-
-def _console(*, stderr: bool = False) -> Any:
-    from rich.console import Console
-
-    terminal = (sys.stderr if stderr else sys.stdout).isatty()
-    return Console(
-        stderr=stderr, width=None if terminal else PIPED_WIDTH, markup=False, highlight=False, emoji=False,
-        soft_wrap=not terminal,
-    )
-
-
-def _table(*columns: str, numbers: Sequence[str] = ()) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
-    for column in columns:
-        table.add_column(column, overflow="fold", justify="right" if column in numbers else "left", vertical="top")
-    return table
-
-
-def _print_table(console: Any, table: Table) -> None:
-    """Print a table, closer set where the terminal is too narrow for it."""
-    if console.measure(table, options=console.options.update(width=PIPED_WIDTH)).maximum > console.width:
-        table.padding = 0
-    console.print(table)
-
-
-def _print_text(console: Any, text: str, indent: str = "") -> None:
-    console.print(_wrapped(text, min(TEXT_WIDTH, console.width), indent))
-
-
-def _print_head(console: Any, file: _File) -> None:
-    console.print(f"{file.path.name}: {file.title}" if file.title else file.path.name, style="bold")
-    if file.note:
-        _print_text(console, file.note)
-    console.print()
-
-
-def _wrapped(text: str, width: int, indent: str = "") -> str:
-    from textwrap import fill
-
-    return fill(" ".join(text.split()), width, subsequent_indent=indent)
-
-
-def _print_curves(file: _File, curves: Sequence[tuple[DecisionCurve, list[str]]]) -> None:
-    console = _console()
-    _print_head(console, file)
-    for curve, names in curves:
-        (low_1, high_1), (low_2, high_2) = curve.box
-        text = (
-            f"{curve.movable.name}, movable, and {curve.static.name}, static; cases {', '.join(names)}: "
-            f"{curve.status} in the box [{low_1:g}, {high_1:g}] x [{low_2:g}, {high_2:g}]"
-        )
-        _print_text(console, text)
-        console.print()
-        if not curve.segments:
-            continue
-        segments = _table("segment", "feature", "a", "b", "c", "from", "to", "slope", numbers=("a", "b", "c", "slope"))
-        for s in curve.segments:
-            segments.add_row(
-                f"S{s.index}" + (" (snug)" if s.snug else ""), _label(s.feature), *(f"{x:.6f}" for x in s.line),
-                _point(s.start), _point(s.end), f"{_slope(s):.6f}" if s.line[1] else "vertical",
-            )
-        _print_table(console, segments)
-        console.print()
-        if curve.switching_points:
-            points = _table("switching point", "rho", "kind", "contact", "at")
-            for p in curve.switching_points:
-                points.add_row(
-                    f"SW{p.index}", _point(p.rho), p.kind, "\n".join(map(_label, p.contact_features)),
-                    "\n".join(map(_point, p.contacts)),
-                )
-            _print_table(console, points)
-            console.print()
-
-
-def _label(feature: Any) -> str:
-    """Return a feature's label, on two lines where faces with many vertices make it long."""
-    label: str = feature.label
-    return label if len(label) <= 2 * CELL_WIDTH else label.replace("; ", ";\n  ")
-
-
-def _point(values: Iterable[float]) -> str:
-    return ", ".join(f"{x:.6f}" for x in values)
-
-
-def _print_solutions(file: _File, rows: Sequence[_Row]) -> None:
-    console = _console()
-    _print_head(console, file)
-    lines = [_cells(row) for row in rows]
-    columns = [column for column in lines[0] if any(line[column] for line in lines)]
-    table = _table(*columns, numbers=("published\namount", "found\namount", "new/old\npair", 'least\n"touch"'))
-    for line in lines:
-        table.add_row(*(line[column] for column in columns))
-    _print_table(console, table)
-    console.print()
-    for row in rows:
-        solution = row.solution
-        if solution.status.name != "SOLVED":
-            failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
-            checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            _print_text(console, f"{solution.problem.name}: {solution.status.value}{checks}", indent="   ")
-    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in ("build", "solve", "verify")}
-    total = sum(stages.values())
-    shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total)
-    console.print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
-
-
-def _cells(row: _Row) -> dict[str, str]:
-    """Return the table's cells for one case; a column that is empty for every case is left out."""
-    solution, problem = row.solution, row.solution.problem
-    ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
-    gap = f"\n{solution.pair_gap:+.3g}" if math.isfinite(solution.pair_gap) else ""
-    judged = solution.status.found and solution.certificate is not None
-    return {
-        "case": _wrapped(problem.name, CELL_WIDTH),
-        "require-\nment": _wrapped(_asked(problem), CELL_WIDTH),
-        "goal": problem.goal,
-        "motion found": _motion(solution).replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
-        "published\namount": "" if row.published_amount is None else _amount(row.published_amount),
-        "found\namount": _amount(solution.amount),
-        "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
-        "pair made": solution.pair_state + gap,
-        'least\n"touch"': _amount(row.touch_amount) if problem.goal == "beyond" else "",
-        "verified": ("yes" if solution.usable else "no") if judged else "-",
-    }
-
-
-def _amount(amount: float | None) -> str:
-    return "-" if amount is None or not math.isfinite(amount) else f"{amount:.5g}"
 
 
 # ------------------------------------------------------------------------------------------------------------- pictures
@@ -432,15 +272,16 @@ class _Pictures:
         from fcdm_opt.curve.decision_curve import decision_curve
         from fcdm_opt.show.plots import before_after_figure
         from fcdm_opt.show.scene import scene_figure
+        from fcdm_opt.show.tables import amount_text, asked_text, motion_text
 
         problem = solution.problem
         stem = self._stem(f"{file.path.stem}-{problem.name}")
         title = f"{file.title or file.path.stem}: case {problem.name}"
-        caption = f"{_asked(problem)}, goal {problem.goal}: no motion"
+        caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
         if solution.status.found:
             caption = (
-                f"{_asked(problem)}, goal {problem.goal}: {_motion(solution)}; amount {_amount(solution.amount)}; "
-                f"pair made: {solution.pair_state}"
+                f"{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
+                f"amount {amount_text(solution.amount)}; pair made: {solution.pair_state}"
             )
         self._write(f"{stem}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho
@@ -448,7 +289,7 @@ class _Pictures:
         scene = scene_figure(
             problem.movable, problem.static, rho=rho, transform=solution.transform, features=solution.features,
             contacts=moved.contact_points(rho), title=title,
-            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {_motion(solution)}",
+            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
         )
         self._write(f"{stem}-scene", scene)
 
