@@ -23,7 +23,7 @@ class InputError(FcdmError, ValueError):
     file : path, optional
         The file it stands in.
     key : str, optional
-        The key, argument or body that is wrong, as the user wrote it (`case[0].tolerance`, `body 'lid'`).
+        The key, argument or body that is wrong, as the user wrote it (`case[1] 'A'.tolerance`, `body 'lid'`).
     found : object, optional
         What was found there.
     allowed : str, optional

@@ -19,7 +19,6 @@ from fcdm_opt.tolerance.claim import Claim
 from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
-PATH_POINTS = 33
 TRACKING = ("beyond", "at")  # goals that follow the nominal contact
 
 
@@ -160,7 +159,7 @@ class _Judge:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
         if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
             return []
-        s = np.linspace(0.0, 1.0, PATH_POINTS)
+        s = np.linspace(0.0, 1.0, DEFAULT.path_points)
         poses = np.array([self._pose(x) for x in s])
         pairs = self._tracked(s, poses)
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
