@@ -9,11 +9,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+    from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, SwitchingPoint, decision_curve
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
     from fcdm_opt.geometry.bodies import Body
-    from fcdm_opt.motion import Rotation, Screw, Translation
+    from fcdm_opt.motion import Motion, Rotation, Screw, Translation
     from fcdm_opt.tolerance.certificate import verify
     from fcdm_opt.tolerance.files import load_problems
     from fcdm_opt.tolerance.problem import Problem
@@ -29,11 +29,14 @@ __all__ = [
     "FcdmError",
     "Feature",
     "InputError",
+    "Motion",
     "Problem",
     "Rotation",
     "Screw",
+    "Segment",
     "Solution",
     "Status",
+    "SwitchingPoint",
     "Translation",
     "UnsolvedError",
     "__version__",
@@ -50,11 +53,14 @@ _HOME = {
     "FcdmError": "errors",
     "Feature": "curve.features",
     "InputError": "errors",
+    "Motion": "motion",
     "Problem": "tolerance.problem",
     "Rotation": "motion",
     "Screw": "motion",
+    "Segment": "curve.decision_curve",
     "Solution": "tolerance.solution",
     "Status": "tolerance.solution",
+    "SwitchingPoint": "curve.decision_curve",
     "Translation": "motion",
     "UnsolvedError": "errors",
     "decision_curve": "curve.decision_curve",

@@ -18,7 +18,6 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.tolerances import DEFAULT
 
 AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
@@ -57,6 +56,8 @@ class Motion:
 
     def __rshift__(self, other: Motion) -> Motion:
         """Return this motion followed by `other`."""
+        if not isinstance(other, Motion):
+            raise InputError("only a motion can follow a motion", key="motion", found=type(other).__name__)
         return Sequenced(self.steps + other.steps)
 
     def weights(self, length: float) -> Array:
@@ -113,9 +114,11 @@ class Motion:
         return before
 
     def reaches(self, points: Array, movable_seed: Any) -> Array:
-        """Return for each parameter the most that a point moves per unit of it, whatever the other parameters, (k,).
+        """Return bounds d_k such that no point moves by more than sum d_k |q_k|, (k,).
 
-        Displacements add up at most: |R2 R1 x - x| <= |R1 x - x| + |R2 x - x|.
+        A step S about a fixed line adds at most what it moves the point at rest, |S T x - x| <= |T x - x| + |S x - x|;
+        one about the moved seed at most the angle times the point's distance from the axis, or, once an earlier step
+        has turned the body against that axis, from the seed.
 
         Parameters
         ----------
@@ -124,7 +127,12 @@ class Motion:
         movable_seed : (3,) array
         """
         seed = np.asarray(movable_seed, dtype=np.float64)
-        return frozen([reach for step in self.steps for reach in step.own_reaches(np.asarray(points), seed)])
+        found: list[float] = []
+        turned = False
+        for step in self.steps:
+            found += step.own_reaches(np.asarray(points), seed, turned)
+            turned = turned or any(kind == "rotation" for _, kind in step.own_parameters)
+        return frozen(found)
 
     def describe(self, q: Sequence[float] | Array) -> str:
         """Return the motion in words, lengths and degrees: "TZ 0.25 + RZ 7.02 deg"."""
@@ -157,8 +165,13 @@ class Step(Motion):
         """4x4 transform in the world frame; `movable_seed` as already moved."""
         raise TypeError(f"{type(self).__name__} defines no transform")
 
-    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
-        """Largest displacement of the points per unit of each parameter."""
+    @property
+    def closed(self) -> bool:
+        """Whether a whole turn is all there is: the motion repeats itself."""
+        return False
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Largest displacement of the points per unit of each parameter; `turned`: an earlier step turns the body."""
         raise TypeError(f"{type(self).__name__} defines no reaches")
 
     def own_words(self, q: list[float]) -> str:
@@ -201,7 +214,7 @@ class Translation(Step):
         """Shift by q along the axis."""
         return _affine(IDENTITY, tuple(q[0] * u for u in self.direction))
 
-    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Every point moves by the parameter."""
         return (1.0,)
 
@@ -244,8 +257,15 @@ class Rotation(Step):
             self.centre, str) else self.centre
         return _turn(self.direction, q[0], centre, 0.0)
 
-    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
-        """Largest distance from the axis."""
+    @property
+    def closed(self) -> bool:
+        """A rotation repeats itself after a turn."""
+        return True
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Largest distance from the axis, or from the seed where the body may have turned against an axis there."""
+        if self.centre == "seed" and turned:
+            return (float(np.linalg.norm(points - seed, axis=1).max()),)
         centre = {"seed": seed, "origin": np.zeros(3)}[self.centre] if isinstance(self.centre, str) else self.centre
         return (_axis_distance(points, np.asarray(centre), np.array(self.direction)),)
 
@@ -314,14 +334,17 @@ class Screw(Step):
             return _turn(direction, about, point, along)
         offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
         length = _sqrt(sum(x * x for x in offset))
-        if isinstance(length, float):
-            size = max(1e-300, *(abs(float(x)) for x in (*movable_seed, *static_seed)))
-            if length <= DEFAULT.seeds * size:
-                raise InputError("the seeds coincide: they define no screw axis", key="Screw.axis", found=length,
-                                 allowed="a line (point, direction)")
+        if isinstance(length, float) and length == 0.0:
+            raise InputError("the seeds coincide: they define no screw axis", key="Screw.axis", found=length,
+                             allowed="a line (point, direction)")
         return _turn(tuple(x / length for x in offset), about, movable_seed, along)
 
-    def own_reaches(self, points: Array, seed: Array) -> tuple[float, ...]:
+    @property
+    def closed(self) -> bool:
+        """Without pitch it is a rotation."""
+        return self.pitch == 0.0
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Distance from the axis; from the seed for the line of the seeds, whose direction earlier steps change."""
         if isinstance(self.axis, str):
             away = float(np.linalg.norm(points - seed, axis=1).max())
@@ -378,9 +401,12 @@ def _direction(axis: Any, key: str) -> tuple[float, ...]:
             raise InputError("unknown axis", key=key, found=axis, allowed=", ".join(AXES) + " or a vector")
         return AXES[axis]
     vector = _point(axis, key)
-    length = math.hypot(*vector)
-    if length == 0:
+    longest = max(map(abs, vector))
+    if longest == 0:
         raise InputError("a direction must not be zero", key=key, found=axis)
+    if not 1e-100 < longest < 1e100:  # its square would over- or underflow
+        vector = tuple(x / longest for x in vector)
+    length = math.hypot(*vector)
     if abs(length - 1.0) <= 4 * sys.float_info.epsilon:  # a unit vector read back stays what it was
         return vector
     return tuple(x / length for x in vector)

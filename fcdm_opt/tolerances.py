@@ -28,7 +28,7 @@ class Tolerances:
     snap
         A nominal pair this near the curve may be closed to it (design: 1e-6); a problem may choose another.
     touch
-        The judge calls a pair touching when its gap is at most this (relative to the static body's size).
+        A pair is touching when its gap is at most this (relative to the smaller body, see `Problem.contact_slack`).
     side
         Relative opening and closing of the pair at which the judge asks for "apart" and "overlapping".
     requirement
@@ -53,6 +53,8 @@ class Tolerances:
         Seeds nearer than this define no screw axis (design: 1e-9).
     path_points
         Points of a motion's ray, ends included, at which the tracked contact must be real (design: 33).
+    path_turn
+        Most that a motion may turn between two of these points, radians: more points are looked at where it turns more.
     rigid
         How far a transform may be from orthogonal.
     """
@@ -76,6 +78,7 @@ class Tolerances:
     determinant: float = 1e-9
     seeds: float = 1e-9
     path_points: int = 33
+    path_turn: float = 0.1
     rigid: float = 1e-9
 
 

@@ -24,15 +24,12 @@ class Tracked:
         Part pair, and facet of the Minkowski difference.
     normal, line : (3,) arrays
         Unit direction from body 1 to body 2; (a, b, c).
-    vertices : pair of int
-        A vertex of either part on the feature.
     """
 
     parts: tuple[int, int]
     site: tuple[int, int, int]
     normal: Array
     line: Array
-    vertices: tuple[int, int]
 
     @classmethod
     def at(
@@ -41,8 +38,7 @@ class Tracked:
         """Return the feature at a pose; `sign` orients an edge pair's normal as it was at the nominal contact."""
         one, two = movable.parts[parts[0]], static.parts[parts[1]]
         row = kernels.tracked_row(*one.packed, *two.packed, pose, np.array(site), sign)
-        vertices = kernels.site_vertices(one.packed[1], two.packed[1], np.array(site))
-        return cls(parts, site, row[:3], row[3:], vertices)
+        return cls(parts, site, row[:3], row[3:])
 
 
 class Fault(NamedTuple):

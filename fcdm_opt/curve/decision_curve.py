@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import contact_point
 from fcdm_opt.curve.envelope import boundary, overlap_interval
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair, support_feature
+from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair, touching_feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body, rigid_transform
@@ -162,6 +162,7 @@ class DecisionCurve:
         count = 0
         for chain in self.chains:
             run: list[Segment] = []
+            first = len(branches)
             for k, piece in enumerate(chain):
                 span = _clipped(piece, self.box)
                 if span is not None:
@@ -176,6 +177,10 @@ class DecisionCurve:
                     points.append(self._switching_point(piece, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
+            made = branches[first:]
+            if len(made) > 1 and same_pair(made[-1].segments[-1].end, made[0].segments[0].start):
+                # a closed chain that starts inside the box
+                branches[first] = Branch(branches.pop().segments + branches[first].segments)
         return tuple(branches), tuple(points)
 
     @property
@@ -210,9 +215,11 @@ class DecisionCurve:
     def _switching_point(self, before: Piece, after: Piece, index: int) -> SwitchingPoint:
         rho = before.end
         if before.parts == after.parts:
-            normal = self._inner_normal(before.parts, rho)
             one, two = self.movable.parts[before.parts[0]], self.static.parts[before.parts[1]]
-            features: tuple[Feature, ...] = (support_feature(one, two, normal, self.pose),)
+            rows = self._rows[before.parts[0] * len(self.static.parts) + before.parts[1]]
+            slack = DEFAULT.nominal * float(np.abs(before.line[:2]) @ rho + np.abs(before.line[2]))
+            feature, normal = touching_feature(one, two, rows, self.pose, rho, slack)
+            features: tuple[Feature, ...] = (feature,)
             contacts = [self._contact_point(before.parts, normal, rho)]
         else:
             features = (before.feature, after.feature)
@@ -221,14 +228,6 @@ class DecisionCurve:
             frozen(rho), (before.feature, after.feature), frozen([before.line, after.line]), (before, after), features,
             frozen(contacts), index,
         )
-
-    def _inner_normal(self, parts: tuple[int, int], rho: Array) -> Array:
-        """Return a direction inside the cone of all directions in which a touching part pair supports each other."""
-        rows = self._rows[parts[0] * len(self.static.parts) + parts[1]]
-        sides = np.abs(rows[:, 3:5]) @ rho + np.abs(rows[:, 5])
-        tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= DEFAULT.nominal * sides
-        inner = rows[tight, :3].sum(axis=0)
-        return inner / np.linalg.norm(inner)
 
     def _contact_point(self, parts: tuple[int, int], normal: Array, rho: Array) -> Array:
         one, two = self.movable.parts[parts[0]], self.static.parts[parts[1]]
@@ -247,18 +246,23 @@ class DecisionCurve:
         """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
         point = _pair(rho)
         near = tolerance * np.abs(point).max()
-        everywhere: Box = ((0.0, np.inf), (0.0, np.inf))
-        whole = self if self.box == everywhere or _inside(point, self.box) else DecisionCurve(
-            self.movable, self.static, self.transform, everywhere
-        )
+        inside = _inside(point, self.box)
+        whole = self if inside else self._unboxed
         for switching_point in whole.switching_points:
             if np.abs(switching_point.rho - point).max() <= near:
-                return switching_point
+                return switching_point if inside else replace(switching_point, index=0)
         for segment in whole.segments:
             s = np.clip(segment.piece.parameter(point), segment.piece.lo, segment.piece.hi)
             if np.abs(segment.piece.at(s) - point).max() <= near:
-                return segment
+                return segment if inside else replace(segment, index=0)
         return None
+
+    @cached_property
+    def _unboxed(self) -> DecisionCurve:
+        """The same curve, listed in the whole quadrant."""
+        whole = replace(self, box=((0.0, np.inf), (0.0, np.inf)))
+        whole.__dict__["regions"] = self.regions
+        return whole
 
     def crossings(self, rho1: float) -> Array:
         """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
@@ -313,14 +317,17 @@ class DecisionCurve:
         return float(least) if pairs.ndim == 1 else least
 
     def distance(self, rho: ArrayLike) -> float:
-        """Return the Euclidean distance of the scaled bodies, length units; 0 where they touch or overlap."""
+        """Return the Euclidean distance of the scaled bodies, length units.
+
+        0 where they touch or overlap, nan where the collision library cannot tell.
+        """
         from fcdm_opt.geometry.collision import ScaledPair
 
         pair = _pair(rho)
         gap = float(self.gap(pair))
         if gap <= 0:
             return 0.0
-        return max(gap, ScaledPair(self.movable, self.static).signed_distance(pair, self.transform))
+        return float(np.maximum(gap, ScaledPair(self.movable, self.static).signed_distance(pair, self.transform)))
 
 
 def decision_curve(

@@ -29,7 +29,10 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     Cached, as compiling takes seconds; no fastmath, as NaN and the order of sums matter; no bounds checks; "numpy"
     division, so that x / 0 is infinite, which the comparisons below rely on.
     """
-    return numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    try:
+        return numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    except RuntimeError:  # nowhere to write a cache: compile anew in every process
+        return numba.njit(error_model="numpy", nogil=True)(function)
 
 
 @kernel
@@ -516,16 +519,3 @@ def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
         if sign * _dot(n, row[:3]) < 0:
             row *= -1.0
     return row
-
-
-@kernel
-def site_vertices(ints1, ints2, site):
-    """Return a vertex of either part on a site's elements."""
-    one, two = site[1], site[2]
-    if site[0] == F1V2:
-        one = ints1[ints1[3] + 4 * ints1[ints1[7] + ints1[ints1[6] + one]]]
-    elif site[0] == V1F2:
-        two = ints2[ints2[3] + 4 * ints2[ints2[7] + ints2[ints2[6] + two]]]
-    else:
-        one, two = ints1[ints1[3] + 4 * one], ints2[ints2[3] + 4 * two]
-    return one, two

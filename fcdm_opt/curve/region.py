@@ -204,8 +204,8 @@ def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int,
         if n == 0 or not np.isfinite(lo[k]) or not chains or (start + n) % len(order) in breaks:
             chains.append([])
         same = np.abs(lines[: len(rows)] - lines[k]).max(axis=1) <= DEFAULT.tie * max(1.0, np.abs(lines[k]).max())
-        inner = rows[same, :3].sum(axis=0)  # directions of one line: what touches is what supports all of them
-        feature = support_feature(one, two, inner / np.linalg.norm(inner), pose)
+        # directions of one line: what touches is what supports all of them
+        feature = support_feature(one, two, _inner(rows[same, :3]), pose)
         piece = _piece(feature, sites[k], rows[k], parts, np.zeros(2), None, 1)
         shift = float(piece.base @ piece.travel)  # zero up to rounding
         chains[-1].append(
@@ -220,6 +220,34 @@ def support_feature(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array
     return Feature(
         _support_element(one, normal @ pose[:9].reshape(3, 3), 1.0), _support_element(two, normal, -1.0)
     )
+
+
+def touching_feature(
+    one: ConvexPart, two: ConvexPart, rows: Array, pose: Array, rho: Array, slack: float
+) -> tuple[Feature, Array]:
+    """Return how two touching parts touch, and a direction inside the cone of all in which they support each other.
+
+    Parameters
+    ----------
+    one, two : ConvexPart
+    rows : (k, 6) array
+        All facet directions of their Minkowski difference, see `kernels`.
+    pose : (12,) array
+    rho : (2,) array
+        Scale pair at which they touch.
+    slack : float
+        Length within which a direction counts as tight.
+    """
+    tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
+    inner = _inner(rows[tight, :3])
+    return support_feature(one, two, inner, pose), inner
+
+
+def _inner(normals: Array) -> Array:
+    """Return a unit direction between some directions; the first where opposite ones cancel (contact on both sides)."""
+    total = normals.sum(axis=0)
+    length = np.linalg.norm(total)
+    return total / length if length > DEFAULT.nominal else normals[0]
 
 
 def _on_line(line: Array, s: float) -> Array:

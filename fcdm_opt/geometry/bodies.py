@@ -125,6 +125,8 @@ class Body:
     parts : tuple of ConvexPart
     faces : tuple of tuples of int
         Faces of the body as sorted 1-based vertex labels.
+    outlines : tuple of tuples of int
+        The same faces with their corners in the order given, where faces were given.
     """
 
     name: str
@@ -132,6 +134,7 @@ class Body:
     seed: Array
     parts: tuple[ConvexPart, ...]
     faces: tuple[tuple[int, ...], ...]
+    outlines: tuple[tuple[int, ...], ...]
 
     @classmethod
     def convex(cls, vertices: ArrayLike, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body") -> Body:
@@ -174,7 +177,8 @@ class Body:
         parts : index lists, optional
             0-based rows of `vertices` of each part. Parts may overlap.
         faces : index lists, optional
-            0-based rows of each true face of the body. Without it, faces of the parts in one plane that share
+            0-based rows of each true face of the body, corners in order. Without it, faces of the parts in one plane
+            that share
             vertices are one face, and faces that two parts turn to each other are seams.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`; it may lie outside a part. "centroid" needs parts that do not overlap.
@@ -205,7 +209,8 @@ class Body:
             ConvexPart(frozen(points[used]), origin, tuple(loops), frozen(edges, np.int64), named)
             for (used, loops, edges), named in zip(hulls, elements, strict=True)
         )
-        return cls(name, frozen(points), origin, made, true_faces)
+        outlines = true_faces if given is None else tuple(tuple(row + 1 for row in face) for face in given)
+        return cls(name, frozen(points), origin, made, true_faces, outlines)
 
     @cached_property
     def size(self) -> float:

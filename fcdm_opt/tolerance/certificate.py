@@ -2,7 +2,8 @@
 
 It shares no equation and no kernel with the solver. Distances come from a collision library, confirmed by explicit
 vertices (`fcdm_opt.geometry.collision`); contacts and their lines from claimed vertices that are scaled and moved one
-by one (`fcdm_opt.tolerance.claim`).
+by one (`fcdm_opt.tolerance.claim`). Shared are what a problem means (nominal contact, target, motion conventions) and
+the bodies' faces and labels; that the nominal contact is one is checked too.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.tolerance.claim import Claim
+from fcdm_opt.tolerance.problem import MOST_TURNED
 from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
@@ -76,13 +78,12 @@ class _Judge:
         self.solution, self.problem, self.tolerances = solution, solution.problem, tolerances
         self.rho, self.transform = np.asarray(solution.rho), np.asarray(solution.transform)
         self.q = np.array(list(solution.parameters.values()), dtype=np.float64)
-        self.size = self.problem.static.size
-        self.limit = tolerances.touch * self.size
+        self.size = self.problem.size
+        self.limit = self.problem.contact_slack
         self.scaled = ScaledPair(self.problem.movable, self.problem.static)
-        claimed = () if self.problem.goal == "clear" else solution.features
         self.claims = [
             Claim(feature, self.problem.movable, self.problem.static, self.scaled, self.rho, self.transform)
-            for feature in claimed
+            for feature in solution.features
         ]
 
     # ------------------------------------------------------------------------------------------------------ stages
@@ -121,11 +122,14 @@ class _Judge:
 
     def contact(self) -> list[Check]:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
-        if self.problem.goal == "clear":
+        gap, claimed = self._gap(self.rho, self.transform), len(self.claims)
+        distinct = len({_named(claim.feature) for claim in self.claims})
+        if self.problem.goal == "clear" and not claimed and not abs(gap) <= self.limit:
             return []
-        checks = [_at_most("touching", abs(self._gap(self.rho, self.transform)), self.limit, "distance or overlap")]
-        claimed = len(self.claims)
-        checks.append(Check("features", 1 <= claimed <= 2, claimed, 2, "one or two features"))
+        checks = [
+            _at_most("touching", abs(gap), self.limit, "distance or overlap"),
+            Check("features", 1 <= claimed == distinct, distinct, claimed, "each contact feature once, at least one"),
+        ]
         if self.problem.goal in TRACKING:
             nominal = self.problem.nominal_contact
             own = getattr(nominal, "features", None) or (getattr(nominal, "feature", None),)
@@ -148,18 +152,26 @@ class _Judge:
         if len(units) == 2 and opposed <= self.tolerances.determinant:
             return [_at_most("snug", opposed, self.tolerances.determinant, "overlap on both sides of opposed lines")]
         upward = units.sum(axis=0)
+        if (units @ upward).min() <= self.tolerances.determinant:
+            return [_at_most("snug", opposed, np.inf, "no change of the scales leaves all contact lines on one side")]
         step = self.tolerances.side * self.size * upward / (gradients @ upward).min()
+        step = step * min(1.0, float((self.rho / (2.0 * np.abs(step))).min()))  # scales stay positive
         before, after = (self._gap(self.rho + sign * step, self.transform) for sign in (-1, 1))
+        least = min(self.limit, float((gradients @ step).min()) / 2.0)
         return [
-            Check("apart below", bool(before > self.limit), before, self.limit, "distance with both scales reduced"),
-            Check("overlapping above", bool(after < -self.limit), after, -self.limit, "with both scales enlarged"),
+            Check("apart below", bool(before > least), before, least, "distance with both scales reduced"),
+            Check("overlapping above", bool(after < -least), after, -least, "with both scales enlarged"),
         ]
 
     def path(self) -> list[Check]:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
         if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
             return []
-        s = np.linspace(0.0, 1.0, DEFAULT.path_points)
+        turned = sum(abs(x) for (_, kind), x in zip(self.problem.motion.parameters, self.q, strict=True)
+                     if kind == "rotation")
+        count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
+        # between the points at which the solver looks, and both ends
+        s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
         poses = np.array([self._pose(x) for x in s])
         pairs = self._tracked(s, poses)
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()

@@ -319,6 +319,6 @@ def _body(body: Body) -> dict[str, Any]:
     ]
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
-    return {**entry, "faces": [list(face) for face in body.faces], "seed": body.seed.tolist()}
+    return {**entry, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
 
 

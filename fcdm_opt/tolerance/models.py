@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
@@ -15,9 +13,11 @@ from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 
 REACH = 3.0  # starts away from rest, in typical amounts
+WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
+FALLBACK_CHOICES = 3  # choices of features tried then
 PROBES = 5  # improvements by probing, at most
 PROBE_FRACTIONS = (0.98, 0.7, 0.4)
-ON_THE_WAY = ("the first contact on the way",)
+ON_THE_WAY = ("the nearest contact on the way",)
 
 
 def satisfied(task: Task) -> Answer | None:
@@ -30,29 +30,33 @@ def satisfied(task: Task) -> Answer | None:
 def straight(task: Task) -> Answer | None:
     """Stage 1 for "touch" and "clear" along one translation: exact, and smallest by construction.
 
-    Directions and supports do not change, so each part pair overlaps in an open interval of the parameter; the parts
-    touch at the ends of the intervals' union. A clearance is left to stage 4: the distance of corners is not linear.
+    Directions and supports do not change, so each part pair overlaps in an open interval of the parameter and touches
+    at its ends; one that slides by flush touches all along and never overlaps. A clearance is left to stage 4: the
+    distance of corners is not linear.
     """
     if task.tracked or task.need > 0 or [kind for _, kind in task.motion.parameters] != ["translation"]:
         return None
     along = (task.transform(np.ones(1)) - task.transform(task.rest))[:3, 3]
-    blocked = []
+    slack = DEFAULT.line * task.size
+    blocked: list[tuple[float, float]] = []
+    flush: list[tuple[float, float]] = []
     for parts in np.ndindex(len(task.movable.parts), len(task.static.parts)):
         _, rows, separations = task.separations(parts, task.pose(task.rest))
         rate = rows[:, :3] @ along
         level = np.abs(rate) <= DEFAULT.tie
         at = separations[~level] / rate[~level]
         ends = at[rate[~level] > 0].max(initial=-np.inf), at[rate[~level] < 0].min(initial=np.inf)
-        if (separations[level] < 0).all() and ends[0] < ends[1]:
-            blocked.append(ends)
+        beside = separations[level].max(initial=-np.inf)
+        if beside <= slack and ends[0] <= ends[1] + slack:
+            (flush if beside >= -slack or ends[0] >= ends[1] - slack else blocked).append(ends)
     low, high = task.limits[0]
-    candidates = [end for ends in blocked for end in ends] + ([] if task.must_touch else [min(max(0.0, low), high)])
+    nearest = min(max(0.0, low), high)
+    candidates = [nearest, *(min(max(end, low), high) for ends in blocked + flush for end in ends)]
     free = [
         x
         for x in candidates
-        if low <= x <= high
-        and np.isfinite(x)
-        and not any(a + DEFAULT.line * abs(a) < x < b - DEFAULT.line * abs(b) for a, b in blocked)
+        if not any(a + slack < x < b - slack for a, b in blocked)
+        and (not task.must_touch or any(a - slack <= x <= b + slack for a, b in blocked + flush))
     ]
     stage = "1: one translation, intervals of overlap"
     if not free:
@@ -63,21 +67,24 @@ def straight(task: Task) -> Answer | None:
 
 def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
-    if task.tracked or task.need > 0 or len(task.weights) != 1 or not task.allows(task.rest):
+    if task.tracked or task.need > 0 or len(task.weights) != 1:
         return None
     stage = "2: one parameter, safe steps to the first contact"
     ways = [sign / task.weights for sign in (1.0, -1.0)]
     ends = [rays.reach(task, way) for way in ways]
-    first = rays.first_contact(task, ways[0], ends[0])
-    second = rays.first_contact(task, ways[1], min(ends[1], first.amount))
-    amount, way = min((first.amount, 0), (second.amount, 1))
-    bound = max(min(first.clear_to, second.clear_to), displacement_bound(task))
-    if not np.isfinite(amount):
-        whole = task.motion.weights(0.0)[0] == 0 or np.isfinite(task.limits).all()  # a full turn is all there is
-        proved = whole and first.clear_to >= ends[0] and second.clear_to >= ends[1]
-        return Answer(Status.INFEASIBLE if proved else Status.NOT_FOUND, None, stage, bound)
-    q = amount * ways[way]
-    return Answer(Status.SOLVED, q, stage, min(bound, amount), ON_THE_WAY, _pairs_modelled(task))
+    # limits may exclude rest: then one way starts at the nearer limit, and the other ends before it begins
+    starts = [max(0.0, task.weights[0] * x) for x in (task.limits[0, 0], -task.limits[0, 1])]
+    for sense, start, end in zip(ways, starts, ends, strict=True):
+        if 0 < start <= end and task.meets(start * sense, DEFAULT.line):
+            return Answer(Status.SOLVED, start * sense, stage, start, ("a limit",), _pairs_modelled(task))
+    first = rays.first_contact(task, ways[0], ends[0], starts[0])
+    second = rays.first_contact(task, ways[1], min(ends[1], first.amount), starts[1])
+    amount, nearer = min((first.amount, 0), (second.amount, 1))
+    clear = [np.inf if way.clear_to >= end else way.clear_to for way, end in zip((first, second), ends, strict=True)]
+    if not np.isfinite(amount):  # proved where both ways are clear to their ends
+        return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
+    bound = min(max(min(clear), displacement_bound(task)), amount)  # the two differ by rounding at most
+    return Answer(Status.SOLVED, amount * ways[nearer], stage, bound, ON_THE_WAY, _pairs_modelled(task))
 
 
 def nonlinear(task: Task) -> Answer:
@@ -86,9 +93,9 @@ def nonlinear(task: Task) -> Answer:
     Several starts, and every choice of features that may matter; then probes nearer to rest, which start it again
     where they find the contact on their side. All starts are fixed: the same task gives the same answer.
     """
-    best, goal_reached = _first_found(task)
-    if best is None and not task.tracked and task.allows(task.rest):
-        best = _on_a_ray(task)
+    best, reached = _first_found(task)
+    if not task.tracked and task.allows(task.rest):
+        best = _on_a_ray(task, best)
     for _ in range(PROBES):
         q = _nearer(task, best) if best is not None else None
         if q is None:
@@ -97,12 +104,9 @@ def nonlinear(task: Task) -> Answer:
             best = _better(best, relaxation.smallest([q], "sqpmethod", _enough(task, best)))
     stage, bound = "4: nonlinear program", displacement_bound(task)
     if best is None:
-        status = Status.LEFT_COHERENT_RANGE if goal_reached and task.coherent else Status.NOT_FOUND
+        status = Status.LEFT_COHERENT_RANGE if reached and task.coherent else Status.NOT_FOUND
         return Answer(status, None, f"{stage}, no start succeeded", bound)
     return Answer(Status.SOLVED, best.q, stage, min(bound, best.amount), best.active, best.modelled)
-
-
-STAGES: tuple[Callable[[Task], Answer | None], ...] = (satisfied, straight, one_parameter, nonlinear)
 
 
 def _pairs_modelled(task: Task) -> dict[str, int]:
@@ -119,28 +123,35 @@ def _enough(task: Task, best: Found | None) -> float:
 
 
 def _first_found(task: Task) -> tuple[Found | None, bool]:
-    """Return the best over all choices of features and starts, and whether any reached the goal at all.
+    """Return the best over all choices of features and starts, and whether any reached it but for coherence.
 
-    IPOPT is asked only where SQP finds nothing and no ray of motions can be searched instead.
+    Where SQP finds nothing for tracked features, wider starts are tried, and then IPOPT; without, rays are searched.
     """
-    step = REACH * task.unit / task.weights
-    starts = [task.rest, *(sign * row for row in np.diag(step) for sign in (1.0, -1.0))]
-    best, goal_reached = None, False
-    for method in ("sqpmethod", "ipopt") if task.tracked else ("sqpmethod",):
-        for relaxation in sorted(choices(task, task.rest), key=lambda choice: choice.promise):
+    turning = np.array([kind == "rotation" for _, kind in task.motion.parameters])
+    near, wide = (np.where(turning, np.minimum(x * task.steps, 1.0), x * task.steps) for x in (REACH, WIDE_REACH))
+    near_starts = [task.rest, *(sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
+    wide_starts = [x * direction * wide for x in WIDE_FRACTIONS for direction in rays.directions(task) * task.weights]
+    tries: list[tuple[str, list[Array], int | None]] = [("sqpmethod", near_starts, None)]
+    if task.tracked:
+        tries += [("sqpmethod", wide_starts, FALLBACK_CHOICES), ("ipopt", [task.rest], FALLBACK_CHOICES)]
+    best, reached = None, False
+    for method, starts, most in tries:
+        for relaxation in sorted(choices(task, task.rest), key=lambda choice: choice.promise)[:most]:
             if best is not None and relaxation.promise >= best.amount:
                 break
             best = _better(best, relaxation.smallest(starts, method, _enough(task, best)))
-            goal_reached = goal_reached or relaxation.goal_reached
+            reached = reached or relaxation.reached
         if best is not None:
             break
-    return best, goal_reached
+    return best, reached
 
 
-def _on_a_ray(task: Task) -> Found | None:
-    """Return the least first contact along fixed directions."""
-    best = None
-    for direction in rays.directions(task):
+def _on_a_ray(task: Task, best: Found | None) -> Found | None:
+    """Return the least first contact along fixed directions, if it is less than the best known.
+
+    Along the axes always, as a start may have passed the contact by; along the others where nothing is known.
+    """
+    for direction in rays.directions(task)[: None if best is None else 2 * len(task.weights)]:
         limit = min(rays.reach(task, direction), best.amount if best else np.inf)
         contact = rays.first_contact(task, direction, limit)
         if contact.amount < limit:

@@ -16,7 +16,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Motion
+from fcdm_opt.motion import Motion, Screw
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C":
 GOALS = ("beyond", "at", "touch", "clear")
 PAIR_STATES = ("any", "clear", "touch")
 PATHS = ("coherent", "free")
+MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
+LARGEST = 1e30  # of any number: sums and products of lengths, weights and scales stay finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +158,13 @@ class Problem:
         count = len(self.motion.parameters)
         if count == 0:
             raise InputError("the motion has no parameters", key="motion", found=self.motion)
-        try:
-            self.motion.transform([0.0] * count, self.movable.seed, self.static.seed)
-        except InputError as reason:
-            raise reason.within(key="motion") from reason
+        away = float(np.linalg.norm(self.static.seed - self.movable.seed))
+        between = any(isinstance(step, Screw) and step.axis == "seeds" for step in self.motion.steps)
+        if between and away <= DEFAULT.seeds * self.size:
+            raise InputError(
+                "the seeds coincide: they define no screw axis", key="motion", found=f"distance {away:.3g}",
+                allowed="a screw about a line (point, direction)",
+            )
 
     def _check_choices(self) -> None:
         for key, choices, later in (
@@ -269,6 +274,20 @@ class Problem:
             )
         return goal
 
+    @property
+    def size(self) -> float:
+        """Length that relative tolerances refer to: the larger box diagonal of the bodies as drawn."""
+        return max(self.movable.size, self.static.size)
+
+    @property
+    def contact_slack(self) -> float:
+        """Gap up to which a pair touches, length units.
+
+        Relative to the smaller body, but no less than rounding at the larger one allows.
+        """
+        smaller = min(self.movable.size, self.static.size)
+        return max(DEFAULT.touch * smaller, DEFAULT.tie * self.size)
+
     @cached_property
     def curve(self) -> DecisionCurve:
         """Decision curve of the bodies as drawn, in the box; computed when first asked for."""
@@ -346,7 +365,7 @@ def _is_real(value: Any) -> bool:
 
 
 def _real(value: Any, key: str, allowed: str, passes: Any = lambda x: True) -> float:
-    if not _is_real(value) or not math.isfinite(value) or not passes(value):
+    if not _is_real(value) or not abs(value) <= LARGEST or not passes(value):
         raise InputError("unusable number", key=key, found=value, allowed=allowed)
     return float(value)
 
@@ -362,7 +381,7 @@ def _items(value: Any) -> list[Any]:
 
 def _pair(value: Any, key: str, allowed: str, *, positive: bool = False) -> tuple[float, float]:
     pair = _items(value)
-    if len(pair) != 2 or not all(_is_real(x) and math.isfinite(x) and (x > 0 or not positive) for x in pair):
+    if len(pair) != 2 or not all(_is_real(x) and abs(x) <= LARGEST and (x > 0 or not positive) for x in pair):
         raise InputError("unusable pair", key=key, found=value, allowed=allowed)
     return float(pair[0]), float(pair[1])
 

@@ -1,7 +1,7 @@
 """The nonlinear program: smallest weighted motion under rows that are instances of the contact equations.
 
 A program's layout (which templates, in which order) is compiled once and cached; its numbers are parameters.
-Variables: z = w q / unit, so that the objective is |z|^2 and everything is of order one, and for each
+Variables: z = q / steps (`Task.steps`), so that everything is of order one whatever the weights, and for each
 pair that a free separating plane keeps apart that plane: the tilt of its normal against a
 fixed one, in a frame given as a parameter, and its level / unit.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,10 +51,12 @@ def goal_rows(task: Task) -> list[Row]:
     """Return what the goals "beyond" and "at" ask of the tracked point."""
     if len(task.tracked) == 1:
         return [Row(("on",), np.empty(0), 0.0, 0.0, "target on the moved segment")]
+    # more equations than parameters: a band within rounding, as solvers refuse such programs
+    band = 0.0 if len(task.weights) >= 2 else DEFAULT.solver
     change = max(np.abs(task.target - task.nominal).max(), DEFAULT.least_unit)
-    upper = INF if task.goal == "beyond" else 0.0
+    lower, upper = (0.0, INF) if task.goal == "beyond" else (-band, band)
     return [
-        Row(("tracked", k), np.array([(task.signs[k] or 1.0) / change]), 0.0, upper,
+        Row(("tracked", k), np.array([(task.signs[k] or 1.0) / change]), lower, upper,
             f"rho_{k + 1} reaches its target")
         for k in range(2)
     ]
@@ -162,6 +165,7 @@ def _compiled(
     k = len(motion.parameters)
     z, planes = casadi.SX.sym("z", k), casadi.SX.sym("planes", 3, blocks)
     step, unit = casadi.SX.sym("step", k), casadi.SX.sym("unit")
+    weight = casadi.SX.sym("weight", k)
     seeds, nominal, target = casadi.SX.sym("seeds", 6), casadi.SX.sym("nominal", 2), casadi.SX.sym("target", 2)
     tracked = tuple((kind, casadi.SX.sym(f"tracked_{m}", 13)) for m, kind in enumerate(kinds))
     frames = tuple(casadi.SX.sym(f"frame_{m}", 3, 3) for m in range(blocks))
@@ -170,10 +174,11 @@ def _compiled(
     rows = [_template(symbols, template, value) for template, value in zip(templates, values, strict=True)]
     nlp = {
         "x": casadi.vertcat(z, casadi.vec(planes)),
-        "p": casadi.vertcat(step, unit, seeds, nominal, target, *(value for _, value in tracked),
+        "p": casadi.vertcat(
+            step, weight, unit, seeds, nominal, target, *(value for _, value in tracked),
             *(casadi.vec(frame) for frame in frames), *values,
         ),
-        "f": casadi.dot(z, z),
+        "f": casadi.sumsqr(weight * z),
         "g": casadi.vertcat(*rows),
     }
     return casadi.nlpsol("smallest_motion", method, nlp, _OPTIONS[method])
@@ -223,6 +228,7 @@ def minimise(
     method : "sqpmethod" or "ipopt"
         CasADi plugin.
     """
+    start_of_build = perf_counter()
     solver = _compiled(
         task.motion,
         tuple(feature.kind for feature in task.tracked),
@@ -231,10 +237,11 @@ def minimise(
         tuple(len(row.values) for row in rows),
         method,
     )
-    step = task.unit / task.weights
+    task.seconds["build"] = task.seconds.get("build", 0.0) + perf_counter() - start_of_build
+    step, weight = task.steps, task.steps * task.weights
     frames = [_frame(plane[:3]) for plane in planes]
     parameters = np.concatenate(
-        [step, [task.unit], task.movable.seed, task.static.seed, task.nominal, task.target,
+        [step, weight / weight.max(), [task.unit], task.movable.seed, task.static.seed, task.nominal, task.target,
          *(feature.values for feature in task.tracked), *(frame.ravel(order="F") for frame in frames),
          *(row.values for row in rows)]
     )

@@ -1,7 +1,8 @@
 """First contact of the target pair along a ray of motions, by conservative advancement.
 
 The signed distance changes by no more than the largest displacement of a vertex, so from a gap g the pair cannot pass
-its needed gap within an amount |g - need| / rate: steps of that size miss no contact.
+its needed gap within an amount |g - need| / rate. Along one parameter the rate is the same everywhere on the way, and
+steps of that size miss no contact; along a ray in several parameters they are a rule of search, and prove nothing.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Contact(NamedTuple):
     amount : float
         Where the needed gap is reached; infinite if it is not.
     clear_to : float
-        Proved: not reached before this amount.
+        Proved: not reached before this amount; 0 where nothing is proved.
     """
 
     amount: float
@@ -61,17 +62,27 @@ def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None
 
 
 def reach(task: Task, direction: Array) -> float:
-    """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or away from each other."""
-    away = 2.0 * (task.size + float(np.linalg.norm(task.movable.seed - task.static.seed))) * task.target.max()
+    """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or out of each other's way."""
+    away = float(np.linalg.norm(task.movable.seed - task.static.seed)) + task.need
+    for body, rho in zip((task.movable, task.static), task.target, strict=True):
+        away += rho * max(float(np.linalg.norm(part.vertices - body.seed, axis=1).max()) for part in body.parts)
     ends = [math.inf]
-    for (_, kind), slope, (low, high) in zip(task.motion.parameters, direction, task.limits, strict=True):
+    steps = [step for step in task.motion.steps for _ in step.own_parameters]
+    for step, (_, kind), slope, (low, high) in zip(
+        steps, task.motion.parameters, direction, task.limits, strict=True
+    ):
         if slope != 0:
             ends.append((high if slope > 0 else low) / slope)
-            ends.append((TURNS if kind == "rotation" else away + abs(task.need)) / abs(slope))
+            if kind == "translation":
+                ends.append(away / abs(slope))
+            elif step.closed or len(direction) > 1:
+                ends.append(TURNS / abs(slope))
+            else:  # a screw: what it shifts in a radian
+                ends.append(away / step.own_weights(0.0)[0] / abs(slope))
     return max(min(ends), 0.0)
 
 
-def first_contact(task: Task, direction: Array, limit: float) -> Contact:
+def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0) -> Contact:
     """Return where along a ray the target pair first has just the gap it needs.
 
     Parameters
@@ -82,6 +93,8 @@ def first_contact(task: Task, direction: Array, limit: float) -> Contact:
         Parameters per unit of amount.
     limit : float
         Amount to go to.
+    start : float
+        Amount to go from.
     """
     from scipy.optimize import brentq
 
@@ -90,21 +103,21 @@ def first_contact(task: Task, direction: Array, limit: float) -> Contact:
     def miss(amount: float) -> float:
         return task.gap(amount * direction) - task.need
 
-    here, value = 0.0, miss(0.0)
+    here, value = start, miss(start)
     side = math.copysign(1.0, value)
     floor = DEFAULT.march * task.size / rate
-    proved = 0.0
-    sure = True
+    proved, sure = 0.0, len(direction) == 1
     for _ in range(STEPS):
+        if here >= limit:
+            return Contact(math.inf, limit if sure else proved)
         step = abs(value) / rate
         proved = here if sure else proved
         sure = sure and step >= floor
         ahead = min(here + max(step, floor), limit)
-        if ahead <= here:
-            return Contact(math.inf, limit if sure else proved)
         there = miss(ahead)
         if there * side <= 0:
-            root = brentq(miss, here, ahead, xtol=DEFAULT.line * ahead, rtol=4 * np.finfo(float).eps)
-            return Contact(float(root), proved)
+            if there != 0:
+                ahead = float(brentq(miss, here, ahead, xtol=DEFAULT.line * ahead, rtol=4 * np.finfo(float).eps))
+            return Contact(ahead, proved)
         here, value = ahead, there
     return Contact(math.inf, proved)

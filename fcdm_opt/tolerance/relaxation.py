@@ -42,14 +42,14 @@ class Relaxation:
         The part pair that must not stay apart.
     promise : float
         What the choice needs at rest, to first order: tried in this order.
-    goal_reached : bool
-        Whether any of its programs had a solution.
+    reached : bool
+        Whether any solution met everything but the coherence of the path.
     """
 
     task: Task
     closing: Parts | None = None
     promise: float = 0.0
-    goal_reached: bool = False
+    reached: bool = False
     _rows: list[Row] = field(default_factory=list)
     _planes: dict[Parts, Array] = field(default_factory=dict)
     _known: set[tuple[object, ...]] = field(default_factory=set)
@@ -64,7 +64,7 @@ class Relaxation:
         Parameters
         ----------
         starts : list of (k,) arrays
-            The first is kept in every round; the latest solution joins.
+            Where each round starts; the latest solution joins.
         method : str
             CasADi plugin.
         enough : float
@@ -74,12 +74,11 @@ class Relaxation:
         for _ in range(ROUNDS):
             if outcome is None or task.amount(outcome.q) >= enough * (1.0 - DEFAULT.cut):
                 return None
-            self.goal_reached = True
             q, normals = outcome.q, dict(zip(self._planes, outcome.normals, strict=True))
+            self.reached = self.reached or task.meets(q, DEFAULT.requirement, normals, path=False)
             if not self._grown(q, normals):
                 break
-            starts = [*starts[:1], q, *starts[2:]]
-            outcome = self._solved(starts, method)
+            outcome = self._solved([*starts, q], method)
         if outcome is None:
             return None
         if not task.tracked:

@@ -27,8 +27,8 @@ class Status(Enum):
     INFEASIBLE = "Proved impossible with this motion and these limits: widen the limits or choose another motion."
     NOT_FOUND = "No motion found, and none proved impossible: widen the limits, choose another motion, or goal 'touch'."
     LEFT_COHERENT_RANGE = (
-        "Only motions beyond the coherent range meet the requirement: choose another motion, a smaller tolerance, or "
-        "path = 'free'."
+        "Motions that reach the requirement were found only beyond the coherent range: choose another motion, a "
+        "smaller tolerance, or path = 'free'."
     )
     NOT_VERIFIED = "A motion was found but the judge rejected it: see the certificate's failed checks; do not use it."
 
@@ -89,7 +89,8 @@ class Solution:
     pair : (2,) array
         The target pair: the scales of the parts made.
     pair_gap : float
-        Signed gap of the target pair after the motion, length units: > 0 apart, < 0 overlapping.
+        Signed gap of the target pair after the motion (at rest where none was found), length units: > 0 apart, < 0
+        overlapping.
     pair_state : str
         "apart", "touching" or "overlapping".
     active : tuple of str
@@ -136,7 +137,7 @@ class Solution:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data (lists, numbers, strings) from which `from_dict` rebuilds the solution.
 
-        Non-finite numbers become None, as JSON has none.
+        As JSON has no such numbers, nan becomes None and infinity "inf".
         """
         return {
             "problem": self.problem.to_dict(),
@@ -200,13 +201,14 @@ class Solution:
                 ),
                 seconds=dict(data["seconds"]),
             )
-        except (KeyError, TypeError) as reason:
+        except (KeyError, TypeError, ValueError, AttributeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
 
 
-def _plain(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
+def _plain(x: float) -> float | str | None:
+    """Return a number as JSON has it: None for nan, "inf" or "-inf" in words."""
+    return None if np.isnan(x) else float(x) if np.isfinite(x) else str(float(x))
 
 
-def _number(x: float | None) -> float:
+def _number(x: float | str | None) -> float:
     return float("nan") if x is None else float(x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.curve.decision_curve import Segment
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.region import support_feature
+from fcdm_opt.curve.region import touching_feature
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance import models
@@ -17,9 +18,13 @@ from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.task import Answer, Task
-from fcdm_opt.tolerances import DEFAULT
 
-MODELS = ("auto", "nlp")
+STAGES: dict[str, Callable[[Task], Answer | None]] = {
+    "satisfied": models.satisfied,
+    "straight": models.straight,
+    "one parameter": models.one_parameter,
+    "nlp": models.nonlinear,
+}
 
 
 def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw: bool = False) -> Solution:
@@ -28,8 +33,8 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     Parameters
     ----------
     problem : Problem
-    model : "auto" or "nlp"
-        "auto" takes the first stage that settles the case; "nlp" forces the nonlinear program.
+    model : "auto" or a key of `STAGES`
+        "auto" takes the first stage that settles the case; a stage's name forces it.
     certify : bool
         Proof by branch and bound; not available in this version.
     throw : bool
@@ -38,7 +43,7 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     Raises
     ------
     InputError
-        For arguments that are not known.
+        For arguments that are not known, and a forced stage that does not settle the problem.
     UnsolvedError
         With `throw`, where no motion was found or the judge rejected it.
     """
@@ -46,12 +51,14 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     start = perf_counter()
     task = Task.of(problem)
     built = perf_counter()
-    stages = models.STAGES if model == "auto" else (models.nonlinear,)
-    answer = next(answer for stage in stages if (answer := stage(task)) is not None)
+    answer = _answered(task, model)
     solution = _report(problem, task, answer)
     solved = perf_counter()
     certificate = verify(solution)
-    seconds = {"build": built - start, "solve": solved - built, "verify": perf_counter() - solved}
+    building = task.seconds.get("build", 0.0)
+    seconds = {
+        "build": built - start + building, "solve": solved - built - building, "verify": perf_counter() - solved
+    }
     solution = solution.with_certificate(certificate, seconds)
     if throw and not solution.usable:
         raise UnsolvedError(solution)
@@ -61,16 +68,28 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
 def _check(problem: Problem, model: str, certify: bool) -> None:
     if not isinstance(problem, Problem):
         raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
-    if model not in MODELS:
-        raise InputError("unknown model", key="model", found=model, allowed=", ".join(MODELS))
+    if model not in ("auto", *STAGES):
+        raise InputError("unknown model", key="model", found=model, allowed=", ".join(("auto", *STAGES)))
     if certify:
         raise InputError("not available in this version", key="certify", found=certify, allowed="False")
+
+
+def _answered(task: Task, model: str) -> Answer:
+    """Return the answer of the first stage that settles the task, or of the one that is forced."""
+    stages = STAGES.values() if model == "auto" else (STAGES[model],)
+    for stage in stages:
+        answer = stage(task)
+        if answer is not None:
+            return answer
+    raise InputError(
+        "this stage does not settle the problem", key="model", found=model, allowed='"auto", or "nlp" for any problem'
+    )
 
 
 def _report(problem: Problem, task: Task, answer: Answer) -> Solution:
     """Return the answer as a solution: parameters by name, tracked pair, features, state of the target pair."""
     q = task.rest if answer.q is None else answer.q
-    gap, slack = task.gap(q), DEFAULT.touch * task.size
+    gap, slack = task.gap(q), problem.contact_slack
     state = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     common = Solution(
         problem=problem, status=answer.status, lower_bound=answer.lower_bound, pair=problem.target, pair_gap=gap,
@@ -86,7 +105,7 @@ def _report(problem: Problem, task: Task, answer: Answer) -> Solution:
         transform=frozen(task.transform(q)),
         amount=task.amount(q),
         rho=frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-        features=_tracked_features(problem) if task.tracked else _touching_features(task, q),
+        features=_tracked_features(problem) if task.tracked else _touching_features(task, q, slack),
     )
 
 
@@ -97,14 +116,13 @@ def _tracked_features(problem: Problem) -> tuple[Feature, ...]:
     return contact.features if contact is not None else ()
 
 
-def _touching_features(task: Task, q: Array) -> tuple[Feature, ...]:
-    """Return the features by which the target pair touches, each once; none where it is apart."""
-    pose, slack = task.pose(q), DEFAULT.touch * task.size
+def _touching_features(task: Task, q: Array, slack: float) -> tuple[Feature, ...]:
+    """Return how the target pair touches: one feature a touching part pair, each once; none where it is apart."""
+    pose = task.pose(q)
     found = []
     for i, j in np.ndindex(len(task.movable.parts), len(task.static.parts)):
         _, rows, separations = task.separations((i, j), pose)
         if abs(separations.max()) <= slack:
             one, two = task.movable.parts[i], task.static.parts[j]
-            near = rows[separations >= -slack, :3]
-            found += [support_feature(one, two, normal, pose) for normal in near]
+            found.append(touching_feature(one, two, rows, pose, task.target, slack)[0])
     return tuple(dict.fromkeys(found))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.problem import MOST_TURNED, Problem
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -75,6 +76,10 @@ class Task:
         Length units.
     coherent : bool
         Whether the tracked features must stay the contact along the ray.
+    size : float
+        Length that relative tolerances refer to.
+    seconds : dict
+        Time spent on "build", the compiling of templates, on the way.
     """
 
     movable: Body
@@ -90,6 +95,8 @@ class Task:
     pair: str
     clearance: float
     coherent: bool
+    size: float
+    seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
@@ -105,18 +112,19 @@ class Task:
         return cls(
             problem.movable, problem.static, problem.motion, problem.weights, problem.limits, problem.goal,
             problem.nominal_pair, problem.target, problem.signs, tracked, problem.pair, problem.clearance,
-            problem.path == "coherent" and bool(tracked),
+            problem.path == "coherent" and bool(tracked), problem.size,
         )
-
-    @cached_property
-    def size(self) -> float:
-        """Length that relative tolerances refer to."""
-        return max(self.movable.size, self.static.size)
 
     @property
     def part_pairs(self) -> int:
         """Number of pairs of convex parts."""
         return len(self.movable.parts) * len(self.static.parts)
+
+    @property
+    def steps(self) -> Array:
+        """Natural change of each parameter: the unit as a length, and over the size as an angle, (k,)."""
+        angle = self.unit / self.size
+        return np.array([self.unit if kind == "translation" else angle for _, kind in self.motion.parameters])
 
     @property
     def must_clear(self) -> bool:
@@ -217,7 +225,9 @@ class Task:
         exist.
         """
         worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
-        for s in np.linspace(1.0, 0.0, DEFAULT.path_points)[: DEFAULT.path_points - 1 if self.coherent else 1]:
+        turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
+        count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
+        for s in np.linspace(1.0, 0.0, count + 1)[: count if self.coherent else 1]:
             rho, pose, tracked = self.tracked_contact(q, s)
             if not (np.isfinite(rho).all() and rho.min() > 0):
                 worst.setdefault((), (float(s), pose, None))
@@ -228,15 +238,17 @@ class Task:
                     worst[fault.key] = (float(s), pose, fault)
         return list(worst.values())
 
-    def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None) -> bool:
-        """Tell whether a motion meets goal, pair state and coherence to within a relative slack.
+    def meets(
+        self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True
+    ) -> bool:
+        """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.
 
         `normals` are directions that prove part pairs apart, see `pair_gaps`.
         """
         if self.tracked:
             rho, _, _ = self.tracked_contact(q)
             excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
-            if not (excess >= -slack * self.target).all() or self.path_faults(q):
+            if not (excess >= -slack * self.target).all() or (path and self.path_faults(q)):
                 return False
         if not self.must_clear:
             return True
