@@ -9,6 +9,7 @@ import json
 import math
 import os
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
+LONGEST_NAME = 100
+"""Characters of a picture's file name, before its number and ending."""
 
 app = typer.Typer(
     name="fcdm-opt", add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
@@ -40,6 +43,9 @@ Cases = Annotated[list[str] | None, typer.Option("--case", metavar="NAME", help=
 
 def main() -> None:
     """Entry point of the command `fcdm-opt`."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # names in any script, on terminals of any
+            stream.reconfigure(errors="backslashreplace")
     app(prog_name="fcdm-opt")
 
 
@@ -76,6 +82,7 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
         if pictures:
             for number, (curve, _) in enumerate(found, 1):
                 pictures.of_curve(file, curve, f"-pair{number}" if len(found) > 1 else "")
+    codes += [BAD_INPUT] if pictures and pictures.failed else []
     _finish(document if as_json else None, codes)
 
 
@@ -110,6 +117,7 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
         document.append({**file.head(), "cases": cases})
         if rows and not as_json:
             print_solutions(file.path.name, file.title, file.note, rows)
+    codes += [BAD_INPUT] if pictures and pictures.failed else []
     _finish(document if as_json else None, codes)
 
 
@@ -258,6 +266,12 @@ class _Pictures:
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._given: set[str] = set()
+        self.failed = False
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as reason:
+            _say(f"error: --out: not a directory that can be written; found {str(directory)!r} ({reason.strerror})")
+            raise typer.Exit(BAD_INPUT) from reason
 
     def of_curve(self, file: _File, curve: DecisionCurve, suffix: str) -> None:
         from fcdm_opt.show.plots import decision_curve_figure
@@ -294,7 +308,7 @@ class _Pictures:
         self._write(f"{stem}-scene", scene)
 
     def _stem(self, wanted: str) -> str:
-        safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")
+        safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")[:LONGEST_NAME]
         stem, count = safe, 1
         while stem in self._given:
             count += 1
@@ -305,5 +319,9 @@ class _Pictures:
     def _write(self, name: str, figure: Any) -> None:
         from fcdm_opt.show import save
 
-        for path in save(figure, self._directory / name):
-            _say(f"wrote {path}")
+        try:
+            for path in save(figure, self._directory / name):
+                _say(f"wrote {path}")
+        except OSError as reason:
+            _say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
+            self.failed = True

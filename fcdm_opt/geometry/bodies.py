@@ -203,6 +203,10 @@ class Body:
         given = None
         if faces is not None:
             given = [_rows(face, len(points), f"body '{name}': face {k + 1}") for k, face in enumerate(faces)]
+            for k, face in enumerate(given):
+                if len(face) < 3:
+                    key = f"body '{name}': face {k + 1}"
+                    raise InputError("a face needs at least 3 corners", key=key, found=len(face))
         true_faces, elements = own_elements(points, hulls, given)
         origin = _seed(seed, points, hulls, name)
         made = tuple(

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solution import Solution
@@ -72,21 +70,29 @@ def console(*, stderr: bool = False) -> Any:
     )
 
 
-def _table(*columns: str, numbers: Sequence[str] = ()) -> Table:
+def _print_rows(out: Any, rows: Sequence[dict[str, str]], numbers: Sequence[str] = ()) -> None:
+    """Print rows as a table, closer set where it is too wide, and one below the other where that does not do."""
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
-    for column in columns:
-        table.add_column(column, overflow="fold", justify="right" if column in numbers else "left", vertical="top")
-    return table
-
-
-def _print_table(out: Any, table: Table) -> None:
-    """Print a table, closer set where the terminal is too narrow for it."""
-    if out.measure(table, options=out.options.update(width=PIPED_WIDTH)).maximum > out.width:
+    for column in rows[0]:
+        justify: Any = "right" if column in numbers else "left"
+        table.add_column(column, no_wrap=True, justify=justify, vertical="top")
+    for row in rows:
+        table.add_row(*row.values())
+    unlimited = out.options.update(width=PIPED_WIDTH)
+    if out.measure(table, options=unlimited).maximum > out.width:
         table.padding = 0
-    out.print(table)
+    if out.measure(table, options=unlimited).maximum <= out.width:
+        out.print(table)
+        return
+    for row in rows:
+        (_, head), *rest = row.items()
+        out.print(head, style="bold")
+        for column, cell in rest:
+            name = column.replace("-\n", "").replace("\n", " ")
+            out.print(f"  {name}: {' '.join(cell.split())}")
 
 
 def _print_text(out: Any, text: str, indent: str = "") -> None:
@@ -120,22 +126,31 @@ def print_curves(name: str, title: str, note: str, curves: Sequence[tuple[Decisi
         out.print()
         if not curve.segments:
             continue
-        segments = _table("segment", "feature", "a", "b", "c", "from", "to", "slope", numbers=("a", "b", "c", "slope"))
-        for s in curve.segments:
-            segments.add_row(
-                f"S{s.index}" + (" (snug)" if s.snug else ""), _label(s.feature), *(f"{x:.6f}" for x in s.line),
-                _point(s.start), _point(s.end), f"{slope(s):.6f}" if s.line[1] else "vertical",
-            )
-        _print_table(out, segments)
+        segments = [
+            {
+                "segment": f"S{s.index}" + (" (snug)" if s.snug else ""),
+                "feature": _label(s.feature),
+                **{name: f"{x:.6f}" for name, x in zip("abc", s.line, strict=True)},
+                "from": _point(s.start),
+                "to": _point(s.end),
+                "slope": f"{slope(s):.6f}" if s.line[1] else "vertical",
+            }
+            for s in curve.segments
+        ]
+        _print_rows(out, segments, numbers=("a", "b", "c", "slope"))
         out.print()
-        if curve.switching_points:
-            points = _table("switching point", "rho", "kind", "contact", "at")
-            for p in curve.switching_points:
-                points.add_row(
-                    f"SW{p.index}", _point(p.rho), p.kind, "\n".join(map(_label, p.contact_features)),
-                    "\n".join(map(_point, p.contacts)),
-                )
-            _print_table(out, points)
+        points = [
+            {
+                "switching point": f"SW{p.index}",
+                "rho": _point(p.rho),
+                "kind": p.kind,
+                "contact": "\n".join(map(_label, p.contact_features)),
+                "at": "\n".join(map(_point, p.contacts)),
+            }
+            for p in curve.switching_points
+        ]
+        if points:
+            _print_rows(out, points)
             out.print()
 
 
@@ -155,10 +170,8 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
     _print_head(out, name, title, note)
     lines = [_cells(row) for row in rows]
     columns = [column for column in lines[0] if any(line[column] for line in lines)]
-    table = _table(*columns, numbers=("published\namount", "found\namount", "new/old\npair", 'least\n"touch"'))
-    for line in lines:
-        table.add_row(*(line[column] for column in columns))
-    _print_table(out, table)
+    kept = [{column: line[column] for column in columns} for line in lines]
+    _print_rows(out, kept, numbers=("published\namount", "found\namount", "new/old\npair", 'least\n"touch"'))
     out.print()
     for row in rows:
         solution = row.solution

@@ -40,19 +40,33 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT) -> Certificate:
         All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
         says so.
     """
-    claims: tuple[Any, ...] = (
-        solution.rho, solution.transform, solution.pair, solution.pair_gap, solution.amount, solution.lower_bound
-    )  # fmt: skip
     if not solution.status.found or solution.rho is None or solution.transform is None or not solution.parameters:
         return Certificate((Check("motion found", False, float("nan"), 0.0, solution.status.name),))
-    numbers = [*solution.parameters.values(), *(x for claim in claims for x in np.ravel(np.asarray(claim)))]
-    finite = _at_most("finite numbers", float((~np.isfinite(numbers)).sum()), 0, "numbers that are not finite")
+    finite = _well_formed(solution)
     if not finite.passed:
         return Certificate((finite,))
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
         judge = _Judge(solution, tolerances)
         stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.pair)
         return Certificate((finite, *(check for stage in stages for check in stage())))
+
+
+def _well_formed(solution: Solution) -> Check:
+    """Check that every claim is of finite numbers in its shape, and every feature a feature."""
+    claims: tuple[tuple[Any, tuple[int, ...]], ...] = (
+        (solution.rho, (2,)),
+        (solution.transform, (4, 4)),
+        (solution.pair, (2,)),
+        *((x, ()) for x in (solution.pair_gap, solution.amount, solution.lower_bound, *solution.parameters.values())),
+    )
+    wrong = sum(not isinstance(feature, Feature) for feature in solution.features)
+    for claim, shape in claims:
+        try:
+            numbers = np.asarray(claim, dtype=np.float64)
+            wrong += int(numbers.shape != shape or not np.isfinite(numbers).all())
+        except (TypeError, ValueError):
+            wrong += 1
+    return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape")
 
 
 def _at_most(name: str, value: float, limit: float, note: str = "") -> Check:

@@ -176,11 +176,13 @@ class ProblemFile(Entry):
         """Return the checked contents of a file; raises `InputError` as `load_problems`."""
         file = Path(path)
         try:
-            data = tomllib.loads(file.read_bytes().decode("utf-8"))
+            data = tomllib.loads(file.read_bytes().decode("utf-8-sig"))  # some editors begin a file with a mark
         except tomllib.TOMLDecodeError as reason:
             raise InputError(f"not valid TOML: {reason}", file=file) from reason
         except UnicodeDecodeError as reason:
             raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
+        except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
+            raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
         except OSError as reason:
             allowed = "a readable problem file (TOML)"
             raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
@@ -196,6 +198,9 @@ class ProblemFile(Entry):
         made: dict[str, Problem] = {}
         for k, case in enumerate(self.case, 1):
             key = f"case[{k}] {case.name!r}"
+            if not case.name.isprintable():
+                allowed = "letters, digits and signs that can be printed"
+                raise InputError("a name with control characters", file=file, key=key, allowed=allowed)
             if case.name in made:
                 first = list(made).index(case.name) + 1
                 raise InputError(

@@ -162,7 +162,7 @@ class Problem:
         between = any(isinstance(step, Screw) and step.axis == "seeds" for step in self.motion.steps)
         if between and away <= DEFAULT.seeds * self.size:
             raise InputError(
-                "the seeds coincide: they define no screw axis", key="motion", found=f"distance {away:.3g}",
+                "the seeds coincide: they define no screw axis", key="motion.Screw.axis", found=away,
                 allowed="a screw about a line (point, direction)",
             )
 

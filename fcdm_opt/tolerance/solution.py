@@ -178,17 +178,17 @@ class Solution:
             return cls(
                 problem=Problem.from_dict(data["problem"]),
                 status=Status[data["status"]],
-                parameters=dict(data["parameters"]),
-                transform=None if data["transform"] is None else frozen(data["transform"]),
+                parameters={str(name): float(value) for name, value in data["parameters"].items()},
+                transform=None if data["transform"] is None else _array(data["transform"], "transform", (4, 4)),
                 amount=_number(data["amount"]),
                 lower_bound=_number(data["lower_bound"]),
-                rho=None if data["rho"] is None else frozen(data["rho"]),
+                rho=None if data["rho"] is None else _array(data["rho"], "rho", (2,)),
                 features=tuple(Feature.from_label(label) for label in data["features"]),
-                pair=frozen(data["pair"]),
+                pair=_array(data["pair"], "pair", (2,)),
                 pair_gap=_number(data["pair_gap"]),
                 pair_state=data["pair_state"],
                 active=tuple(data["active"]),
-                modelled=dict(data["modelled"]),
+                modelled={str(name): int(value) for name, value in data["modelled"].items()},
                 stage=data["stage"],
                 sensitivity=data["sensitivity"],
                 certificate=None
@@ -199,7 +199,7 @@ class Solution:
                         for check in certificate["checks"]
                     )
                 ),
-                seconds=dict(data["seconds"]),
+                seconds={str(name): float(value) for name, value in data["seconds"].items()},
             )
         except (KeyError, TypeError, ValueError, AttributeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
@@ -208,6 +208,13 @@ class Solution:
 def _plain(x: float) -> float | str | None:
     """Return a number as JSON has it: None for nan, "inf" or "-inf" in words."""
     return None if np.isnan(x) else float(x) if np.isfinite(x) else str(float(x))
+
+
+def _array(values: Any, key: str, shape: tuple[int, ...]) -> Array:
+    array = frozen(values)
+    if array.shape != shape:
+        raise InputError("wrong shape", key=f"Solution.{key}", found=array.shape, allowed=str(shape))
+    return array
 
 
 def _number(x: float | str | None) -> float:
