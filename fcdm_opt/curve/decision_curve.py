@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import contact_point
-from fcdm_opt.curve.envelope import boundary, overlap_interval
+from fcdm_opt.curve.envelope import Run, boundary, overlap_interval
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair, touching_feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
 
@@ -42,8 +42,8 @@ class Segment:
         Overlap on both sides: a fit without play.
     index : int
         1-based number in the box; 0 outside it.
-    piece : Piece
-        The unclipped piece of the pair's boundary.
+    run : Run
+        The unclipped stretch, and the pieces of the part pairs in it.
     """
 
     feature: Feature
@@ -54,7 +54,11 @@ class Segment:
     parts: tuple[int, int]
     snug: bool
     index: int
-    piece: Piece
+    run: Run
+
+    def piece_at(self, rho: Array) -> Piece:
+        """Return the piece of the part pair that touches at a scale pair of the segment."""
+        return self.run.at(rho)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +143,7 @@ class DecisionCurve:
     @cached_property
     def pose(self) -> Array:
         """R, row by row, and d = s_2 - s_1 with the moved seed, (12,)."""
-        return relative_pose(self.movable, self.static, self.transform)
+        return frozen(relative_pose(self.movable, self.static, self.transform))
 
     @cached_property
     def regions(self) -> tuple[Region, ...]:
@@ -151,7 +155,7 @@ class DecisionCurve:
         )
 
     @cached_property
-    def chains(self) -> tuple[tuple[Piece, ...], ...]:
+    def chains(self) -> tuple[tuple[Run, ...], ...]:
         """The curve in the whole quadrant."""
         return tuple(tuple(chain) for chain in boundary(self.regions))
 
@@ -163,18 +167,19 @@ class DecisionCurve:
         for chain in self.chains:
             run: list[Segment] = []
             first = len(branches)
-            for k, piece in enumerate(chain):
+            for k, stretch in enumerate(chain):
+                piece = stretch.whole
                 span = _clipped(piece, self.box)
                 if span is not None:
                     count += 1
                     if run and not same_pair(run[-1].end, piece.end_at(span[0])):
                         branches.append(Branch(tuple(run)))
                         run = []
-                    run.append(self._segment(piece, span, count))
+                    run.append(self._segment(stretch, span, count))
                 successor = chain[(k + 1) % len(chain)]
-                meets = len(chain) > 1 and np.isfinite(piece.hi) and same_pair(piece.end, successor.start)
+                meets = len(chain) > 1 and np.isfinite(piece.hi) and same_pair(piece.end, successor.whole.start)
                 if meets and _inside(piece.end, self.box):
-                    points.append(self._switching_point(piece, successor, len(points) + 1))
+                    points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
             made = branches[first:]
@@ -206,13 +211,16 @@ class DecisionCurve:
         middle = np.mean(self.box, axis=1)
         return "apart" if self.gap(middle) >= 0 else "overlapping"
 
-    def _segment(self, piece: Piece, span: tuple[float, float], index: int) -> Segment:
+    def _segment(self, run: Run, span: tuple[float, float], index: int) -> Segment:
+        piece = run.whole
         start, end = (frozen(piece.end_at(s)) for s in span)
         return Segment(
-            piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, piece
+            piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run
         )
 
-    def _switching_point(self, before: Piece, after: Piece, index: int) -> SwitchingPoint:
+    def _switching_point(self, run: Run, successor: Run, index: int) -> SwitchingPoint:
+        before, after = run.pieces[-1], successor.pieces[0]
+        labels = run.whole.feature, successor.whole.feature
         rho = before.end
         if before.parts == after.parts:
             one, two = self.movable.parts[before.parts[0]], self.static.parts[before.parts[1]]
@@ -222,10 +230,14 @@ class DecisionCurve:
             features: tuple[Feature, ...] = (feature,)
             contacts = [self._contact_point(before.parts, normal, rho)]
         else:
-            features = (before.feature, after.feature)
+            features = labels
             contacts = [self._contact_point(piece.parts, piece.normal, rho) for piece in (before, after)]
+            merged = before.feature.merged(after.feature)
+            size = max(self.movable.size, self.static.size)
+            if merged and np.abs(contacts[0] - contacts[1]).max() <= DEFAULT.nominal * size:  # one contact at a seam
+                features, contacts = (merged,), contacts[:1]
         return SwitchingPoint(
-            frozen(rho), (before.feature, after.feature), frozen([before.line, after.line]), (before, after), features,
+            frozen(rho), labels, frozen([before.line, after.line]), (before, after), features,
             frozen(contacts), index,
         )
 
@@ -240,21 +252,22 @@ class DecisionCurve:
             return np.empty((0, 3))
         if isinstance(found, SwitchingPoint):
             return found.contacts
-        return self._contact_point(found.parts, found.normal, _pair(rho))[None]
+        piece = found.piece_at(_pair(rho))
+        return self._contact_point(piece.parts, piece.normal, _pair(rho))[None]
 
     def locate(self, rho: ArrayLike, tolerance: float = DEFAULT.nominal) -> Segment | SwitchingPoint | None:
         """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
         point = _pair(rho)
         near = tolerance * np.abs(point).max()
-        inside = _inside(point, self.box)
-        whole = self if inside else self._unboxed
-        for switching_point in whole.switching_points:
-            if np.abs(switching_point.rho - point).max() <= near:
-                return switching_point if inside else replace(switching_point, index=0)
-        for segment in whole.segments:
-            s = np.clip(segment.piece.parameter(point), segment.piece.lo, segment.piece.hi)
-            if np.abs(segment.piece.at(s) - point).max() <= near:
-                return segment if inside else replace(segment, index=0)
+        for curve in (self, self._unboxed):
+            for switching_point in curve.switching_points:
+                if np.abs(switching_point.rho - point).max() <= near:
+                    return switching_point if curve is self else replace(switching_point, index=0)
+            for segment in curve.segments:
+                piece = segment.run.whole
+                s = np.clip(piece.parameter(point), piece.lo, piece.hi)
+                if np.abs(piece.at(s) - point).max() <= near:
+                    return segment if curve is self else replace(segment, index=0)
         return None
 
     @cached_property
@@ -309,7 +322,9 @@ class DecisionCurve:
         ----------
         rho : (2,) or (n, 2) array
         """
-        pairs = np.asarray(rho, dtype=np.float64)
+        pairs = numbers(rho, "rho")
+        if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or not np.isfinite(pairs).all():
+            raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
         least = np.full(pairs.shape[:-1], np.inf)
         for rows in self._rows:
             separations = rows[:, 5] - pairs @ rows[:, 3:5].T
@@ -327,6 +342,8 @@ class DecisionCurve:
         gap = float(self.gap(pair))
         if gap <= 0:
             return 0.0
+        if pair.min() <= 0:
+            raise InputError("scales are positive", key="rho", found=rho)
         return float(np.maximum(gap, ScaledPair(self.movable, self.static).signed_distance(pair, self.transform)))
 
 
@@ -356,8 +373,9 @@ def decision_curve(
     for key, body in (("movable", movable), ("static", static)):
         if not isinstance(body, Body):
             raise InputError("expected a Body", key=key, found=type(body).__name__)
-    limits = np.array(box, dtype=np.float64) if np.shape(box) == (2, 2) else np.full((2, 2), np.nan)
-    if not ((limits[:, 0] < limits[:, 1]) & (limits[:, 0] >= 0) & np.isfinite(limits).all(axis=1)).all():
+    limits = numbers(box, "box")
+    if limits.shape != (2, 2) or not (np.isfinite(limits).all() and (limits[:, 0] >= 0).all()
+                                      and (limits[:, 0] < limits[:, 1]).all()):
         raise InputError(
             "the box is not two ranges", key="box", found=box, allowed="((lo, hi), (lo, hi)) with 0 <= lo < hi"
         )
@@ -372,7 +390,7 @@ def relative_pose(movable: Body, static: Body, transform: Array) -> Array:
 
 
 def _pair(rho: ArrayLike) -> Array:
-    point = np.asarray(rho, dtype=np.float64)
+    point = numbers(rho, "rho")
     if point.shape != (2,) or not np.isfinite(point).all():
         raise InputError("a scale pair is two finite numbers", key="rho", found=rho)
     return point

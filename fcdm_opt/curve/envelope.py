@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,19 @@ from fcdm_opt.tolerances import DEFAULT
 _LEAST_SCALE = 1e-6  # lines that pass this near to (0, 0) are compared as lines through it
 
 
-def boundary(regions: Sequence[Region]) -> list[list[Piece]]:
+class Run(NamedTuple):
+    """Consecutive pieces with one label and one line: the whole stretch, and the pieces of the part pairs in it."""
+
+    whole: Piece
+    pieces: tuple[Piece, ...]
+
+    def at(self, rho: Array) -> Piece:
+        """Return the piece in which a scale pair of the stretch lies."""
+        s = self.whole.parameter(rho)
+        return next((p for p in self.pieces if s <= self.whole.parameter(p.end)), self.pieces[-1])
+
+
+def boundary(regions: Sequence[Region]) -> list[list[Run]]:
     """Return the chains of the union's boundary, overlap on the left, each in order.
 
     Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
@@ -130,21 +143,19 @@ def _chains(pieces: list[Piece]) -> list[list[Piece]]:
     return sorted(chains, key=lambda chain: tuple(np.nan_to_num(chain[0].start, posinf=np.inf, neginf=np.inf)))
 
 
-def _joined(chain: list[Piece]) -> list[Piece]:
-    """Join consecutive pieces with one label and one line (a face that several parts share) into one.
+def _joined(chain: list[Piece]) -> list[Run]:
+    """Join consecutive pieces with one label and one line (a face that several parts share) into one run.
 
     Edges are then labelled from the vertex at which their contact starts.
     """
-    joined = [chain[0]]
+    runs = [Run(chain[0], (chain[0],))]
     for piece in chain[1:]:
-        last = joined[-1]
-        if piece.feature == last.feature and _one_line(piece, last):
-            joined[-1] = replace(last, hi=last.parameter(piece.end) if np.isfinite(piece.hi) else np.inf)
-        else:
-            joined.append(piece)
-    for k in range(1, len(joined)):
-        before, piece = joined[k - 1], joined[k]
-        contact = before.feature.merged(piece.feature) if before.parts == piece.parts else None
-        if contact:
-            joined[k] = replace(piece, feature=piece.feature.starting_at(contact))
-    return joined
+        whole, pieces = runs[-1]
+        if piece.feature == whole.feature and _one_line(piece, whole):
+            hi = whole.parameter(piece.end) if np.isfinite(piece.hi) else np.inf
+            runs[-1] = Run(replace(whole, hi=hi), (*pieces, piece))
+            continue
+        contact = pieces[-1].feature.merged(piece.feature) if pieces[-1].parts == piece.parts else None
+        feature = piece.feature.starting_at(contact) if contact else piece.feature
+        runs.append(Run(replace(piece, feature=feature), (piece,)))
+    return runs

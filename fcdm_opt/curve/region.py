@@ -6,7 +6,7 @@ or has nowhere to start, the intersection of all facet half-planes, which knows 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,6 +17,9 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
+
+FAR = 1e9  # scale pairs beyond this, relative to the lines' distances from (0, 0), are at infinity
+PARALLEL = 1e-14  # radians: lines whose directions differ by no more have no corner
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,43 +179,82 @@ def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int,
     if np.any(rows[flat, 5] >= -DEFAULT.tie * reach):  # 0 > c fails: this direction separates at every scale
         return Region("empty", (), "lines")
     sites, rows, steep = sites[~flat], rows[~flat], steep[~flat]
-    axes = [[kernels.AXIS, 0, 0], [kernels.AXIS, 1, 1]]
-    sites = np.vstack([sites, axes])
     lines = np.vstack([rows[:, 3:] / steep[:, None], [[1, 0, 0], [0, 1, 0]]])
-    lo, hi = _intervals(lines, rank=(sites[:, 0] == kernels.AXIS).astype(int))
-    kept = np.flatnonzero(hi > lo)
-    if not kept.size:
+    far = FAR * (1.0 + np.abs(lines[:, 2]).max())
+    outline = _polygon(np.vstack([lines, [[-1, 0, -far], [0, -1, -far]]]))
+    if not outline:
         return Region("empty", (), "lines")
-    real = [k for k in kept if sites[k, 0] != kernels.AXIS]
-    if not real:
-        return Region("full", (), "lines")
-    # counter-clockwise: overlap on the left, so the travel direction turns left along the boundary
-    turn = {k: np.arctan2(-lines[k, 0], lines[k, 1]) for k in kept}
-    order = sorted(kept, key=lambda k: turn[k])
-    ends = {k: [_on_line(lines[k], s) for s in (lo[k], hi[k])] for k in kept}
-    breaks = [
-        n
-        for n, k in enumerate(order)
-        if sites[k, 0] == kernels.AXIS or not np.isfinite(lo[k]) or not same_pair(ends[order[n - 1]][1], ends[k][0])
-    ]
-    start = breaks[0] if breaks else 0
     chains: list[list[Piece]] = []
-    for n, k in enumerate(order[start:] + order[:start]):
-        if sites[k, 0] == kernels.AXIS:
-            chains.append([])
+    last = None
+    for k, start, end in outline:
+        if k >= len(rows):  # an axis or the far end: the chain is interrupted
+            last = None
             continue
-        if n == 0 or not np.isfinite(lo[k]) or not chains or (start + n) % len(order) in breaks:
+        if last is None:
             chains.append([])
         same = np.abs(lines[: len(rows)] - lines[k]).max(axis=1) <= DEFAULT.tie * max(1.0, np.abs(lines[k]).max())
         # directions of one line: what touches is what supports all of them
         feature = support_feature(one, two, _inner(rows[same, :3]), pose)
-        piece = _piece(feature, sites[k], rows[k], parts, np.zeros(2), None, 1)
-        shift = float(piece.base @ piece.travel)  # zero up to rounding
-        chains[-1].append(
-            Piece(feature, piece.site, parts, piece.normal, piece.line, piece.base, piece.travel,
-                  lo[k] - shift, hi[k] - shift)
-        )
-    return Region("bounded", tuple(tuple(chain) for chain in chains if chain), "lines")
+        piece = _piece(feature, sites[k], rows[k], parts, start, None if end.max() >= far / 2 else end, 1)
+        chains[-1].append(replace(piece, lo=-np.inf) if start.max() >= far / 2 else piece)
+        last = k
+    if not chains:
+        return Region("full", (), "lines")
+    if len(chains) > 1 and outline[0][0] < len(rows) and outline[-1][0] < len(rows):
+        chains[0] = chains.pop() + chains[0]
+    return Region("bounded", tuple(tuple(chain) for chain in chains), "lines")
+
+
+def _polygon(lines: Array) -> list[tuple[int, Array, Array]]:
+    """Return the convex polygon of all half-planes a x + b y >= c as (line, start, end), counter-clockwise.
+
+    Empty where they have no common interior.
+
+    Lines are normalised and bound a finite polygon. Sorted by direction, each cuts off the corners behind it;
+    neighbours share one corner, so that nothing tears however nearly parallel they are. Of lines of one direction only
+    the most restrictive counts, the first of equals.
+    """
+    angle = np.arctan2(-lines[:, 0], lines[:, 1])
+    order = np.lexsort((np.arange(len(lines)), -lines[:, 2], angle))
+    new = np.concatenate([[True], np.diff(angle[order]) > PARALLEL])
+    groups = np.cumsum(new) - 1
+    tightest = np.full(groups[-1] + 1, -np.inf)
+    np.maximum.at(tightest, groups, lines[order, 2])
+    kept: list[int] = []
+    for group, k in zip(groups, order, strict=True):
+        if lines[k, 2] >= tightest[group] and len(kept) == group:
+            kept.append(int(k))
+
+    def corner(k: int, m: int) -> Array:
+        (a, b, c), (d, e, f) = lines[k], lines[m]
+        determinant = a * e - b * d
+        return np.array([(c * e - b * f) / determinant, (a * f - c * d) / determinant])
+
+    def outside(m: int, point: Array) -> bool:
+        slack = DEFAULT.line * (np.abs(lines[m, :2]) @ np.abs(point) + abs(lines[m, 2]))
+        return bool(lines[m, :2] @ point - lines[m, 2] <= slack)
+
+    chain: list[int] = []
+    for m in kept:
+        while len(chain) > 1 and outside(m, corner(chain[-2], chain[-1])):
+            chain.pop()
+        while len(chain) > 1 and outside(m, corner(chain[0], chain[1])):
+            chain.pop(0)
+        if chain and abs(np.sin(angle[m] - angle[chain[-1]])) <= PARALLEL:
+            return []  # opposite lines with nothing between them
+        chain.append(m)
+    while len(chain) > 2 and outside(chain[0], corner(chain[-2], chain[-1])):
+        chain.pop()
+    while len(chain) > 2 and outside(chain[-1], corner(chain[0], chain[1])):
+        chain.pop(0)
+    if len(chain) < 3:
+        return []
+    corners = [corner(chain[k - 1], chain[k]) for k in range(len(chain))]
+    middle = np.mean(corners, axis=0)
+    values = lines[:, :2] @ middle - lines[:, 2]
+    if not (np.isfinite(middle).all() and (values > 0).all()):
+        return []
+    return [(k, corners[n], corners[(n + 1) % len(chain)]) for n, k in enumerate(chain)]
 
 
 def support_feature(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array) -> Feature:
@@ -250,47 +292,10 @@ def _inner(normals: Array) -> Array:
     return total / length if length > DEFAULT.nominal else normals[0]
 
 
-def _on_line(line: Array, s: float) -> Array:
-    if not np.isfinite(s):
-        return np.full(2, np.inf)
-    return line[2] * line[:2] + s * np.array([line[1], -line[0]])
-
-
 def same_pair(p: Array, q: Array) -> bool:
     """Tell whether two finite scale pairs, not both zero, are equal up to rounding."""
     return bool(np.isfinite(p).all() and np.isfinite(q).all()
                 and np.abs(p - q).sum() < DEFAULT.nominal * (np.abs(p).sum() + np.abs(q).sum()))
-
-
-def _intervals(lines: Array, rank: Array) -> tuple[Array, Array]:
-    """Return the stretch [lo, hi] of each normalised line inside all half-planes a x + b y >= c; hi <= lo if none.
-
-    Of lines that coincide only the first of lowest rank counts. Of opposite lines that coincide none does: the open
-    intersection is empty.
-    """
-    gradient, level = lines[:, :2], lines[:, 2]
-    travel = np.column_stack([gradient[:, 1], -gradient[:, 0]])
-    slope = travel @ gradient.T  # [k, m]: how m's constraint grows along line k
-    value = level[:, None] * (gradient @ gradient.T) - level[None, :]
-    scale = np.abs(level)[:, None] + np.abs(level)[None, :] + DEFAULT.tie
-    parallel = np.abs(slope) <= DEFAULT.tie
-    lo, hi = np.full(len(lines), -np.inf), np.full(len(lines), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = -value / slope
-    lo = np.where(~parallel & (slope > 0), at, -np.inf).max(axis=1, initial=-np.inf)
-    hi = np.where(~parallel & (slope < 0), at, np.inf).min(axis=1, initial=np.inf)
-    out = parallel & (value < -DEFAULT.tie * scale)
-    equal = parallel & (np.abs(value) <= DEFAULT.tie * scale)
-    same = equal & (gradient @ gradient.T > 0)
-    number = np.arange(len(lines))
-    earlier = (rank[None, :], number[None, :])
-    first = (earlier[0] < rank[:, None]) | ((earlier[0] == rank[:, None]) & (earlier[1] < number[:, None]))
-    dead = (out | (equal & ~same) | (same & first)).any(axis=1)
-    hi = np.where(dead | (hi - lo <= DEFAULT.tie * (np.abs(level) + np.minimum(np.abs(lo), np.abs(hi)))), lo, hi)
-    if (equal & ~same).any():  # a region without interior
-        hi = np.where(np.isfinite(lo), lo, 0.0)
-        lo = hi.copy()
-    return lo, hi
 
 
 def _support_element(part: ConvexPart, n: Array, sign: float) -> Element:

@@ -7,8 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fcdm_opt.errors import InputError
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+LARGEST = 1e50  # of any coordinate: volumes stay finite
+
+
+def numbers(values: Any, key: str) -> Array:
+    """Return an array of real numbers; raise `InputError` for anything else, and for magnitudes whose cube is lost."""
+    try:
+        raw = np.asarray(values)
+        if np.iscomplexobj(raw):
+            raise TypeError
+        array = np.array(raw, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as reason:
+        raise InputError("expected a rectangular array of numbers", key=key, found=values) from reason
+    largest = np.abs(array[np.isfinite(array)]).max(initial=0.0)
+    if largest > LARGEST:
+        raise InputError("a number too large to calculate with", key=key, found=float(largest), allowed=f"{LARGEST:g}")
+    return array
 
 
 def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.elements import Element, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull, unit_normal
 from fcdm_opt.tolerances import DEFAULT
@@ -202,6 +202,8 @@ class Body:
         hulls = [convex_hull(points[part], part, key) for part, key in zip(rows, keys, strict=True)]
         given = None
         if faces is not None:
+            if not isinstance(faces, Iterable):
+                raise InputError("expected lists of rows", key=f"body '{name}': faces", found=faces)
             given = [_rows(face, len(points), f"body '{name}': face {k + 1}") for k, face in enumerate(faces)]
             for k, face in enumerate(given):
                 if len(face) < 3:
@@ -228,7 +230,7 @@ class Body:
 
     def scaled(self, rho: float) -> Body:
         """Return the body scaled by `rho` > 0 about its seed."""
-        if not (np.isfinite(rho) and rho > 0):
+        if not isinstance(rho, int | float | np.number) or not (np.isfinite(rho) and rho > 0):
             raise InputError("a scale is a positive number", key=f"body '{self.name}': scale", found=rho)
         return self._mapped(lambda x: self.seed + rho * (x - self.seed))
 
@@ -247,7 +249,7 @@ def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> A
     """Return a checked rigid 4x4 transform (identity for None); raise `InputError` otherwise."""
     if transform is None:
         return frozen(np.eye(4))
-    T = _array(transform, key)
+    T = numbers(transform, key)
     if T.shape != (4, 4) or not np.isfinite(T).all():
         raise InputError("a transform is a finite 4x4 matrix", key=key, found=T.shape)
     R = T[:3, :3]
@@ -260,23 +262,20 @@ def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> A
 # ---------------------------------------------------------------------------------------------------- input checks
 
 
-def _array(values: Any, key: str) -> Array:
-    try:
-        return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as reason:
-        raise InputError("expected a rectangular array of numbers", key=key, found=values) from reason
-
-
 def _groups(vertices: Any, name: str) -> list[Any]:
-    if np.ndim(vertices[0] if len(vertices) else vertices) != 2:
+    try:
+        deep = np.ndim(vertices[0]) == 2
+    except (TypeError, ValueError, IndexError, KeyError):
+        deep = False
+    if not deep:
         raise InputError(
-            "without `parts` give one (n, 3) array a part", key=f"body '{name}'", found=np.shape(vertices)
+            "without `parts` give one (n, 3) array a part", key=f"body '{name}'", found=type(vertices).__name__
         )
     return list(vertices)
 
 
 def _points(vertices: Any, key: str) -> Array:
-    points = _array(vertices, key)
+    points = numbers(vertices, key)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")
     if len(points) < 4:
@@ -288,7 +287,10 @@ def _points(vertices: Any, key: str) -> Array:
 
 
 def _rows(indices: Iterable[int], count: int, key: str) -> list[int]:
-    rows = list(indices)
+    try:
+        rows = list(indices)
+    except TypeError as reason:
+        raise InputError("expected a list of rows", key=key, found=indices) from reason
     for row in rows:
         if isinstance(row, bool) or not isinstance(row, int | np.integer) or not 0 <= row < count:
             raise InputError("not a row of the vertices", key=key, found=row, allowed=f"0 to {count - 1}")
@@ -310,7 +312,7 @@ def _numbered(groups: list[Array]) -> tuple[Array, list[list[int]]]:
 def _seed(seed: Any, points: Array, hulls: list[Hull], name: str) -> Array:
     key = f"body '{name}': seed"
     if not isinstance(seed, str):
-        point = _array(seed, key)
+        point = numbers(seed, key)
         if point.shape != (3,) or not np.isfinite(point).all():
             raise InputError("a seed is a finite point", key=key, found=seed)
         return frozen(point)

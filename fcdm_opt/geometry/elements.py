@@ -71,6 +71,8 @@ def _plane(points: Array, loop: tuple[int, ...]) -> tuple[Array, float]:
 def _faces_from_parts(rows: Any, planes: Any, size: float) -> list[list[tuple[int, int]]]:
     """Group part faces in one plane that share vertices; drop seams (the same outline turned to each other)."""
     places = [(part, face) for part, loops in enumerate(rows) for face in range(len(loops))]
+    if len(rows) == 1:
+        return [[place] for place in places]
     outlines: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for part, face in places:
         outlines.setdefault(tuple(sorted(rows[part][face])), []).append((part, face))

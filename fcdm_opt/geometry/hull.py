@@ -10,6 +10,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.tolerances import DEFAULT
 
+SMALLEST = 1e-50  # extent of a part: its volume stays above what floats can hold
+
 
 class Hull(NamedTuple):
     """Combinatorics of a convex part.
@@ -53,7 +55,7 @@ def convex_hull(points: Array, rows: list[int], key: str) -> Hull:
         raise InputError("a convex part needs at least 4 vertices", key=key, found=len(points))
     centred = points - points.mean(axis=0)
     size = np.abs(centred).max()
-    if size == 0:
+    if size <= SMALLEST:
         raise InputError("all points coincide", key=key, found=points[0].tolist())
     _, stretch, axes = np.linalg.svd(centred / size, full_matrices=False)
     if stretch[2] <= DEFAULT.flatness * stretch[0]:

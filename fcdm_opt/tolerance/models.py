@@ -6,7 +6,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance import rays
-from fcdm_opt.tolerance.bounds import displacement_bound
+from fcdm_opt.tolerance.bounds import displacement_bound, displacement_rate
 from fcdm_opt.tolerance.relaxation import Found, choices
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.task import Answer, Task
@@ -15,6 +15,8 @@ from fcdm_opt.tolerances import DEFAULT
 REACH = 3.0  # starts away from rest, in typical amounts
 WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
 FALLBACK_CHOICES = 3  # choices of features tried then
+SCAN_POINTS, HALVINGS = 400, 45  # of a direction, and of the step that first meets the goal
+LARGE = 0.5  # of the size: displacements beyond this are large
 PROBES = 5  # improvements by probing, at most
 PROBE_FRACTIONS = (0.98, 0.7, 0.4)
 ON_THE_WAY = ("the nearest contact on the way",)
@@ -94,14 +96,18 @@ def nonlinear(task: Task) -> Answer:
     where they find the contact on their side. All starts are fixed: the same task gives the same answer.
     """
     best, reached = _first_found(task)
-    if not task.tracked and task.allows(task.rest):
+    if task.tracked:
+        best = best or _scanned(task)
+    elif task.allows(task.rest):
         best = _on_a_ray(task, best)
+    q = best.q if best is not None and best.active == ON_THE_WAY else None
     for _ in range(PROBES):
-        q = _nearer(task, best) if best is not None else None
+        q = _nearer(task, best) if q is None and best is not None else q
         if q is None:
             break
-        for relaxation in choices(task, q):
+        for relaxation in choices(task, q, near=True):
             best = _better(best, relaxation.smallest([q], "sqpmethod", _enough(task, best)))
+        q = None
     stage, bound = "4: nonlinear program", displacement_bound(task)
     if best is None:
         status = Status.LEFT_COHERENT_RANGE if reached and task.coherent else Status.NOT_FOUND
@@ -129,14 +135,15 @@ def _first_found(task: Task) -> tuple[Found | None, bool]:
     """
     turning = np.array([kind == "rotation" for _, kind in task.motion.parameters])
     near, wide = (np.where(turning, np.minimum(x * task.steps, 1.0), x * task.steps) for x in (REACH, WIDE_REACH))
-    near_starts = [task.rest, *(sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
+    near_starts = [task.start, *(task.start + sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
+    near_starts = [np.clip(start, task.limits[:, 0], task.limits[:, 1]) for start in near_starts]
     wide_starts = [x * direction * wide for x in WIDE_FRACTIONS for direction in rays.directions(task) * task.weights]
     tries: list[tuple[str, list[Array], int | None]] = [("sqpmethod", near_starts, None)]
     if task.tracked:
-        tries += [("sqpmethod", wide_starts, FALLBACK_CHOICES), ("ipopt", [task.rest], FALLBACK_CHOICES)]
+        tries += [("sqpmethod", wide_starts, FALLBACK_CHOICES), ("ipopt", [task.start], FALLBACK_CHOICES)]
     best, reached = None, False
     for method, starts, most in tries:
-        for relaxation in sorted(choices(task, task.rest), key=lambda choice: choice.promise)[:most]:
+        for relaxation in sorted(choices(task, task.start), key=lambda choice: choice.promise)[:most]:
             if best is not None and relaxation.promise >= best.amount:
                 break
             best = _better(best, relaxation.smallest(starts, method, _enough(task, best)))
@@ -149,13 +156,36 @@ def _first_found(task: Task) -> tuple[Found | None, bool]:
 def _on_a_ray(task: Task, best: Found | None) -> Found | None:
     """Return the least first contact along fixed directions, if it is less than the best known.
 
-    Along the axes always, as a start may have passed the contact by; along the others where nothing is known.
+    Along the axes always, as a start may have passed the contact by; along the others where nothing is known, or the
+    best known motion is as large as the bodies.
     """
-    for direction in rays.directions(task)[: None if best is None else 2 * len(task.weights)]:
+    large = best is None or best.amount * displacement_rate(task) > LARGE * task.size
+    for direction in rays.directions(task, rays.FINE) if large else rays.directions(task, ()):
         limit = min(rays.reach(task, direction), best.amount if best else np.inf)
         contact = rays.first_contact(task, direction, limit)
         if contact.amount < limit:
             best = Found(contact.amount * direction, contact.amount, ON_THE_WAY, _pairs_modelled(task))
+    return best
+
+
+def _scanned(task: Task) -> Found | None:
+    """Return the first motion along fixed directions that meets a tracked goal, by small steps; a rule of search."""
+    best = None
+    for direction in rays.directions(task):
+        end = min(rays.reach(task, direction), best.amount if best else np.inf)
+        step, before = min(end / SCAN_POINTS, LARGE * task.size / displacement_rate(task)), 0.0
+        for amount in np.arange(1, SCAN_POINTS + 1) * step:
+            if amount >= end:
+                break
+            q = amount * direction
+            if task.meets(q, DEFAULT.line, path=False) and task.meets(q, DEFAULT.line):
+                low, high = before, float(amount)
+                for _ in range(HALVINGS):
+                    middle = (low + high) / 2.0
+                    low, high = (low, middle) if task.meets(middle * direction, DEFAULT.line) else (middle, high)
+                best = Found(high * direction, high, ("the goal along a fixed direction",), _pairs_modelled(task))
+                break
+            before = float(amount)
     return best
 
 

@@ -21,6 +21,7 @@ from fcdm_opt.tolerances import DEFAULT
 STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
+FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
 
 class Contact(NamedTuple):
@@ -38,11 +39,11 @@ class Contact(NamedTuple):
     clear_to: float
 
 
-def directions(task: Task) -> Array:
+def directions(task: Task, shares: tuple[float, ...] = SHARES) -> Array:
     """Return fixed directions in the parameters, per unit of amount: the axes both ways, and between each two."""
     k = len(task.weights)
     axes = np.vstack([np.eye(k), -np.eye(k)])
-    between = [one + share * two for one in axes for two in axes if abs(one @ two) < 1 for share in SHARES]
+    between = [one + share * two for one in axes for two in axes if abs(one @ two) < 1 for share in shares]
     rays = np.array([*axes, *between])
     return rays / np.linalg.norm(rays, axis=1)[:, None] / task.weights
 

@@ -18,6 +18,8 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 40  # of adding violated constraints
 CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
+VARIANTS = 40  # choices for several overlapping pairs, at most
+RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
 HELD = 3  # vertices of either part that a new separating plane holds at once
 
 
@@ -92,8 +94,23 @@ class Relaxation:
         """Return the least feasible outcome over the starts."""
         planes = np.array(list(self._planes.values())).reshape(-1, 4)
         outcomes = [program.minimise(self.task, self._rows, start, planes, method) for start in starts]
+        if self._planes and self.task.need > 0:  # a distance between corners: SQP may stop short of the least
+            outcomes.append(program.minimise(self.task, self._rows, starts[0], planes, "ipopt"))
         feasible = [outcome for outcome in outcomes if outcome.feasible]
-        return min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)
+        best = min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)
+        for _ in range(RECENTRED if self._planes else 0):
+            if best is None:
+                break
+            # a solver that stopped early goes on from its planes, now measured against their own normals
+            pairs = zip(self._planes, best.normals, strict=True)
+            levels = [self._heights(parts, best.q, normal)[0].max() for parts, normal in pairs]
+            lengths = np.linalg.norm(best.normals, axis=1)[:, None]
+            planes = np.column_stack([best.normals, np.array(levels) / self.task.unit]) / lengths
+            again = program.minimise(self.task, self._rows, best.q, planes, method)
+            if not again.feasible or self.task.amount(again.q) >= self.task.amount(best.q) * (1.0 - DEFAULT.nominal):
+                break
+            best = again
+        return best
 
     def _grown(self, q: Array, normals: dict[Parts, Array]) -> bool:
         """Add the constraints that a motion violates; tell whether any is new."""
@@ -204,24 +221,26 @@ def _numbered(parts: Parts) -> str:
     return f"part pair {parts[0] + 1}, {parts[1] + 1}"
 
 
-def choices(task: Task, q: Array) -> Iterator[Relaxation]:
-    """Yield the programs to try near a motion.
+def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]:
+    """Yield the programs to try from a motion on.
 
-    Which pair closes, and along which direction each overlapping pair comes apart: near rest all that may matter, near
-    any other motion its own features only.
+    Which pair closes, and along which direction each overlapping pair comes apart: all that may matter, or with `near`
+    only what is there at the motion, which is known to do.
     """
-    gaps = task.pair_gaps(task.rest) if task.must_clear else np.zeros((1, 1))
-    near = task.pair_gaps(q) if task.must_clear else gaps
-    pairs = sorted(np.ndindex(gaps.shape), key=lambda parts: near[parts])
+    gaps = task.pair_gaps(task.start) if task.must_clear else np.zeros((1, 1))
+    there = task.pair_gaps(q) if task.must_clear else gaps
+    pairs = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
     closes = task.must_touch and (bool(task.tracked) or gaps.min() > 0)
     low = {parts: _ways_apart(task, parts, q) for parts in pairs if task.must_clear and gaps[parts] < task.need}
     variants = [dict.fromkeys(low, 0)]
-    if q.any():
+    if near:
         pairs = pairs[:1]
     else:
         variants += [{**variants[0], parts: k} for parts in low for k in range(1, min(CHOICES, len(low[parts])))]
-    for closing in pairs[:CHOICES] if closes else [None]:
-        for variant in variants:
+    # a pair that must touch besides may do so already where it is only kept from overlapping
+    asked: list[Parts | None] = [*([None] if task.tracked or not closes else []), *(pairs[:CHOICES] if closes else [])]
+    for closing in asked:
+        for variant in variants[:VARIANTS]:
             relaxation = Relaxation(task, closing)
             if closing is not None:
                 relaxation.close(q, -np.inf)

@@ -13,6 +13,7 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
 from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
+from fcdm_opt.curve.region import Piece
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
@@ -105,7 +106,10 @@ class Task:
         if problem.goal in ("beyond", "at"):
             contact = problem.nominal_contact
             assert contact is not None  # Problem refuses these goals off the curve
-            pieces = contact.pieces if isinstance(contact, SwitchingPoint) else (contact.piece,)
+            if isinstance(contact, SwitchingPoint):
+                pieces: tuple[Piece, ...] = contact.pieces
+            else:
+                pieces = (contact.piece_at(problem.nominal_pair),)
             tracked = tuple(
                 feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in pieces
             )
@@ -166,6 +170,11 @@ class Task:
     def pose(self, q: Array) -> Array:
         """Return the relative pose that the kernels take."""
         return relative_pose(self.movable, self.static, self.transform(q))
+
+    @property
+    def start(self) -> Array:
+        """The allowed motion nearest to none."""
+        return np.clip(self.rest, self.limits[:, 0], self.limits[:, 1])
 
     def allows(self, q: Array) -> bool:
         """Tell whether a motion lies within the limits."""
