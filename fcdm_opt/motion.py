@@ -21,6 +21,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 
 AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
+ROUNDING = 64 * np.finfo(float).eps  # of coordinates: seeds no further apart are the same
 Matrix = tuple[tuple[Any, ...], ...]
 IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 
@@ -334,7 +335,7 @@ class Screw(Step):
             return _turn(direction, about, point, along)
         offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
         length = _sqrt(sum(x * x for x in offset))
-        if isinstance(length, float) and length == 0.0:
+        if isinstance(length, float) and length <= ROUNDING * max(map(abs, (*movable_seed, *static_seed))):
             raise InputError("the seeds coincide: they define no screw axis", key="Screw.axis", found=length,
                              allowed="a line (point, direction)")
         return _turn(tuple(x / length for x in offset), about, movable_seed, along)

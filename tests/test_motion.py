@@ -208,7 +208,7 @@ def test_describe_gives_lengths_and_degrees():
     assert Translation("y").describe([-0.0193]) == "TY -0.0193"
 
 
-@pytest.mark.parametrize("gap", [0.0, 1e-12])
+@pytest.mark.parametrize("gap", [0.0, 1e-15])
 def test_coincident_seeds_define_no_screw_axis(gap):
     with pytest.raises(InputError, match="coincide"):
         Screw("seeds", 1.0).transform([0.1], S1, S1 + np.array([gap, 0, 0]))

@@ -34,6 +34,11 @@ class Feature:
         return f"{self.one.kind}1{self.two.kind}2"
 
     @property
+    def is_flush(self) -> bool:
+        """Whether an edge or face lies on a face: more than a point is in contact."""
+        return self.kind in ("F1F2", "F1E2", "E1F2")
+
+    @property
     def label(self) -> str:
         """For instance "V1F2(P1V6; P2V2,V3,V5)"."""
         one, two = (",".join(f"V{v}" for v in element.vertices) for element in (self.one, self.two))

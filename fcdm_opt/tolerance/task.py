@@ -13,7 +13,9 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
 from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
-from fcdm_opt.curve.region import Piece
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.region import Piece, support_feature
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
@@ -79,6 +81,8 @@ class Task:
         Whether the tracked features must stay the contact along the ray.
     size : float
         Length that relative tolerances refer to.
+    flush : tuple
+        Of each tracked feature, itself where more than a point is in contact and must stay so.
     seconds : dict
         Time spent on "build", the compiling of templates, on the way.
     """
@@ -97,12 +101,14 @@ class Task:
     clearance: float
     coherent: bool
     size: float
+    flush: tuple[Feature | None, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
         """Return the task of a problem."""
         tracked: tuple[FeaturePoints, ...] = ()
+        flush: tuple[Feature | None, ...] = ()
         if problem.goal in ("beyond", "at"):
             contact = problem.nominal_contact
             assert contact is not None  # Problem refuses these goals off the curve
@@ -113,10 +119,11 @@ class Task:
             tracked = tuple(
                 feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in pieces
             )
+            flush = tuple(p.feature if p.feature.is_flush else None for p in pieces)
         return cls(
             problem.movable, problem.static, problem.motion, problem.weights, problem.limits, problem.goal,
             problem.nominal_pair, problem.target, problem.signs, tracked, problem.pair, problem.clearance,
-            problem.path == "coherent" and bool(tracked), problem.size,
+            problem.path == "coherent" and bool(tracked), problem.size, flush,
         )
 
     @property
@@ -164,8 +171,11 @@ class Task:
         return float(np.linalg.norm(self.weights * q))
 
     def transform(self, q: Array) -> Array:
-        """Return the 4x4 transform of body 1."""
-        return self.motion.transform(q, self.movable.seed, self.static.seed)
+        """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""
+        try:
+            return self.motion.transform(q, self.movable.seed, self.static.seed)
+        except InputError:
+            return np.full((4, 4), np.nan)
 
     def pose(self, q: Array) -> Array:
         """Return the relative pose that the kernels take."""
@@ -231,14 +241,14 @@ class Task:
         """Return why the tracked contact is not real along the path (at its end only where coherence is not asked).
 
         The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
-        exist.
+        exist, or a flush contact opens.
         """
         worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
         turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
         for s in np.linspace(1.0, 0.0, count + 1)[: count if self.coherent else 1]:
             rho, pose, tracked = self.tracked_contact(q, s)
-            if not (np.isfinite(rho).all() and rho.min() > 0):
+            if not (np.isfinite(rho).all() and rho.min() > 0 and self._stays_flush(pose, tracked)):
                 worst.setdefault((), (float(s), pose, None))
                 continue
             for fault in contact_faults(self.movable, self.static, pose, rho, tracked, DEFAULT.cut * self.size):
@@ -246,6 +256,15 @@ class Task:
                 if known is None or known[2] is None or fault.excess > known[2].excess:
                     worst[fault.key] = (float(s), pose, fault)
         return list(worst.values())
+
+    def _stays_flush(self, pose: Array, tracked: tuple[Tracked, ...]) -> bool:
+        return all(
+            whole is None
+            or whole == support_feature(
+                self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]], feature.normal, pose
+            )
+            for whole, feature in zip(self.flush, tracked, strict=False)
+        )
 
     def meets(
         self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True

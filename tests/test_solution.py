@@ -1,0 +1,255 @@
+"""Solutions as plain data: round trips, advice, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import FrozenInstanceError, fields, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import CUBE, box_shape
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.motion import Rotation, Translation
+from fcdm_opt.tolerance.certificate import verify
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
+from fcdm_opt.tolerance.solver import solve
+
+CROSSING = box_shape((3, 3, -1), (5, 7, 1))  # lines rho_1 + rho_2 = 4 and rho_1 + 2 rho_2 = 5, crossing at (3, 1)
+
+
+def asked(**arguments: Any) -> Problem:
+    motion = Translation("x") >> Translation("y")
+    given = {"nominal": (3, 1), "motion": motion, "box": ((0.5, 5), (0.5, 5)), **arguments}
+    return Problem(CUBE.body("one"), CROSSING.body("two"), **given)
+
+
+QUESTIONS: dict[str, tuple[Status, dict[str, Any]]] = {
+    "solved": (Status.SOLVED, {"tolerance": 0.02, "requirement": "A"}),
+    "overlapping": (Status.PAIR_OVERLAPS, {"tolerance": 0.02, "requirement": "B"}),
+    "satisfied": (Status.ALREADY_SATISFIED, {"target": (1, 1), "goal": "clear"}),
+    "infeasible": (Status.INFEASIBLE, {"target": (1, 1), "goal": "touch", "motion": Translation("z")}),
+    "not found": (Status.NOT_FOUND, {"target": (1, 1), "goal": "touch", "limits": {"TX": (-0.1, 0.1)},
+                                     "motion": Translation("x") >> Translation("z")}),
+    "turned": (Status.SOLVED, {"target": (2.5, 1), "goal": "touch", "motion": Rotation("z") >> Translation((1, 1, 0))}),
+}  # fmt: skip
+EVERY_QUESTION = pytest.mark.parametrize("question", QUESTIONS)
+
+
+@cache
+def solution(question: str) -> Solution:
+    return solve(asked(**QUESTIONS[question][1]))
+
+
+def rejected() -> Solution:
+    """A motion that the judge rejects."""
+    wrong = replace(solution("solved"), rho=np.array([3.0, 1.0]))
+    return wrong.with_certificate(verify(wrong), {"verify": 0.0})
+
+
+def through_json(data: Any) -> Any:
+    return json.loads(json.dumps(data, allow_nan=False))
+
+
+# ------------------------------------------------------------------------------------------------------- round trips
+
+
+@EVERY_QUESTION
+def test_a_solution_survives_json_bit_for_bit(question):
+    original = solution(question)
+    assert original.status is QUESTIONS[question][0]
+    data = original.to_dict()
+    again = Solution.from_dict(through_json(data))
+    assert again.to_dict() == data
+    assert through_json(data) == data
+    for key in ("transform", "rho", "pair"):
+        one, two = getattr(original, key), getattr(again, key)
+        assert (one is None) == (two is None)
+        if one is not None:
+            np.testing.assert_array_equal(one, two)
+            assert not two.flags.writeable
+    for key in ("amount", "lower_bound", "pair_gap"):
+        np.testing.assert_array_equal(getattr(original, key), getattr(again, key), err_msg=key)
+    for key in ("status", "parameters", "features", "pair_state", "active", "modelled", "stage", "seconds", "usable"):
+        assert getattr(original, key) == getattr(again, key), key
+    assert again.certificate.passed == original.certificate.passed
+
+
+@EVERY_QUESTION
+def test_a_solution_read_back_is_judged_the_same(question):
+    original, again = solution(question), Solution.from_dict(through_json(solution(question).to_dict()))
+    for one, two in zip(verify(original).checks, verify(again).checks, strict=True):
+        assert one[:2] == two[:2]
+        np.testing.assert_array_equal(one[2:4], two[2:4])
+
+
+@EVERY_QUESTION
+def test_a_solution_read_back_asks_the_same_question(question):
+    again = Solution.from_dict(through_json(solution(question).to_dict()))
+    assert solve(again.problem).to_dict() | {"seconds": None} == solution(question).to_dict() | {"seconds": None}
+
+
+def test_every_number_of_a_certificate_survives_even_those_json_lacks():
+    checks = tuple(
+        Check(f"check {k}", False, value, limit, "note")
+        for k, (value, limit) in enumerate([(math.nan, 0.0), (math.inf, 1e-9), (-math.inf, -0.0), (1 / 3, 5e-324)])
+    )
+    original = replace(solution("solved"), certificate=Certificate(checks), sensitivity={"rho_1": 0.5})
+    again = Solution.from_dict(through_json(original.to_dict()))
+    for one, two in zip(checks, again.certificate.checks, strict=True):
+        assert (one.name, one.passed, one.note) == (two.name, two.passed, two.note)
+        np.testing.assert_array_equal([one.value, one.limit], [two.value, two.limit])
+    assert again.sensitivity == {"rho_1": 0.5}
+
+
+def test_a_solution_that_nobody_judged_survives_too():
+    original = replace(solution("solved"), certificate=None)
+    again = Solution.from_dict(through_json(original.to_dict()))
+    assert again.certificate is None
+    assert not again.usable
+
+
+@EVERY_QUESTION
+def test_plain_data_tell_status_advice_and_motion(question):
+    data = solution(question).to_dict()
+    assert data["status"] == QUESTIONS[question][0].name
+    assert data["advice"] == QUESTIONS[question][0].value
+    assert data["usable"] is solution(question).usable
+    found = QUESTIONS[question][0].found
+    assert (data["motion"] is not None) == (data["transform"] is not None) == (data["amount"] is not None) == found
+    assert set(data["certificate"]) == {"passed", "checks"}
+    assert data["features"] == [feature.label for feature in solution(question).features]
+    attributes = {item.name for item in fields(Solution)}
+    assert attributes <= set(data)
+    assert set(data) - attributes == {"advice", "usable", "motion"}
+
+
+def test_the_motion_is_told_in_lengths_and_degrees():
+    data = solution("turned").to_dict()
+    turn, shift = solution("turned").parameters.values()
+    assert data["motion"] == f"RZ {math.degrees(turn):.6g} deg + T {shift:.6g}"
+
+
+# ----------------------------------------------------------------------------------------------- statuses and verdicts
+
+
+def test_every_status_gives_advice_of_its_own():
+    assert len({status.value for status in Status}) == len(Status) == 7
+    for status in Status:
+        assert status.value[0].isupper()
+        assert status.value.endswith(".")
+        assert ":" in status.value
+
+
+def test_a_motion_exists_exactly_where_the_status_says_so():
+    found = {status for status in Status if status.found}
+    assert found == {Status.SOLVED, Status.ALREADY_SATISFIED, Status.PAIR_OVERLAPS, Status.NOT_VERIFIED}
+    for question in QUESTIONS:
+        own = solution(question)
+        assert own.status.found == (own.transform is not None) == bool(own.parameters) == math.isfinite(own.amount)
+
+
+def test_a_solution_is_usable_only_with_a_passed_certificate():
+    own = solution("solved")
+    assert own.usable
+    assert not replace(own, certificate=None).usable
+    assert not replace(own, certificate=Certificate(())).usable
+    assert not replace(own, certificate=Certificate((Check("x", False, 1.0, 0.0, ""),))).usable
+    assert not replace(own, status=Status.NOT_FOUND).usable
+    assert not solution("infeasible").usable
+
+
+def test_a_rejected_motion_becomes_not_verified_and_others_keep_their_status():
+    assert rejected().status is Status.NOT_VERIFIED
+    assert not rejected().usable
+    assert rejected().seconds == {"verify": 0.0}
+    assert rejected().parameters == solution("solved").parameters
+    data = through_json(rejected().to_dict())
+    assert Solution.from_dict(data).status is Status.NOT_VERIFIED
+    for status in (Status.INFEASIBLE, Status.NOT_FOUND, Status.LEFT_COHERENT_RANGE):
+        other = replace(solution("infeasible"), status=status)
+        assert other.with_certificate(verify(other), {}).status is status
+
+
+def test_a_certificate_passes_only_with_checks_that_all_pass():
+    good, bad = Check("good", True, 0.0, 1.0, ""), Check("bad", False, 2.0, 1.0, "")
+    assert Certificate((good, good)).passed
+    assert not Certificate((good, bad)).passed
+    assert not Certificate(()).passed
+    assert Certificate((good, bad)).failed == (bad,)
+    assert Certificate(()).failed == ()
+
+
+def test_solutions_do_not_change():
+    own = solution("solved")
+    with pytest.raises(FrozenInstanceError):
+        own.amount = 0.0
+    for array in (own.rho, own.transform, own.pair):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+# ----------------------------------------------------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize("key", [item.name for item in fields(Solution)])
+def test_a_missing_key_is_named(key):
+    data = solution("solved").to_dict()
+    del data[key]
+    with pytest.raises(InputError, match=key):
+        Solution.from_dict(data)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("status", "DONE"),
+        ("status", None),
+        ("problem", {}),
+        ("problem", None),
+        ("parameters", 3),
+        ("transform", [[1, 2], [3]]),
+        ("transform", "unit"),
+        ("amount", "much"),
+        ("amount", [1.0]),
+        ("rho", {"rho_1": 1}),
+        ("rho", ["a", "b"]),
+        ("features", ["V1F3"]),
+        ("features", 7),
+        ("pair", "drawn"),
+        ("active", None),
+        ("modelled", [1, 2]),
+        ("certificate", {"passed": True}),
+        ("certificate", {"passed": True, "checks": [{"name": "x"}]}),
+        ("seconds", 0.1),
+    ],
+)
+def test_a_wrong_value_is_refused(key, value):
+    with pytest.raises(InputError):
+        Solution.from_dict(solution("solved").to_dict() | {key: value})
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("rho", [1.0, 2.0, 3.0]), ("pair", [1.0]), ("pair", None), ("transform", np.eye(3).tolist())],
+)
+def test_arrays_of_a_wrong_shape_are_refused(key, value):
+    with pytest.raises(InputError):
+        Solution.from_dict(solution("solved").to_dict() | {key: value})
+
+
+@pytest.mark.parametrize("data", [None, [], "solution", 3])
+def test_what_is_no_mapping_is_refused(data):
+    with pytest.raises(InputError):
+        Solution.from_dict(data)
+
+
+def test_features_are_read_back_as_features():
+    again = Solution.from_dict(through_json(solution("solved").to_dict()))
+    assert all(isinstance(feature, Feature) for feature in again.features)
+    assert again.features == solution("solved").features
