@@ -15,7 +15,7 @@ from fcdm_opt.tolerances import DEFAULT
 REACH = 3.0  # starts away from rest, in typical amounts
 WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
 FALLBACK_CHOICES = 3  # choices of features tried then
-SCAN_POINTS, HALVINGS = 400, 45  # of a direction, and of the step that first meets the goal
+SCAN_POINTS, HALVINGS = 200, 45  # of a direction, and of the step that first meets the goal
 LARGE = 0.5  # of the size: displacements beyond this are large
 PROBES = 5  # improvements by probing, at most
 PROBE_FRACTIONS = (0.98, 0.7, 0.4)

@@ -20,6 +20,7 @@ ROUNDS = 40  # of adding violated constraints
 CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
 VARIANTS = 40  # choices for several overlapping pairs, at most
 RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
+KEPT = 6  # starts of the first round that later rounds keep
 HELD = 3  # vertices of either part that a new separating plane holds at once
 
 
@@ -66,7 +67,7 @@ class Relaxation:
         Parameters
         ----------
         starts : list of (k,) arrays
-            Where each round starts; the latest solution joins.
+            Where each round starts; in later rounds the first few, and the latest solution.
         method : str
             CasADi plugin.
         enough : float
@@ -80,7 +81,7 @@ class Relaxation:
             self.reached = self.reached or task.meets(q, DEFAULT.requirement, normals, path=False)
             if not self._grown(q, normals):
                 break
-            outcome = self._solved([*starts, q], method)
+            outcome = self._solved([*starts[:KEPT], q], method)
         if outcome is None:
             return None
         if not task.tracked:
