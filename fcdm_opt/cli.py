@@ -31,7 +31,11 @@ LONGEST_NAME = 100
 """Characters of a picture's file name, before its number and ending."""
 
 app = typer.Typer(
-    name="fcdm-opt", add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
+    name="fcdm-opt",
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
     help="Smallest re-positioning of contacting polyhedral parts under size tolerances.",
     epilog="Exit codes: 0 all well, 1 a case without a motion, 2 bad input, 3 a motion that was not verified.",
 )
@@ -99,8 +103,9 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
     for file in opened:
         rows, cases = [], []
         notes = console(stderr=True)
-        for problem in track(file.problems, file.path.name, console=notes, transient=True,
-                             disable=not notes.is_terminal):
+        for problem in track(
+            file.problems, file.path.name, console=notes, transient=True, disable=not notes.is_terminal
+        ):
             try:
                 row = _solved(problem)
             except InputError as reason:
@@ -245,8 +250,14 @@ def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
         "status": curve.status,
         "segments": [
             {
-                "index": s.index, "feature": s.feature.label, "line": s.line, "start": s.start, "end": s.end,
-                "slope": slope(s), "parts": s.parts, "snug": s.snug,
+                "index": s.index,
+                "feature": s.feature.label,
+                "line": s.line,
+                "start": s.start,
+                "end": s.end,
+                "slope": slope(s),
+                "parts": s.parts,
+                "snug": s.snug,
             }
             for s in curve.segments
         ],
@@ -301,8 +312,13 @@ class _Pictures:
         rho = problem.nominal_pair if solution.rho is None else solution.rho
         moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
         scene = scene_figure(
-            problem.movable, problem.static, rho=rho, transform=solution.transform, features=solution.features,
-            contacts=moved.contact_points(rho), title=title,
+            problem.movable,
+            problem.static,
+            rho=rho,
+            transform=solution.transform,
+            features=solution.features,
+            contacts=moved.contact_points(rho),
+            title=title,
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
         )
         self._write(f"{stem}-scene", scene)

@@ -46,9 +46,7 @@ class InputError(FcdmError, ValueError):
     def within(self, *, file: str | Path | None = None, key: str | None = None) -> InputError:
         """Return the same error, placed in a file or below a key of an enclosing structure."""
         joined = ".".join(part for part in (key, self.key) if part) or None
-        return InputError(
-            self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed
-        )
+        return InputError(self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed)
 
 
 class UnsolvedError(FcdmError):

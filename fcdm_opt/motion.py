@@ -96,21 +96,17 @@ class Motion:
         """Return the 4x4 transform as a CasADi expression of `q` (and of the seeds, numbers or symbols)."""
         import casadi
 
-        rows = self._composed(*([x[k] for k in range(n)] for x, n in
-                                ((q, len(self.parameters)), (movable_seed, 3), (static_seed, 3))))
+        rows = self._composed(
+            *([x[k] for k in range(n)] for x, n in ((q, len(self.parameters)), (movable_seed, 3), (static_seed, 3)))
+        )
         return casadi.vertcat(*(casadi.horzcat(*row) for row in rows))
 
     def _composed(self, q: list[Any], movable_seed: list[Any], static_seed: list[Any]) -> Matrix:
         before, start = IDENTITY, 0
         for step in self.steps:
             count = len(step.parameters)
-            moved_seed = tuple(
-                sum(before[i][j] * movable_seed[j] for j in range(3)) + before[i][3] for i in range(3)
-            )
-            after = step.own_transform(q[start : start + count], moved_seed, tuple(static_seed))
-            before = tuple(
-                tuple(sum(after[i][k] * before[k][j] for k in range(4)) for j in range(4)) for i in range(4)
-            )
+            after = step.own_transform(q[start : start + count], _applied(before, movable_seed), tuple(static_seed))
+            before = _product(after, before) if start else after
             start += count
         return before
 
@@ -254,8 +250,11 @@ class Rotation(Step):
 
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Turn by q about the axis through the centre."""
-        centre = {"seed": movable_seed, "origin": (0.0, 0.0, 0.0)}[self.centre] if isinstance(
-            self.centre, str) else self.centre
+        centre = (
+            {"seed": movable_seed, "origin": (0.0, 0.0, 0.0)}[self.centre]
+            if isinstance(self.centre, str)
+            else self.centre
+        )
         return _turn(self.direction, q[0], centre, 0.0)
 
     @property
@@ -336,8 +335,12 @@ class Screw(Step):
         offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
         length = _sqrt(sum(x * x for x in offset))
         if isinstance(length, float) and length <= ROUNDING * max(map(abs, (*movable_seed, *static_seed))):
-            raise InputError("the seeds coincide: they define no screw axis", key="Screw.axis", found=length,
-                             allowed="a line (point, direction)")
+            raise InputError(
+                "the seeds coincide: they define no screw axis",
+                key="Screw.axis",
+                found=length,
+                allowed="a line (point, direction)",
+            )
         return _turn(tuple(x / length for x in offset), about, movable_seed, along)
 
     @property
@@ -374,6 +377,20 @@ def _sin(x: Any) -> Any:
 
 def _sqrt(x: Any) -> Any:
     return math.sqrt(x) if isinstance(x, float) else x.sqrt()
+
+
+def _applied(T: Matrix, p: Any) -> tuple[Any, ...]:
+    """Return T applied to a point."""
+    return tuple(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3] for row in T[:3])
+
+
+def _product(A: Matrix, B: Matrix) -> Matrix:
+    """Return the product of two rigid transforms."""
+    b0, b1, b2, _ = B
+    rows = tuple(
+        tuple(a[0] * b0[j] + a[1] * b1[j] + a[2] * b2[j] + (a[3] if j == 3 else 0.0) for j in range(4)) for a in A[:3]
+    )
+    return (*rows, B[3])
 
 
 def _affine(rotation: Matrix, shift: tuple[Any, ...]) -> Matrix:

@@ -95,9 +95,7 @@ def contact_faults(
     return sorted(faults, key=lambda fault: -fault.excess)
 
 
-def _unsupported(
-    movable: Body, static: Body, pose: Array, rho: Array, feature: Tracked, slack: float
-) -> list[Fault]:
+def _unsupported(movable: Body, static: Body, pose: Array, rho: Array, feature: Tracked, slack: float) -> list[Fault]:
     one, two = movable.parts[feature.parts[0]], static.parts[feature.parts[1]]
     n = feature.normal
     own_n = n @ pose[:9].reshape(3, 3)

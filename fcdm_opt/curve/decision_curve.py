@@ -214,9 +214,7 @@ class DecisionCurve:
     def _segment(self, run: Run, span: tuple[float, float], index: int) -> Segment:
         piece = run.whole
         start, end = (frozen(piece.end_at(s)) for s in span)
-        return Segment(
-            piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run
-        )
+        return Segment(piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run)
 
     def _switching_point(self, run: Run, successor: Run, index: int) -> SwitchingPoint:
         before, after = run.pieces[-1], successor.pieces[0]
@@ -237,8 +235,13 @@ class DecisionCurve:
             if merged and np.abs(contacts[0] - contacts[1]).max() <= DEFAULT.nominal * size:  # one contact at a seam
                 features, contacts = (merged,), contacts[:1]
         return SwitchingPoint(
-            frozen(rho), labels, frozen([before.line, after.line]), (before, after), features,
-            frozen(contacts), index,
+            frozen(rho),
+            labels,
+            frozen([before.line, after.line]),
+            (before, after),
+            features,
+            frozen(contacts),
+            index,
         )
 
     def _contact_point(self, parts: tuple[int, int], normal: Array, rho: Array) -> Array:
@@ -374,8 +377,9 @@ def decision_curve(
         if not isinstance(body, Body):
             raise InputError("expected a Body", key=key, found=type(body).__name__)
     limits = numbers(box, "box")
-    if limits.shape != (2, 2) or not (np.isfinite(limits).all() and (limits[:, 0] >= 0).all()
-                                      and (limits[:, 0] < limits[:, 1]).all()):
+    if limits.shape != (2, 2) or not (
+        np.isfinite(limits).all() and (limits[:, 0] >= 0).all() and (limits[:, 0] < limits[:, 1]).all()
+    ):
         raise InputError(
             "the box is not two ranges", key="box", found=box, allowed="((lo, hi), (lo, hi)) with 0 <= lo < hi"
         )

@@ -88,9 +88,11 @@ class Feature:
         contact : Feature
             The contact feature of the switching point before it.
         """
-        return Feature(*(
-            Element("E", tuple(sorted(mine.vertices, key=lambda v: v not in start.vertices)))
-            if mine.kind == "E" and start.kind == "V"
-            else mine
-            for mine, start in ((self.one, contact.one), (self.two, contact.two))
-        ))
+        return Feature(
+            *(
+                Element("E", tuple(sorted(mine.vertices, key=lambda v: v not in start.vertices)))
+                if mine.kind == "E" and start.kind == "V"
+                else mine
+                for mine, start in ((self.one, contact.one), (self.two, contact.two))
+            )
+        )

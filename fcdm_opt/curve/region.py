@@ -259,9 +259,7 @@ def _polygon(lines: Array) -> list[tuple[int, Array, Array]]:
 
 def support_feature(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array) -> Feature:
     """Return the elements with which the parts support each other along a direction from body 1 to body 2."""
-    return Feature(
-        _support_element(one, normal @ pose[:9].reshape(3, 3), 1.0), _support_element(two, normal, -1.0)
-    )
+    return Feature(_support_element(one, normal @ pose[:9].reshape(3, 3), 1.0), _support_element(two, normal, -1.0))
 
 
 def touching_feature(
@@ -294,8 +292,11 @@ def _inner(normals: Array) -> Array:
 
 def same_pair(p: Array, q: Array) -> bool:
     """Tell whether two finite scale pairs, not both zero, are equal up to rounding."""
-    return bool(np.isfinite(p).all() and np.isfinite(q).all()
-                and np.abs(p - q).sum() < DEFAULT.nominal * (np.abs(p).sum() + np.abs(q).sum()))
+    return bool(
+        np.isfinite(p).all()
+        and np.isfinite(q).all()
+        and np.abs(p - q).sum() < DEFAULT.nominal * (np.abs(p).sum() + np.abs(q).sum())
+    )
 
 
 def _support_element(part: ConvexPart, n: Array, sign: float) -> Element:

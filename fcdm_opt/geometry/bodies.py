@@ -83,9 +83,7 @@ class ConvexPart:
             around_vertex[origin].append(k)
             around_vertex[end].append(k)
             edge_of[origin, end] = edge_of[end, origin] = k
-        around_face = [
-            [edge_of[a, b] for a, b in zip(loop, loop[1:] + loop[:1], strict=True)] for loop in self.loops
-        ]
+        around_face = [[edge_of[a, b] for a, b in zip(loop, loop[1:] + loop[:1], strict=True)] for loop in self.loops]
         tables = [self.edges.ravel().tolist()]
         for lists in (around_vertex, around_face):
             tables.append(np.concatenate([[0], np.cumsum([len(entries) for entries in lists])]).tolist())

@@ -243,9 +243,7 @@ def _towards(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offs
     return way / length if length > 0 else n[best]
 
 
-def _best_directions(
-    one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset: Array
-) -> list[Direction]:
+def _best_directions(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset: Array) -> list[Direction]:
     """Return the directions whose gap may be the largest, faces first; none for very large parts."""
     gaps, _ = _gaps(one, two, scales, R, offset)
     if np.isnan(gaps).all():

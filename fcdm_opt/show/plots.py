@@ -48,8 +48,17 @@ def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str
     for corner, align in ((0, ("left", "bottom")), (1, ("right", "top"))):
         rho = np.asarray(curve.box)[:, corner]
         shift = 6 - 12 * corner
-        axes.annotate("apart" if curve.gap(rho) > 0 else "overlapping", tuple(rho), xytext=(shift, shift),
-                      textcoords="offset points", ha=align[0], va=align[1], fontsize=9, style="italic", color=GREY)
+        axes.annotate(
+            "apart" if curve.gap(rho) > 0 else "overlapping",
+            tuple(rho),
+            xytext=(shift, shift),
+            textcoords="offset points",
+            ha=align[0],
+            va=align[1],
+            fontsize=9,
+            style="italic",
+            color=GREY,
+        )
     lines = [f"S{segment.index}  {segment.feature.label}" for segment in curve.segments]
     for point in curve.switching_points:
         lines.append(f"SW{point.index}  ({point.rho[0]:.6f}, {point.rho[1]:.6f})")
@@ -124,19 +133,35 @@ def _plane(axes: Any, box: ArrayLike) -> None:
 def _draw_curve(axes: Any, curve: DecisionCurve, colour: str, style: Any, label: str) -> None:
     snug = [segment for segment in curve.segments if segment.snug]
     for k, segment in enumerate(snug):
-        axes.plot(*np.column_stack([segment.start, segment.end]), color=PURPLE, linewidth=5.0, alpha=0.5, zorder=2.5,
-                  label="snug fit" if k == 0 else None)
+        axes.plot(
+            *np.column_stack([segment.start, segment.end]),
+            color=PURPLE,
+            linewidth=5.0,
+            alpha=0.5,
+            zorder=2.5,
+            label="snug fit" if k == 0 else None,
+        )
     for k, segment in enumerate(curve.segments):
-        axes.plot(*np.column_stack([segment.start, segment.end]), color=colour, linestyle=style, linewidth=1.6,
-                  label=label if k == 0 else None, zorder=3)
+        axes.plot(
+            *np.column_stack([segment.start, segment.end]),
+            color=colour,
+            linestyle=style,
+            linewidth=1.6,
+            label=label if k == 0 else None,
+            zorder=3,
+        )
     if curve.switching_points:
-        axes.plot(*np.array([point.rho for point in curve.switching_points]).T, linestyle="none", marker="o",
-                  markersize=3.5, color=colour, zorder=3.5)
+        axes.plot(
+            *np.array([point.rho for point in curve.switching_points]).T,
+            linestyle="none",
+            marker="o",
+            markersize=3.5,
+            color=colour,
+            zorder=3.5,
+        )
 
 
-def _name_pieces(
-    axes: Any, curve: DecisionCurve, colour: str, *, sides: tuple[float, float], mark: str = ""
-) -> None:
+def _name_pieces(axes: Any, curve: DecisionCurve, colour: str, *, sides: tuple[float, float], mark: str = "") -> None:
     """Write S1, S2, ... and SW1, SW2, ... beside the curve, each kind on its side: 1 upper right, -1 lower left."""
     window = np.array([axes.get_xlim(), axes.get_ylim()])
     page = axes.bbox.size * 72.0 / axes.figure.dpi
@@ -150,8 +175,15 @@ def _name_pieces(
         half = np.array(CHARACTER) * [len(text), 1] / 2
         kept = [spot for spot in tries if np.all((spot > half) & (spot < page - half))]
         axes.annotate(
-            text, rho, xytext=tuple((kept or tries)[0] - place), textcoords="offset points", color=colour, fontsize=8,
-            ha="center", va="center", zorder=6,
+            text,
+            rho,
+            xytext=tuple((kept or tries)[0] - place),
+            textcoords="offset points",
+            color=colour,
+            fontsize=8,
+            ha="center",
+            va="center",
+            zorder=6,
             bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
         )
 
@@ -171,27 +203,58 @@ def _draw_tolerance(axes: Any, problem: Problem) -> None:
 
     if problem.tolerance is not None:
         low, high = _tolerance_box(problem)
-        axes.add_patch(Rectangle(tuple(low), *(high - low), facecolor=GREY, alpha=0.3, edgecolor="none", zorder=1,
-                                 label="tolerance"))
+        axes.add_patch(
+            Rectangle(
+                tuple(low), *(high - low), facecolor=GREY, alpha=0.3, edgecolor="none", zorder=1, label="tolerance"
+            )
+        )
     if problem.goal == "beyond":
-        far = np.where(problem.signs > 0, [axes.get_xlim()[1], axes.get_ylim()[1]],
-                       [axes.get_xlim()[0], axes.get_ylim()[0]])
+        far = np.where(
+            problem.signs > 0, [axes.get_xlim()[1], axes.get_ylim()[1]], [axes.get_xlim()[0], axes.get_ylim()[0]]
+        )
         corner = problem.target
-        axes.add_patch(Rectangle(tuple(corner), *(far - corner), facecolor=GREEN, alpha=0.1, edgecolor="none", zorder=0,
-                                 label=f"required{f' by {problem.requirement}' if problem.requirement else ''}"))
+        axes.add_patch(
+            Rectangle(
+                tuple(corner),
+                *(far - corner),
+                facecolor=GREEN,
+                alpha=0.1,
+                edgecolor="none",
+                zorder=0,
+                label=f"required{f' by {problem.requirement}' if problem.requirement else ''}",
+            )
+        )
 
 
 def _draw_points(axes: Any, problem: Problem, solution: Solution, size: float) -> None:
     common = {"linestyle": "none", "zorder": 5, "markeredgewidth": 1.6 * size}
     hollow = {**common, "markerfacecolor": "none"}
     tracked = problem.goal in ("beyond", "at")  # else the pair made is all there is to follow
-    axes.plot(*problem.nominal_pair, marker="*", markersize=9 * size, color=BLACK,
-              label="tracked point before" if tracked else "nominal pair", **common)
-    axes.plot(*problem.target, marker="D", markersize=7 * size, markeredgecolor=GREEN,
-              label="target pair (parts made)", **hollow)
+    axes.plot(
+        *problem.nominal_pair,
+        marker="*",
+        markersize=9 * size,
+        color=BLACK,
+        label="tracked point before" if tracked else "nominal pair",
+        **common,
+    )
+    axes.plot(
+        *problem.target,
+        marker="D",
+        markersize=7 * size,
+        markeredgecolor=GREEN,
+        label="target pair (parts made)",
+        **hollow,
+    )
     if tracked and solution.rho is not None:
-        axes.plot(*solution.rho, marker="o", markersize=12 * size, markeredgecolor=VERMILLION,
-                  label="tracked point after", **hollow)
+        axes.plot(
+            *solution.rho,
+            marker="o",
+            markersize=12 * size,
+            markeredgecolor=VERMILLION,
+            label="tracked point after",
+            **hollow,
+        )
 
 
 def _words(figure: Figure, title: str, caption: str) -> None:

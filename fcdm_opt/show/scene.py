@@ -64,8 +64,17 @@ def scene_figure(
         axes.plot([], [], [], color=GREEN, linewidth=4.0, alpha=0.55, label="in contact")
     spots = np.asarray(contacts, dtype=float).reshape(-1, 3)
     if len(spots):
-        axes.scatter(*spots.T, s=90, marker="o", facecolors="none", edgecolors=BLACK, linewidths=1.4, zorder=5,
-                     depthshade=False, label="contact point" if len(spots) == 1 else "contact points")
+        axes.scatter(
+            *spots.T,
+            s=90,
+            marker="o",
+            facecolors="none",
+            edgecolors=BLACK,
+            linewidths=1.4,
+            zorder=5,
+            depthshade=False,
+            label="contact point" if len(spots) == 1 else "contact points",
+        )
     _number(figure, axes, ((one, BLUE), (two, VERMILLION)))
     _draw_directions(figure, axes, points, view)
     top = figure.get_figheight()
@@ -125,10 +134,17 @@ def _draw_directions(figure: Figure, axes: Any, points: Array, view: tuple[float
     """World directions in the lower left corner, and a bar of known length above them."""
     corner = np.array([42.0, 40.0])
     for direction, name in zip(_page(*view), "xyz", strict=True):
-        axes.annotate("", corner + 24.0 * direction, corner, xycoords="figure points", textcoords="figure points",
-                      arrowprops={"arrowstyle": "->", "color": GREY, "shrinkA": 0.0, "shrinkB": 0.0})
-        axes.annotate(name, corner + 32.0 * direction, xycoords="figure points", color=GREY, fontsize=8,
-                      ha="center", va="center")
+        axes.annotate(
+            "",
+            corner + 24.0 * direction,
+            corner,
+            xycoords="figure points",
+            textcoords="figure points",
+            arrowprops={"arrowstyle": "->", "color": GREY, "shrinkA": 0.0, "shrinkB": 0.0},
+        )
+        axes.annotate(
+            name, corner + 32.0 * direction, xycoords="figure points", color=GREY, fontsize=8, ha="center", va="center"
+        )
     right = _page(*view)[:, 0]
     ends = _on_page(figure, axes, np.vstack([points[0], points[0] + right])) * 72.0 / figure.dpi
     scale = float(ends[1, 0] - ends[0, 0])
@@ -136,10 +152,23 @@ def _draw_directions(figure: Figure, axes: Any, points: Array, view: tuple[float
     length = power * max(step for step in (1, 2, 5) if step * power * scale <= 120.0)
     start = np.array([12.0, 84.0])
     reach = np.array([length * scale, 0.0])
-    axes.annotate("", start + reach, start, xycoords="figure points", textcoords="figure points",
-                  arrowprops={"arrowstyle": "|-|,widthA=0.2,widthB=0.2", "color": GREY, "shrinkA": 0.0, "shrinkB": 0.0})
-    axes.annotate(f"{length:g}", start + reach / 2 + np.array([0.0, 4.0]), xycoords="figure points", color=GREY,
-                  fontsize=8, ha="center", va="bottom")
+    axes.annotate(
+        "",
+        start + reach,
+        start,
+        xycoords="figure points",
+        textcoords="figure points",
+        arrowprops={"arrowstyle": "|-|,widthA=0.2,widthB=0.2", "color": GREY, "shrinkA": 0.0, "shrinkB": 0.0},
+    )
+    axes.annotate(
+        f"{length:g}",
+        start + reach / 2 + np.array([0.0, 4.0]),
+        xycoords="figure points",
+        color=GREY,
+        fontsize=8,
+        ha="center",
+        va="bottom",
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ the view
@@ -175,8 +204,9 @@ def _page_for(points: Array, view: tuple[float, float]) -> tuple[Figure, Any]:
     figure = new_figure(*(room + margins))
     page, side = room + margins, 2.0 * (room + margins).max()  # mplot3d clips to a square: larger than the page
     middle = room / 2 + [margins[0] / 2, 1.45]
-    axes: Any = figure.add_axes((*((middle - side / 2) / page), *(side / page)), projection="3d", proj_type="ortho",
-                           computed_zorder=False)
+    axes: Any = figure.add_axes(
+        (*((middle - side / 2) / page), *(side / page)), projection="3d", proj_type="ortho", computed_zorder=False
+    )
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_axis_off()
@@ -213,6 +243,14 @@ def _number(figure: Figure, axes: Any, bodies: Sequence[tuple[Body, str]]) -> No
         room = np.sort(near, axis=0)[:2].sum(axis=0) + offsets @ outward
         best = offsets[int(np.argmax(room))]
         taken.append(place + best)
-        axes.annotate(str(label), tuple(place + best), xycoords="figure points", color=colour, fontsize=9,
-                      ha="center", va="center", zorder=6,
-                      bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.6})
+        axes.annotate(
+            str(label),
+            tuple(place + best),
+            xycoords="figure points",
+            color=colour,
+            fontsize=9,
+            ha="center",
+            va="center",
+            zorder=6,
+            bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.6},
+        )

@@ -58,14 +58,17 @@ def asked_text(problem: Problem) -> str:
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
 
 
-
 def console(*, stderr: bool = False) -> Any:
     """Return a rich console; wide enough for everything where it is not a terminal."""
     from rich.console import Console
 
     terminal = (sys.stderr if stderr else sys.stdout).isatty()
     return Console(
-        stderr=stderr, width=None if terminal else PIPED_WIDTH, markup=False, highlight=False, emoji=False,
+        stderr=stderr,
+        width=None if terminal else PIPED_WIDTH,
+        markup=False,
+        highlight=False,
+        emoji=False,
         soft_wrap=not terminal,
     )
 

@@ -181,8 +181,9 @@ class _Judge:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
         if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
             return []
-        turned = sum(abs(x) for (_, kind), x in zip(self.problem.motion.parameters, self.q, strict=True)
-                     if kind == "rotation")
+        turned = sum(
+            abs(x) for (_, kind), x in zip(self.problem.motion.parameters, self.q, strict=True) if kind == "rotation"
+        )
         count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
         # between the points at which the solver looks, and both ends
         s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])

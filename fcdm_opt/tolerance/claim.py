@@ -69,9 +69,7 @@ class Claim:
             if error < least or self._host is None:
                 least, self._host = error, host
 
-    def _hosted(
-        self, first: _Place, second: _Place, scaled: ScaledPair, rho: Array, transform: Array
-    ) -> _Host | None:
+    def _hosted(self, first: _Place, second: _Place, scaled: ScaledPair, rho: Array, transform: Array) -> _Host | None:
         """Return the claim on one part pair; None where it has no normal."""
         (i, rows), (j, others) = first, second
         parts = self._bodies[0].parts[i], self._bodies[1].parts[j]

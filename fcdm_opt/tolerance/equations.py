@@ -93,10 +93,14 @@ def _widest(polygon: Array) -> Array:
     """Return the three corners that span the largest triangle: the best-conditioned normal."""
     if len(polygon) == 3:
         return polygon
-    triples = list(combinations(range(len(polygon)), 3)) if len(polygon) <= 8 else [
-        (k, (k + len(polygon) // 3) % len(polygon), (k + 2 * len(polygon) // 3) % len(polygon))
-        for k in range(len(polygon))
-    ]
+    triples = (
+        list(combinations(range(len(polygon)), 3))
+        if len(polygon) <= 8
+        else [
+            (k, (k + len(polygon) // 3) % len(polygon), (k + 2 * len(polygon) // 3) % len(polygon))
+            for k in range(len(polygon))
+        ]
+    )
     corners = polygon[np.array(triples)]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return corners[int(np.argmax(areas))]

@@ -204,7 +204,10 @@ class ProblemFile(Entry):
             if case.name in made:
                 first = list(made).index(case.name) + 1
                 raise InputError(
-                    f"the name is that of case[{first}]", file=file, key=f"{key}.name", found=case.name,
+                    f"the name is that of case[{first}]",
+                    file=file,
+                    key=f"{key}.name",
+                    found=case.name,
                     allowed="a name that no other case has",
                 )
             try:
@@ -225,7 +228,10 @@ class ProblemFile(Entry):
                 raise InputError(f"its bodies cannot be taken: {reason}", file=file, key="bodies") from reason
             if isinstance(bodies, str):
                 raise InputError(
-                    "that file has no bodies of its own", file=file, key="bodies", found=bodies,
+                    "that file has no bodies of its own",
+                    file=file,
+                    key="bodies",
+                    found=bodies,
                     allowed="a file with [bodies.movable] and [bodies.static]",
                 )
         try:
@@ -273,7 +279,7 @@ def _path(place: Sequence[Any], data: Mapping[str, Any]) -> str:
         case = data["case"][place[1]]
         name = case.get("name") if isinstance(case, Mapping) else None
         head = f".case[{place[1] + 1}]"
-        text = f"{head} {name!r}{text[len(head):]}" if isinstance(name, str) else text
+        text = f"{head} {name!r}{text[len(head) :]}" if isinstance(name, str) else text
     return text.removeprefix(".")
 
 
@@ -292,9 +298,7 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
     """Return a problem as plain data; see `Problem.to_dict`."""
     asked = problem.request
     kinds = dict(problem.motion.parameters)
-    case = {
-        key: plain(asked[key]) for key in Case.model_fields if asked[key] is not None and asked[key] != {}
-    }
+    case = {key: plain(asked[key]) for key in Case.model_fields if asked[key] is not None and asked[key] != {}}
     case["motion"] = [STEPS[type(step)].plain(step) for step in problem.motion.steps]
     for key, suffix in (("limits", "_rad"), ("weights", "_per_rad")):
         if key in case:
@@ -325,5 +329,3 @@ def _body(body: Body) -> dict[str, Any]:
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
     return {**entry, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
-
-

@@ -162,7 +162,9 @@ class Problem:
         between = any(isinstance(step, Screw) and step.axis == "seeds" for step in self.motion.steps)
         if between and away <= DEFAULT.seeds * self.size:
             raise InputError(
-                "the seeds coincide: they define no screw axis", key="motion.Screw.axis", found=away,
+                "the seeds coincide: they define no screw axis",
+                key="motion.Screw.axis",
+                found=away,
                 allowed="a screw about a line (point, direction)",
             )
 
@@ -190,7 +192,9 @@ class Problem:
         if (self.requirement is None) == (self.target is None):
             found = "neither" if self.target is None else f"requirement {self.requirement!r} and target {self.target}"
             raise InputError(
-                "exactly one of requirement and target must be given", key="requirement", found=found,
+                "exactly one of requirement and target must be given",
+                key="requirement",
+                found=found,
                 allowed='requirement "A", "B", "C" or "D" with a tolerance, or a target (rho_1, rho_2)',
             )
         if (self.requirement is None) != (self.tolerance is None):
@@ -199,12 +203,15 @@ class Problem:
             raise InputError(what, key="tolerance", found=found, allowed="requirement and tolerance, or target alone")
         if self.clearance > 0 and "clear" not in (self.goal, self.pair):
             raise InputError(
-                "nothing asks for this clearance", key="clearance", found=self.clearance,
+                "nothing asks for this clearance",
+                key="clearance",
+                found=self.clearance,
                 allowed='0, or goal = "clear", or pair = "clear"',
             )
         if self.clearance > 0 and "touch" in (self.goal, self.pair):
             raise InputError(
-                "the target pair cannot touch and keep a clearance", key="pair",
+                "the target pair cannot touch and keep a clearance",
+                key="pair",
                 found=f"goal {self.goal!r}, pair {self.pair!r}, clearance {self.clearance}",
                 allowed='clearance = 0, or "clear" without "touch"',
             )
@@ -215,7 +222,9 @@ class Problem:
         points = self.curve.switching_points
         listed = ", ".join(f"{k} at ({point.rho[0]:.6g}, {point.rho[1]:.6g})" for k, point in enumerate(points, 1))
         raise InputError(
-            f"no such switching point in the box {self.box}", key="nominal", found=self.nominal,
+            f"no such switching point in the box {self.box}",
+            key="nominal",
+            found=self.nominal,
             allowed=f"one of {len(points)}: {listed}" if points else "a scale pair; the curve has no switching point",
         )
 
@@ -242,8 +251,10 @@ class Problem:
         target = self.nominal_pair * (1.0 + tau * signs)
         if not (np.isfinite(target).all() and target.min() > 0):
             raise InputError(
-                f"requirement {self.requirement} would make the scales {target.tolist()}", key="tolerance",
-                found=self.request["tolerance"], allowed="below 1 (100 %) where a body is made smaller",
+                f"requirement {self.requirement} would make the scales {target.tolist()}",
+                key="tolerance",
+                found=self.request["tolerance"],
+                allowed="below 1 (100 %) where a body is made smaller",
             )
         return frozen(target)
 
@@ -259,18 +270,24 @@ class Problem:
                 f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: '
                 f"the gap there is {self.curve.gap(self.nominal_pair):.6g} (> 0 apart, < 0 overlapping), and this "
                 "version moves no pair onto the curve",
-                key="nominal", found=rho, allowed='a switching point, a pair on the curve, or goal "touch" or "clear"',
+                key="nominal",
+                found=rho,
+                allowed='a switching point, a pair on the curve, or goal "touch" or "clear"',
             )
         if goal == "beyond" and not self._at_switching_point:
             raise InputError(
                 "the nominal pair lies inside a segment, and a long segment reaches the quadrant beyond the target "
                 "pair with no motion at all, so the goal would say nothing",
-                key="goal", found=goal, allowed='"at" or "touch" there; "beyond" at a switching point',
+                key="goal",
+                found=goal,
+                allowed='"at" or "touch" there; "beyond" at a switching point',
             )
         if goal == "beyond" and not self.signs.all():
             raise InputError(
                 'goal "beyond" needs a direction for both scales, but the target equals the nominal pair in one',
-                key="target", found=self.target.tolist(), allowed=f"both scales off {self.nominal_pair.tolist()}",
+                key="target",
+                found=self.target.tolist(),
+                allowed=f"both scales off {self.nominal_pair.tolist()}",
             )
         return goal
 

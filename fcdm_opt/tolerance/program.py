@@ -56,8 +56,9 @@ def goal_rows(task: Task) -> list[Row]:
     change = max(np.abs(task.target - task.nominal).max(), DEFAULT.least_unit)
     lower, upper = (0.0, INF) if task.goal == "beyond" else (-band, band)
     return [
-        Row(("tracked", k), np.array([(task.signs[k] or 1.0) / change]), lower, upper,
-            f"rho_{k + 1} reaches its target")
+        Row(
+            ("tracked", k), np.array([(task.signs[k] or 1.0) / change]), lower, upper, f"rho_{k + 1} reaches its target"
+        )
         for k in range(2)
     ]
 
@@ -156,7 +157,11 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
 
 @lru_cache(maxsize=512)
 def _compiled(
-    motion: Motion, kinds: tuple[int, ...], blocks: int, templates: tuple[tuple[Any, ...], ...], sizes: tuple[int, ...],
+    motion: Motion,
+    kinds: tuple[int, ...],
+    blocks: int,
+    templates: tuple[tuple[Any, ...], ...],
+    sizes: tuple[int, ...],
     method: str,
 ) -> Any:
     """Build the NLP solver of a layout."""
@@ -175,8 +180,15 @@ def _compiled(
     nlp = {
         "x": casadi.vertcat(z, casadi.vec(planes)),
         "p": casadi.vertcat(
-            step, weight, unit, seeds, nominal, target, *(value for _, value in tracked),
-            *(casadi.vec(frame) for frame in frames), *values,
+            step,
+            weight,
+            unit,
+            seeds,
+            nominal,
+            target,
+            *(value for _, value in tracked),
+            *(casadi.vec(frame) for frame in frames),
+            *values,
         ),
         "f": casadi.sumsqr(weight * z),
         "g": casadi.vertcat(*rows),
@@ -189,8 +201,13 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     "sqpmethod": {
         **_QUIET,
         "qpsol": "qrqp",
-        "qpsol_options": {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False,
-                          "max_iter": 100},
+        "qpsol_options": {
+            "print_iter": False,
+            "print_header": False,
+            "print_info": False,
+            "error_on_fail": False,
+            "max_iter": 100,
+        },
         "print_header": False,
         "print_iteration": False,
         "print_status": False,
@@ -213,9 +230,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 }
 
 
-def minimise(
-    task: Task, rows: Sequence[Row], start: Array, planes: Array, method: str = "sqpmethod"
-) -> Outcome:
+def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, method: str = "sqpmethod") -> Outcome:
     """Solve the program from one start.
 
     Parameters
@@ -242,9 +257,18 @@ def minimise(
     step, weight = task.steps, task.steps * task.weights
     frames = [_frame(plane[:3]) for plane in planes]
     parameters = np.concatenate(
-        [step, weight / weight.max(), [task.unit], task.movable.seed, task.static.seed, task.nominal, task.target,
-         *(feature.values for feature in task.tracked), *(frame.ravel(order="F") for frame in frames),
-         *(row.values for row in rows)]
+        [
+            step,
+            weight / weight.max(),
+            [task.unit],
+            task.movable.seed,
+            task.static.seed,
+            task.nominal,
+            task.target,
+            *(feature.values for feature in task.tracked),
+            *(frame.ravel(order="F") for frame in frames),
+            *(row.values for row in rows),
+        ]
     )
     free = np.full(3 * len(planes), INF)
     result = solver(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ def directions(task: Task, shares: tuple[float, ...] = SHARES) -> Array:
     """Return fixed directions in the parameters, per unit of amount: the axes both ways, and between each two."""
     k = len(task.weights)
     axes = np.vstack([np.eye(k), -np.eye(k)])
-    between = [one + share * two for one in axes for two in axes if abs(one @ two) < 1 for share in shares]
+    between = [one + share * two for one, two in combinations(axes, 2) if one @ two == 0 for share in shares]
     rays = np.array([*axes, *between])
     return rays / np.linalg.norm(rays, axis=1)[:, None] / task.weights
 
@@ -69,9 +70,7 @@ def reach(task: Task, direction: Array) -> float:
         away += rho * max(float(np.linalg.norm(part.vertices - body.seed, axis=1).max()) for part in body.parts)
     ends = [math.inf]
     steps = [step for step in task.motion.steps for _ in step.own_parameters]
-    for step, (_, kind), slope, (low, high) in zip(
-        steps, task.motion.parameters, direction, task.limits, strict=True
-    ):
+    for step, (_, kind), slope, (low, high) in zip(steps, task.motion.parameters, direction, task.limits, strict=True):
         if slope != 0:
             ends.append((high if slope > 0 else low) / slope)
             if kind == "translation":

@@ -56,6 +56,7 @@ class Relaxation:
     _rows: list[Row] = field(default_factory=list)
     _planes: dict[Parts, Array] = field(default_factory=dict)
     _known: set[tuple[object, ...]] = field(default_factory=set)
+    _incoherent: bool = False
 
     def __post_init__(self) -> None:
         if self.task.tracked:
@@ -86,7 +87,7 @@ class Relaxation:
             return None
         if not task.tracked:
             q = rays.shortened(task, q, normals)
-        if not task.meets(q, DEFAULT.requirement, normals):
+        if self._incoherent or not task.meets(q, DEFAULT.requirement, normals, path=False):
             return None
         active = tuple(dict.fromkeys(self._rows[k].name for k in outcome.active))
         return Found(q, task.amount(q), active, self._modelled(q))
@@ -116,7 +117,9 @@ class Relaxation:
     def _grown(self, q: Array, normals: dict[Parts, Array]) -> bool:
         """Add the constraints that a motion violates; tell whether any is new."""
         task = self.task
-        added = [self._forbid(*fault) for fault in (task.path_faults(q) if task.tracked else [])]
+        faults = task.path_faults(q) if task.tracked else []
+        self._incoherent = bool(faults)
+        added = [self._forbid(*fault) for fault in faults]
         if task.must_clear:
             gaps = task.pair_gaps(q, normals)
             for parts in np.ndindex(gaps.shape):

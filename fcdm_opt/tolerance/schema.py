@@ -246,8 +246,10 @@ class ScrewEntry(Entry):
     @staticmethod
     def plain(step: Screw) -> dict[str, Any]:
         """Return the entry of a step as plain data."""
-        line = step.axis if isinstance(step.axis, str) else dict(
-            zip(("point", "direction"), plain(step.axis), strict=True)
+        line = (
+            step.axis
+            if isinstance(step.axis, str)
+            else dict(zip(("point", "direction"), plain(step.axis), strict=True))
         )
         names = {value: name for name, value in _PITCHES.items()}
         pitch = {"pitch": names[step.pitch]} if step.pitch in names else {"pitch_per_rad": step.pitch}
@@ -290,7 +292,8 @@ class PublishedEntry(Entry):
         ):
             raise InputError(
                 f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})",
-                found=", ".join(given) or "none", allowed=allowed,
+                found=", ".join(given) or "none",
+                allowed=allowed,
             )
         angle = math.radians(self.angle_deg) if self.angle_deg is not None else self.angle_rad
         if isinstance(step, Screw) and fixed_pitch and angle is not None and self.translation is not None:
@@ -307,7 +310,9 @@ class PublishedEntry(Entry):
         expected = per_unit * angle
         if abs(float(self.translation or 0.0) - expected) > slack:
             raise InputError(
-                "translation and angle do not agree with the screw's pitch", key="translation", found=self.translation,
+                "translation and angle do not agree with the screw's pitch",
+                key="translation",
+                found=self.translation,
                 allowed=f"{expected:.9g}, to the digits given",
             )
 

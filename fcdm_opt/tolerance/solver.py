@@ -56,9 +56,7 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     solved = perf_counter()
     certificate = verify(solution)
     building = task.seconds.get("build", 0.0)
-    seconds = {
-        "build": built - start + building, "solve": solved - built - building, "verify": perf_counter() - solved
-    }
+    seconds = {"build": built - start + building, "solve": solved - built - building, "verify": perf_counter() - solved}
     solution = solution.with_certificate(certificate, seconds)
     if throw and not solution.usable:
         raise UnsolvedError(solution)
@@ -92,8 +90,15 @@ def _report(problem: Problem, task: Task, answer: Answer) -> Solution:
     gap, slack = task.gap(q), problem.contact_slack
     state = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     common = Solution(
-        problem=problem, status=answer.status, lower_bound=answer.lower_bound, pair=problem.target, pair_gap=gap,
-        pair_state=state, stage=answer.stage, active=answer.active, modelled=answer.modelled or {},
+        problem=problem,
+        status=answer.status,
+        lower_bound=answer.lower_bound,
+        pair=problem.target,
+        pair_gap=gap,
+        pair_state=state,
+        stage=answer.stage,
+        active=answer.active,
+        modelled=answer.modelled or {},
     )
     if answer.q is None:
         return common

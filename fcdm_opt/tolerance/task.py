@@ -121,9 +121,21 @@ class Task:
             )
             flush = tuple(p.feature if p.feature.is_flush else None for p in pieces)
         return cls(
-            problem.movable, problem.static, problem.motion, problem.weights, problem.limits, problem.goal,
-            problem.nominal_pair, problem.target, problem.signs, tracked, problem.pair, problem.clearance,
-            problem.path == "coherent" and bool(tracked), problem.size, flush,
+            problem.movable,
+            problem.static,
+            problem.motion,
+            problem.weights,
+            problem.limits,
+            problem.goal,
+            problem.nominal_pair,
+            problem.target,
+            problem.signs,
+            tracked,
+            problem.pair,
+            problem.clearance,
+            problem.path == "coherent" and bool(tracked),
+            problem.size,
+            flush,
         )
 
     @property
@@ -260,15 +272,14 @@ class Task:
     def _stays_flush(self, pose: Array, tracked: tuple[Tracked, ...]) -> bool:
         return all(
             whole is None
-            or whole == support_feature(
+            or whole
+            == support_feature(
                 self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]], feature.normal, pose
             )
             for whole, feature in zip(self.flush, tracked, strict=False)
         )
 
-    def meets(
-        self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True
-    ) -> bool:
+    def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.
 
         `normals` are directions that prove part pairs apart, see `pair_gaps`.
