@@ -1,1 +1,10 @@
-"""The decision curve of two bodies: which scale pairs touch, and by which features."""
+"""The decision curve of two bodies: which scale pairs touch, and by which features.
+
+kernels          all compiled kernels: facet directions, the walk over the two Gauss maps
+features         contact features and their labels
+contact          the point in which two scaled parts touch
+region           the overlap region of one pair of convex parts, and the chains that bound it
+envelope         the boundary of the union of all pairs' regions
+decision_curve   the curve as users see it: segments, switching points, queries
+coherence        whether a claimed contact is the real one
+"""

@@ -1,1 +1,8 @@
-"""Bodies, and the Euclidean queries on them."""
+"""Bodies, and the Euclidean queries on them.
+
+arrays           array types and checks
+hull             face loops and edges of one convex part
+elements         the body's own vertices, edges and faces, for labels
+bodies           convex parts, and bodies made of them
+collision        signed distance by a collision library, confirmed by explicit vertices
+"""
