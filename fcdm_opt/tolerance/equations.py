@@ -160,11 +160,9 @@ class Scene:
         c = casadi.dot(n, self.seeds[3:] - self.moved_seed)
         return a, b, c, n
 
-    def scaled(self, body: int, rho: Any, vertex: Any) -> Any:
-        """Return a vertex, given as drawn, scaled about its body's seed; of body 1 moved."""
-        if body == 1:
-            return self.moved_seed + rho[0] * (self.moved(vertex) - self.moved_seed)
-        return self.seeds[3:] + rho[1] * (vertex - self.seeds[3:])
+    def scaled(self, rho_1: Any, vertex: Any) -> Any:
+        """Return a vertex of body 1, given as drawn, moved and scaled about the moved seed."""
+        return self.moved_seed + rho_1 * (self.moved(vertex) - self.moved_seed)
 
 
 def intersection(one: tuple[Any, ...], two: tuple[Any, ...]) -> tuple[Any, Any]:

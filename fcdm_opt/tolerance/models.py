@@ -36,7 +36,12 @@ def straight(task: Task) -> Answer | None:
     at its ends; one that slides by flush touches all along and never overlaps. A clearance is left to stage 4: the
     distance of corners is not linear.
     """
-    if task.tracked or task.need > 0 or [kind for _, kind in task.motion.parameters] != ["translation"]:
+    if (
+        task.tracked
+        or task.keep_out
+        or task.need > 0
+        or [kind for _, kind in task.motion.parameters] != ["translation"]
+    ):
         return None
     along = (task.transform(np.ones(1)) - task.transform(task.rest))[:3, 3]
     slack = DEFAULT.line * task.size
@@ -69,7 +74,7 @@ def straight(task: Task) -> Answer | None:
 
 def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
-    if task.tracked or task.need > 0 or len(task.weights) != 1:
+    if task.tracked or task.keep_out or task.need > 0 or len(task.weights) != 1:
         return None
     stage = "2: one parameter, safe steps to the first contact"
     ways = [sign / task.weights for sign in (1.0, -1.0)]
@@ -147,6 +152,8 @@ def _first_found(task: Task) -> tuple[Found | None, bool]:
             if best is not None and relaxation.promise >= best.amount:
                 break
             best = _better(best, relaxation.smallest(starts, method, _enough(task, best)))
+            for other in relaxation.alternatives():
+                best = _better(best, other.smallest(starts[:1], method, _enough(task, best)))
             reached = reached or relaxation.reached
         if best is not None:
             break
@@ -163,7 +170,7 @@ def _on_a_ray(task: Task, best: Found | None) -> Found | None:
     for direction in rays.directions(task, rays.FINE) if large else rays.directions(task, ()):
         limit = min(rays.reach(task, direction), best.amount if best else np.inf)
         contact = rays.first_contact(task, direction, limit)
-        if contact.amount < limit:
+        if contact.amount < limit and task.meets(contact.amount * direction, DEFAULT.requirement):
             best = Found(contact.amount * direction, contact.amount, ON_THE_WAY, _pairs_modelled(task))
     return best
 

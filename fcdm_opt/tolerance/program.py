@@ -80,10 +80,12 @@ def support_row(task: Task, s: float, feature: FeaturePoints, scale: float, body
     return Row(("support", feature.kind, body), values, -INF, 0.0, name)
 
 
-def plane_row(task: Task, block: int, body: int, vertex: Array, name: str) -> Row:
-    """Keep a vertex, as drawn, at the target pair on its body's side of separating plane `block`."""
-    need = 0.0 if body == 1 else task.need / task.unit
-    return Row(("plane", block, body), np.append(vertex, need), 0.0, INF, name)
+def plane_row(task: Task, block: int, body: int, vertex: Array, need: float, name: str) -> Row:
+    """Keep a vertex on its body's side of separating plane `block`, of body 2 by `need`.
+
+    Of body 1 as drawn, to be scaled and moved; of body 2 or a keep-out, which stay, as scaled and relative to s_2.
+    """
+    return Row(("plane", block, body), np.append(vertex, need / task.unit), 0.0, INF, name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +134,10 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
         block, body = detail
         tilt, level = symbols.planes[:2, block], symbols.planes[2, block]
         n = symbols.frames[block] @ casadi.vertcat(1.0, tilt)
-        height = casadi.dot(n, symbols.end.scaled(body, symbols.target, values[:3]) - symbols.seeds[3:]) / symbols.unit
+        point = values[:3]
+        if body == 1:
+            point = symbols.end.scaled(symbols.target[0], point) - symbols.seeds[3:]
+        height = casadi.dot(n, point) / symbols.unit
         return level - height if body == 1 else height - level - values[3] * casadi.sqrt(1.0 + casadi.dot(tilt, tilt))
     if name == "tracked":
         return (symbols.end_pair[detail[0]] - symbols.target[detail[0]]) * values[0]

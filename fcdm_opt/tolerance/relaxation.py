@@ -13,13 +13,14 @@ from fcdm_opt.tolerance import program, rays
 from fcdm_opt.tolerance.bounds import displacement_rate
 from fcdm_opt.tolerance.equations import feature_points
 from fcdm_opt.tolerance.program import Outcome, Row
-from fcdm_opt.tolerance.task import Parts, Task
+from fcdm_opt.tolerance.task import Opponent, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 40  # of adding violated constraints
 CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
 VARIANTS = 40  # choices for several overlapping pairs, at most
 RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
+ALTERNATIVES = 4  # directions tried for a pair that comes up on the way
 KEPT = 6  # starts of the first round that later rounds keep
 HELD = 3  # vertices of either part that a new separating plane holds at once
 
@@ -47,12 +48,16 @@ class Relaxation:
         What the choice needs at rest, to first order: tried in this order.
     reached : bool
         Whether any solution met everything but the coherence of the path.
+    came_up : dict
+        Part pairs that were left out and came into each other's way, with the motion at which they did.
     """
 
     task: Task
     closing: Parts | None = None
     promise: float = 0.0
     reached: bool = False
+    came_up: dict[Parts, Array] = field(default_factory=dict)
+    _chosen: list[tuple[Parts, Array, Array]] = field(default_factory=list)
     _rows: list[Row] = field(default_factory=list)
     _planes: dict[Parts, Array] = field(default_factory=dict)
     _known: set[tuple[object, ...]] = field(default_factory=set)
@@ -96,7 +101,9 @@ class Relaxation:
         """Return the least feasible outcome over the starts."""
         planes = np.array(list(self._planes.values())).reshape(-1, 4)
         outcomes = [program.minimise(self.task, self._rows, start, planes, method) for start in starts]
-        if self._planes and self.task.need > 0:  # a distance between corners: SQP may stop short of the least
+        if any(
+            self.task.needs[j] > 0 for _, j in self._planes
+        ):  # a distance between corners: SQP may stop short of the least
             outcomes.append(program.minimise(self.task, self._rows, starts[0], planes, "ipopt"))
         feasible = [outcome for outcome in outcomes if outcome.feasible]
         best = min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)
@@ -120,10 +127,10 @@ class Relaxation:
         faults = task.path_faults(q) if task.tracked else []
         self._incoherent = bool(faults)
         added = [self._forbid(*fault) for fault in faults]
-        if task.must_clear:
-            gaps = task.pair_gaps(q, normals)
-            for parts in np.ndindex(gaps.shape):
-                if gaps[parts] >= task.need - DEFAULT.cut * task.unit:
+        if np.isfinite(task.needs).any():
+            short = task.needs - task.pair_gaps(q, normals)
+            for parts in np.ndindex(short.shape):
+                if short[parts] <= DEFAULT.cut * task.unit:
                     continue
                 if parts in normals:
                     added.append(self._hold_foremost(parts, q, normals[parts]))
@@ -136,7 +143,7 @@ class Relaxation:
     def _modelled(self, q: Array) -> dict[str, int]:
         kept = {*self._planes, *(feature.parts for feature in self.task.tracked)}
         kept |= {self.closing} if self.closing is not None else set()
-        gaps, pose = np.ndindex(len(self.task.movable.parts), len(self.task.static.parts)), self.task.pose(q)
+        gaps, pose = np.ndindex(len(self.task.movable.parts), len(self.task.opponents)), self.task.pose(q)
         return {
             "constraints": len(self._rows),
             "part_pairs_kept": len(kept),
@@ -185,18 +192,35 @@ class Relaxation:
         self._rows.append(program.target_row(task, feature, feature.steepness(rotation), name))
         return True
 
-    def keep_apart(self, parts: Parts, q: Array, normal: Array) -> bool:
-        """Keep a part pair apart along a direction that is free to turn."""
+    def keep_apart(self, parts: Parts, q: Array, normal: Array) -> None:
+        """Choose that a part pair stays apart along a direction, as it is at a motion; it is free to turn."""
+        self._chosen.append((parts, q, normal))
+        self._add_plane(parts, q, normal)
+
+    def alternatives(self) -> Iterator[Relaxation]:
+        """Yield the same choice with other directions for each pair that came up, which had the nearest."""
+        for came, q in self.came_up.items():
+            for _, normal in _ways_apart(self.task, came, q)[:ALTERNATIVES]:
+                other = Relaxation(self.task, self.closing)
+                if self.closing is not None:
+                    other.close(self.task.start, -np.inf)
+                for chosen in self._chosen:
+                    other.keep_apart(*chosen)
+                other.keep_apart(came, q, normal)
+                yield other
+
+    def _add_plane(self, parts: Parts, q: Array, normal: Array) -> None:
         heights = self._heights(parts, q, normal)
         self._planes[parts] = np.append(normal, heights[0].max() / self.task.unit)
         for body, order in ((1, np.argsort(-heights[0], kind="stable")), (2, np.argsort(heights[1], kind="stable"))):
             for vertex in order[:HELD]:
                 self._hold(parts, body, int(vertex))
-        return True
 
     def _keep_apart_as_near(self, parts: Parts, q: Array) -> bool:
         _, rows, separations = self.task.separations(parts, self.task.pose(q))
-        return self.keep_apart(parts, q, rows[int(np.argmax(separations)), :3])
+        self._add_plane(parts, q, rows[int(np.argmax(separations)), :3])
+        self.came_up[parts] = q
+        return True
 
     def _hold_foremost(self, parts: Parts, q: Array, normal: Array) -> bool:
         """Hold the vertices that reach furthest along a pair's separating direction."""
@@ -207,18 +231,28 @@ class Relaxation:
         """Keep a vertex on its body's side of the pair's separating plane."""
         if not self._is_new("plane", parts, body, vertex):
             return False
-        point = (self.task.movable, self.task.static)[body - 1].parts[parts[body - 1]].vertices[vertex]
-        block = list(self._planes).index(parts)
-        self._rows.append(program.plane_row(self.task, block, body, point, f"{_numbered(parts)} stays apart"))
+        task, block = self.task, list(self._planes).index(parts)
+        if body == 1:
+            need, point = 0.0, task.movable.parts[parts[0]].vertices[vertex]
+        else:
+            opponent = task.opponents[parts[1]]
+            need, point = opponent.need, _placed(task, opponent)[vertex]
+        self._rows.append(program.plane_row(task, block, body, point, need, f"{_numbered(parts)} stays apart"))
         return True
 
     def _heights(self, parts: Parts, q: Array, normal: Array) -> tuple[Array, Array]:
-        """Return n.(x - s_2) of both parts' vertices at the target pair."""
+        """Return n.(x - s_2) of both parts' vertices at the scales made."""
         pose, task = self.task.pose(q), self.task
-        one, two = task.movable.parts[parts[0]], task.static.parts[parts[1]]
+        one = task.movable.parts[parts[0]]
         own = normal @ pose[:9].reshape(3, 3)
         first = task.target[0] * (one.vertices - one.seed) @ own - normal @ pose[9:]
-        return first, task.target[1] * (two.vertices - two.seed) @ normal
+        return first, _placed(task, task.opponents[parts[1]]) @ normal
+
+
+def _placed(task: Task, opponent: Opponent) -> Array:
+    """Return an opponent's vertices as scaled, relative to s_2."""
+    part = opponent.part
+    return part.seed - task.static.seed + opponent.scale * (part.vertices - part.seed)
 
 
 def _numbered(parts: Parts) -> str:
@@ -231,16 +265,18 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     Which pair closes, and along which direction each overlapping pair comes apart: all that may matter, or with `near`
     only what is there at the motion, which is known to do.
     """
-    gaps = task.pair_gaps(task.start) if task.must_clear else np.zeros((1, 1))
-    there = task.pair_gaps(q) if task.must_clear else gaps
-    pairs = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
-    closes = task.must_touch and (bool(task.tracked) or gaps.min() > 0)
-    low = {parts: _ways_apart(task, parts, q) for parts in pairs if task.must_clear and gaps[parts] < task.need}
+    asks = bool(np.isfinite(task.needs).any())
+    gaps = task.pair_gaps(task.start) if asks else np.zeros((1, 1))
+    there = task.pair_gaps(q) if asks else gaps
+    everything = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
+    closes = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
+    low = {parts: _ways_apart(task, parts, q) for parts in everything if gaps[parts] < task.needs[parts[1]]}
+    pairs = [parts for parts in everything if parts[1] < len(task.static.parts)]
     variants = [dict.fromkeys(low, 0)]
     if near:
         pairs = pairs[:1]
     else:
-        variants += [{**variants[0], parts: k} for parts in low for k in range(1, min(CHOICES, len(low[parts])))]
+        variants += [{**variants[0], parts: k} for parts in low for k in range(1, len(low[parts]))]
     # a pair that must touch besides may do so already where it is only kept from overlapping
     asked: list[Parts | None] = [*([None] if task.tracked or not closes else []), *(pairs[:CHOICES] if closes else [])]
     for closing in asked:
@@ -272,5 +308,12 @@ def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]
         rates[:, k] = ((foremost @ velocity[:3, :3].T + velocity[:3, 3]) * rows[:, :3]).sum(axis=1) / step[k]
     steepness = np.linalg.norm(rates / task.weights, axis=1)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        amounts = np.nan_to_num((task.need - separations) / steepness, nan=np.inf)
-    return [(float(amounts[k]), rows[k, :3]) for k in np.argsort(amounts, kind="stable")]
+        amounts = np.nan_to_num((task.needs[parts[1]] - separations) / steepness, nan=np.inf)
+    found: list[tuple[float, Array]] = []
+    for k in np.argsort(amounts, kind="stable"):  # parallel faces and edges list a direction more than once
+        normal = rows[k, :3]
+        if all(normal @ known < 1.0 - DEFAULT.nominal for _, known in found):
+            found.append((float(amounts[k]), normal))
+        if len(found) == CHOICES:
+            break
+    return found

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece, support_feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
 from fcdm_opt.tolerance.problem import MOST_TURNED, Problem
@@ -57,9 +57,28 @@ class Answer:
     modelled: dict[str, int] | None = None
 
 
+class KeepOut(NamedTuple):
+    """A further static body that the moved, re-scaled part must keep clear of: its scale, and the least gap."""
+
+    body: Body
+    scale: float
+    clearance: float
+
+
+class Opponent(NamedTuple):
+    """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out.
+
+    `need` is the least gap it asks for, -inf where it asks for none.
+    """
+
+    part: ConvexPart
+    scale: float
+    need: float
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A problem in the solver's terms.
+    """A problem in the solver's terms. Part pairs (i, j) are of part i of body 1 and opponent j.
 
     Attributes
     ----------
@@ -83,6 +102,7 @@ class Task:
         Length that relative tolerances refer to.
     flush : tuple
         Of each tracked feature, itself where more than a point is in contact and must stay so.
+    keep_out : tuple of KeepOut
     seconds : dict
         Time spent on "build", the compiling of templates, on the way.
     """
@@ -102,6 +122,7 @@ class Task:
     coherent: bool
     size: float
     flush: tuple[Feature | None, ...] = ()
+    keep_out: tuple[KeepOut, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
@@ -138,10 +159,23 @@ class Task:
             flush,
         )
 
+    @cached_property
+    def opponents(self) -> tuple[Opponent, ...]:
+        """The static body's parts, then those of the keep-outs."""
+        need = self.need if self.must_clear else -np.inf
+        contact = [Opponent(part, float(self.target[1]), need) for part in self.static.parts]
+        others = [Opponent(part, k.scale, k.clearance) for k in self.keep_out for part in k.body.parts]
+        return (*contact, *others)
+
+    @cached_property
+    def needs(self) -> Array:
+        """Least gap that each opponent asks for, -inf where it asks for none."""
+        return frozen([opponent.need for opponent in self.opponents])
+
     @property
     def part_pairs(self) -> int:
         """Number of pairs of convex parts."""
-        return len(self.movable.parts) * len(self.static.parts)
+        return len(self.movable.parts) * len(self.opponents)
 
     @property
     def steps(self) -> Array:
@@ -190,8 +224,14 @@ class Task:
             return np.full((4, 4), np.nan)
 
     def pose(self, q: Array) -> Array:
-        """Return the relative pose that the kernels take."""
+        """Return the pose relative to the static body that the kernels take."""
         return relative_pose(self.movable, self.static, self.transform(q))
+
+    def _pose_to(self, opponent: Opponent, pose: Array) -> Array:
+        """Return a pose relative to an opponent: the offset leads to its own seed."""
+        if opponent.part.seed is self.static.seed:
+            return pose
+        return np.append(pose[:9], pose[9:] + opponent.part.seed - self.static.seed)
 
     @property
     def start(self) -> Array:
@@ -203,30 +243,40 @@ class Task:
         return bool((q >= self.limits[:, 0]).all() and (q <= self.limits[:, 1]).all())
 
     def separations(self, parts: Parts, pose: Array) -> tuple[Ints, Array, Array]:
-        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the target pair."""
-        one, two = self.movable.parts[parts[0]], self.static.parts[parts[1]]
-        sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
-        return sites, rows, rows[:, 5] - rows[:, 3:5] @ self.target
+        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the scales made.
+
+        `pose` is relative to the static body, see `pose`.
+        """
+        one, opponent = self.movable.parts[parts[0]], self.opponents[parts[1]]
+        pose = self._pose_to(opponent, pose)
+        sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose, DEFAULT.tie)
+        return sites, rows, rows[:, 5] - rows[:, 3] * self.target[0] - rows[:, 4] * opponent.scale
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
-        """Return the signed gap of every part pair at the target pair, (parts of 1, parts of 2).
+        """Return the signed gap of every part pair at the scales made, (parts of 1, opponents).
 
         The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
         for a pair: none exceeds the distance.
         """
         pose = self.pose(q)
-        gaps = np.empty((len(self.movable.parts), len(self.static.parts)))
-        for (i, j), _ in np.ndenumerate(gaps):
-            one, two = self.movable.parts[i], self.static.parts[j]
-            gaps[i, j] = kernels.least_separation(*one.packed, *two.packed, pose, self.target, DEFAULT.tie)
-            if normals and (i, j) in normals:
-                n = normals[i, j] / np.linalg.norm(normals[i, j])
-                gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *two.packed, pose, self.target, n))
+        gaps = np.empty((len(self.movable.parts), len(self.opponents)))
+        for j, opponent in enumerate(self.opponents):
+            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
+            for i, one in enumerate(self.movable.parts):
+                packed = (*one.packed, *opponent.part.packed, here, rho)
+                gaps[i, j] = kernels.least_separation(*packed, DEFAULT.tie)
+                if normals and (i, j) in normals:
+                    n = normals[i, j] / np.linalg.norm(normals[i, j])
+                    gaps[i, j] = max(gaps[i, j], kernels.separation(*packed, n))
         return gaps
 
     def gap(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> float:
         """Return the signed gap of the target pair, see `pair_gaps`."""
-        return float(self.pair_gaps(q, normals).min())
+        return self.contact_gap(self.pair_gaps(q, normals))
+
+    def contact_gap(self, gaps: Array) -> float:
+        """Return the least of `pair_gaps` over the static body's parts."""
+        return float(gaps[:, : len(self.static.parts)].min())
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s.
@@ -289,7 +339,7 @@ class Task:
             excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
             if not (excess >= -slack * self.target).all() or (path and self.path_faults(q)):
                 return False
-        if not self.must_clear:
+        if not np.isfinite(self.needs).any():
             return True
-        gap, slack = self.gap(q, normals), slack * self.size
-        return gap >= self.need - slack and not (self.must_touch and gap > slack)
+        gaps, slack = self.pair_gaps(q, normals), slack * self.size
+        return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
