@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,11 +98,11 @@ def before_after_figure(problem: Problem, solution: Solution, *, title: str = ""
     _plane(whole, problem.box)
     _plane(zoom, window)
     outward = -1.0 if solution.rho is not None and before.gap(solution.rho) > 0 else 1.0  # names keep clear of `after`
-    for axes, size in ((whole, 0.7), (zoom, 1.0)):
+    for axes, size, seen in ((whole, 0.7, problem.box), (zoom, 1.0, window)):
         _draw_tolerance(axes, problem)
-        _draw_curve(axes, before, BLUE, "-", "decision curve before")
+        _draw_curve(axes, _reaching(before, seen), BLUE, "-", "decision curve before")
         if after is not None:
-            _draw_curve(axes, after, VERMILLION, (0, (5, 1.5)), "after the motion")
+            _draw_curve(axes, _reaching(after, seen), VERMILLION, (0, (5, 1.5)), "after the motion")
         _draw_points(axes, problem, solution, size)
         _name_pieces(axes, before, BLUE, sides=(-outward, -outward))
     if after is not None:
@@ -128,6 +129,16 @@ def _plane(axes: Any, box: ArrayLike) -> None:
     axes.ticklabel_format(useOffset=False)
     axes.grid(color=GREY, alpha=0.2, linewidth=0.6)
     axes.set_axisbelow(True)
+
+
+def _reaching(curve: DecisionCurve, window: ArrayLike) -> DecisionCurve:
+    """Return the curve listed over its box and a window, which may reach beyond it."""
+    box, seen = np.asarray(curve.box), np.asarray(window, dtype=float)
+    low, high = np.minimum(box[:, 0], seen[:, 0]), np.maximum(box[:, 1], seen[:, 1])
+    if (low == box[:, 0]).all() and (high == box[:, 1]).all():
+        return curve
+    (a, b), (c, d) = np.column_stack([low, high]).tolist()
+    return replace(curve, box=((a, b), (c, d)))
 
 
 def _draw_curve(axes: Any, curve: DecisionCurve, colour: str, style: Any, label: str) -> None:
@@ -279,7 +290,7 @@ def _window(problem: Problem, solution: Solution) -> Array:
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     extent = np.maximum(high - low, LEAST_EXTENT * high)
     margin = MARGIN * np.maximum(extent, extent.max() / 2)
-    return np.column_stack([low - margin, high + margin])
+    return np.column_stack([np.maximum(low - margin, 0.0), high + margin])
 
 
 def clipped(start: ArrayLike, end: ArrayLike, window: ArrayLike) -> Array | None:
