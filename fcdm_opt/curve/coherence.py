@@ -68,6 +68,8 @@ def contact_faults(
 ) -> list[Fault]:
     """Return why the tracked features are not the real contact at a scale pair, worst first; empty if they are.
 
+    A contact that has moved over a seam into another part pair, on the same plane, is still the same contact.
+
     Parameters
     ----------
     movable, static : Body
@@ -82,16 +84,26 @@ def contact_faults(
     """
     faults = [fault for feature in tracked for fault in _unsupported(movable, static, pose, rho, feature, slack)]
     touching = {feature.parts for feature in tracked}
+    apart: list[Fault] = []
+    flat: list[Array] = []  # directions in which other part pairs touch
     for i, one in enumerate(movable.parts):
         for j, two in enumerate(static.parts):
             sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
             separations = rows[:, 5] - rows[:, 3:5] @ rho
             best = int(np.argmax(separations))
-            excess = float(separations[best]) if (i, j) in touching else -float(separations[best])
-            if not excess <= slack:
-                kind: Literal["apart", "overlapping"] = "apart" if (i, j) in touching else "overlapping"
-                site = (int(sites[best, 0]), int(sites[best, 1]), int(sites[best, 2]))
-                faults.append(Fault(kind, (i, j), site, rows[best, :3], excess))
+            widest = float(separations[best])
+            kind, i_site, j_site = (int(x) for x in sites[best])
+            if (i, j) not in touching:
+                if not -widest <= slack:
+                    faults.append(Fault("overlapping", (i, j), (kind, i_site, j_site), rows[best, :3], -widest))
+                elif widest <= slack:
+                    flat += list(rows[separations >= -slack, :3])
+            elif not widest <= slack:
+                apart.append(Fault("apart", (i, j), (kind, i_site, j_site), rows[best, :3], widest))
+    for fault in apart:
+        own = [feature.normal for feature in tracked if feature.parts == fault.parts]
+        if not all(any(n @ other > 1.0 - DEFAULT.nominal for other in flat) for n in own):
+            faults.append(fault)
     return sorted(faults, key=lambda fault: -fault.excess)
 
 

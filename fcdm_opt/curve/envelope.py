@@ -34,10 +34,15 @@ def boundary(regions: Sequence[Region]) -> list[list[Run]]:
     """
     if any(region.status == "full" for region in regions):
         return []
-    pieces = [piece for region in regions for piece in region.pieces]
-    if len(regions) > 1:
-        pieces = _without_repeats([left for k in range(len(regions)) for left in _outside_others(regions, k)])
-    return [_joined(chain) for chain in _chains(pieces)]
+    if len(regions) == 1:
+        return [_joined(chain) for chain in _sorted([list(chain) for chain in regions[0].chains])]
+    pieces = _without_repeats([left for k in range(len(regions)) for left in _outside_others(regions, k)])
+    return [_joined(chain) for chain in _sorted(_chains(pieces))]
+
+
+def _sorted(chains: list[list[Piece]]) -> list[list[Piece]]:
+    """Return chains by their first scale pair."""
+    return sorted(chains, key=lambda chain: tuple(np.nan_to_num(chain[0].start, posinf=np.inf, neginf=np.inf)))
 
 
 def overlap_interval(region: Region, base: Array, travel: Array) -> tuple[float, float]:
@@ -140,7 +145,7 @@ def _chains(pieces: list[Piece]) -> list[list[Piece]]:
                 rest.remove(found)
                 chain.insert(len(chain) if forward else 0, found)
         chains.append(chain)
-    return sorted(chains, key=lambda chain: tuple(np.nan_to_num(chain[0].start, posinf=np.inf, neginf=np.inf)))
+    return chains
 
 
 def _joined(chain: list[Piece]) -> list[Run]:

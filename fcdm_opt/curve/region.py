@@ -226,9 +226,10 @@ def _polygon(lines: Array) -> list[tuple[int, Array, Array]]:
             kept.append(int(k))
 
     def corner(k: int, m: int) -> Array:
+        # a point along line k: however flat the angle, rounding leaves it on both lines
         (a, b, c), (d, e, f) = lines[k], lines[m]
-        determinant = a * e - b * d
-        return np.array([(c * e - b * f) / determinant, (a * f - c * d) / determinant])
+        along = (f - c * (a * d + b * e)) / (b * d - a * e)
+        return np.array([c * a + along * b, c * b - along * a])
 
     def outside(m: int, point: Array) -> bool:
         slack = DEFAULT.line * (np.abs(lines[m, :2]) @ np.abs(point) + abs(lines[m, 2]))

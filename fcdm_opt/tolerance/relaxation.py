@@ -101,9 +101,9 @@ class Relaxation:
         """Return the least feasible outcome over the starts."""
         planes = np.array(list(self._planes.values())).reshape(-1, 4)
         outcomes = [program.minimise(self.task, self._rows, start, planes, method) for start in starts]
-        if any(
-            self.task.needs[j] > 0 for _, j in self._planes
-        ):  # a distance between corners: SQP may stop short of the least
+        stuck = self.task.tracked and not any(outcome.feasible for outcome in outcomes)
+        cornered = any(self.task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
+        if self._planes and (stuck or cornered):  # where SQP may find nothing, or stop short of the least
             outcomes.append(program.minimise(self.task, self._rows, starts[0], planes, "ipopt"))
         feasible = [outcome for outcome in outcomes if outcome.feasible]
         best = min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)

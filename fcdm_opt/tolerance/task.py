@@ -179,8 +179,8 @@ class Task:
 
     @property
     def steps(self) -> Array:
-        """Natural change of each parameter: the unit as a length, and over the size as an angle, (k,)."""
-        angle = self.unit / self.size
+        """Natural change of each parameter: the unit as a length, and over the size as an angle (at most 1), (k,)."""
+        angle = min(self.unit / self.size, 1.0)
         return np.array([self.unit if kind == "translation" else angle for _, kind in self.motion.parameters])
 
     @property
