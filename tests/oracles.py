@@ -98,7 +98,7 @@ def hull(points: dict[int, Vec]) -> Hull:
     corners = {row for row in kept if sum(row in face for face in facets.values()) >= 3}
     facets = {n: face & corners for n, face in facets.items()}
     edges = {tuple(sorted(f & g)) for f, g in combinations(facets.values(), 2) if len(f & g) == 2}
-    return Hull({row: kept[row] for row in sorted(corners)}, facets, tuple(sorted(edges)))  # type: ignore[arg-type]
+    return Hull({row: kept[row] for row in sorted(corners)}, facets, tuple(sorted(edges)))
 
 
 # ------------------------------------------------------------------------------------------- a pair of convex parts

@@ -287,8 +287,8 @@ def test_a_ray_through_a_bump_is_incoherent() -> None:
     outcome = {}
     for name, static in bodies.items():
         problem = Problem(tip, static, nominal=(1.0, 1.0), target=(1.0, 1.0), motion=Translation("x"), goal="at")
-        assert problem.nominal_contact.feature.kind == "V1F2"  # type: ignore[union-attr]
-        label = problem.nominal_contact.feature.label  # type: ignore[union-attr]
+        assert problem.nominal_contact.feature.kind == "V1F2"
+        label = problem.nominal_contact.feature.label
         transform = problem.motion.transform([8.0], tip.seed, static.seed)
         solution = Solution(
             problem=problem, status=Status.SOLVED, parameters={"TX": 8.0}, transform=transform, amount=8.0,

@@ -124,7 +124,7 @@ def test_resolved_values_are_read_only() -> None:
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 5.0
     with pytest.raises(AttributeError):
-        made.goal = "at"  # type: ignore[misc]
+        made.goal = "at"
 
 
 def test_changed_asks_the_question_anew() -> None:
