@@ -188,7 +188,10 @@ class ProblemFile(Entry):
             raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
         if not data:
             raise InputError("the file is empty", file=file, allowed="[bodies.movable], [bodies.static] and [[case]]")
-        return _checked(data, file)
+        try:
+            return _checked(data, file)
+        except RecursionError as reason:
+            raise InputError("tables nested too deep", file=file, allowed="the keys of a problem file") from reason
 
     def problems(self, file: Path | None = None) -> tuple[Problem, ...]:
         """Return a problem for each case; `file` is where the contents come from."""
