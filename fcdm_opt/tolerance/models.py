@@ -117,7 +117,8 @@ def nonlinear(task: Task) -> Answer:
     if best is None:
         status = Status.LEFT_COHERENT_RANGE if reached and task.coherent else Status.NOT_FOUND
         return Answer(status, None, f"{stage}, no start succeeded", bound)
-    return Answer(Status.SOLVED, best.q, stage, min(bound, best.amount), best.active, best.modelled)
+    bound = min(bound, best.amount)  # the two differ by rounding at most
+    return Answer(Status.SOLVED, best.q, stage, bound, best.active, best.modelled)
 
 
 def _pairs_modelled(task: Task) -> dict[str, int]:
@@ -129,7 +130,7 @@ def _better(one: Found | None, two: Found | None) -> Found | None:
 
 
 def _enough(task: Task, best: Found | None) -> float:
-    """Return the amount at which to give up; none for tracked features, whose constraints may be dropped again."""
+    """Return the amount at which to give up; none for tracked features, where a later round may find a nearer start."""
     return np.inf if best is None or task.tracked else best.amount
 
 
