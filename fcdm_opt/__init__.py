@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fcdm_opt.curve.batch import DecisionCurves, decision_curves
     from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, SwitchingPoint, decision_curve
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
@@ -26,6 +27,7 @@ __all__ = [
     "Body",
     "Certificate",
     "DecisionCurve",
+    "DecisionCurves",
     "FcdmError",
     "Feature",
     "InputError",
@@ -41,6 +43,7 @@ __all__ = [
     "UnsolvedError",
     "__version__",
     "decision_curve",
+    "decision_curves",
     "load_problems",
     "solve",
     "verify",
@@ -50,6 +53,7 @@ _HOME = {
     "Body": "geometry.bodies",
     "Certificate": "tolerance.solution",
     "DecisionCurve": "curve.decision_curve",
+    "DecisionCurves": "curve.batch",
     "FcdmError": "errors",
     "Feature": "curve.features",
     "InputError": "errors",
@@ -64,6 +68,7 @@ _HOME = {
     "Translation": "motion",
     "UnsolvedError": "errors",
     "decision_curve": "curve.decision_curve",
+    "decision_curves": "curve.batch",
     "load_problems": "tolerance.files",
     "solve": "tolerance.solver",
     "verify": "tolerance.certificate",

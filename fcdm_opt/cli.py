@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import sys
 from collections.abc import Iterable, Sequence
@@ -146,7 +145,6 @@ class _File:
 
 def _opened(paths: Sequence[Path], wanted: Sequence[str]) -> list[_File]:
     """Read all files; says on stderr what is wrong with one, and goes on with the others."""
-    _announce_compilation()
     from fcdm_opt.tolerance.files import ProblemFile
 
     files = []
@@ -168,15 +166,6 @@ def _opened(paths: Sequence[Path], wanted: Sequence[str]) -> list[_File]:
         _File(file.path, file.title, file.note, tuple(p for p in file.problems if p.name in wanted), file.error)
         for file in files
     ]
-
-
-def _announce_compilation() -> None:
-    """Say that the first call ever takes longer; numba keeps what it compiled beside the kernels."""
-    import fcdm_opt.curve
-
-    cache = Path(fcdm_opt.curve.__path__[0]) / "__pycache__"
-    if not any(cache.glob("kernels.*.nbi")) and not {"NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT"} & set(os.environ):
-        _say("compiling the numerical kernels (once)")
 
 
 def _say(text: str) -> None:

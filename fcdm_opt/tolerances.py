@@ -16,13 +16,20 @@ class Tolerances:
         quads are not exactly planar in floats (about 1e-16); 1e-12 is far above that and far below any real facet.
     flatness
         A part whose thinnest extent is below `flatness` times its largest has no reliable inside and is refused.
+    normal
+        Face normals that plain arithmetic gives less well than this are worked out exactly, then rounded.
     partition
         Parts overlap when a ball larger than this fits inside both: ten times the LP solver's own tolerance.
     tie
-        Two directions, lines or lengths that differ by less are treated as equal by the walk, which then hands
-        over to the path without topology. Rounding in the walk is about 1e-15.
+        Directions, lines or lengths that differ by less are one where a contact is labelled that exact numbers place
+        within `planarity` of another.
     line
         A contact line's side of a scale pair is decided to within this; pieces shorter than it are dropped.
+    sign
+        A scale pair's side of a contact line is taken from floats where it is off the line by more than this, and from
+        rational arithmetic elsewhere; lines are right to 1e-13.
+    point
+        Scale pairs that differ by less are one: four roundings.
     nominal
         A nominal pair this near a switching point is that switching point (design: 1e-9).
     snap
@@ -61,9 +68,12 @@ class Tolerances:
 
     planarity: float = 1e-12
     flatness: float = 1e-12
+    normal: float = 4e-15
     partition: float = 1e-6
     tie: float = 1e-11
     line: float = 1e-12
+    sign: float = 2e-13
+    point: float = 1e-15
     nominal: float = 1e-9
     snap: float = 1e-6
     touch: float = 1e-9

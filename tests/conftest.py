@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -10,4 +12,7 @@ pytest.register_assert_rewrite("curve_checks")  # checks shared by several files
 settings.register_profile(
     "tests", deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
-settings.load_profile("tests")
+# without compiled kernels everything takes a hundred times as long
+settings.register_profile("plain Python", settings.get_profile("tests"), max_examples=5)
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+settings.load_profile("plain Python" if PLAIN else "tests")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
+import pickle
 from dataclasses import FrozenInstanceError
 
 import numpy as np
@@ -122,26 +124,6 @@ def check_against_decimal(own: Shape) -> None:
     unit = 100000
     rows = [tuple(int(x * unit) for x in row) for row in own.vertices]
     check_against_exact(own.body(), rows)
-
-
-def test_packed_tables_hold_vertices_normals_and_incidences():
-    part = Body.convex(GRID, seed=(0.25, 0.5, 0.5)).parts[0]
-    reals, ints = part.packed
-    n, f, m = (int(k) for k in ints[:3])
-    assert (n, f, m) == (8, 6, 12)
-    np.testing.assert_array_equal(reals[:n], part.vertices - part.seed)
-    np.testing.assert_array_equal(reals[n:], part.normals)
-    edges, vertex_pointers, vertex_edges, face_pointers, face_edges = (int(k) for k in ints[3:8])
-    np.testing.assert_array_equal(ints[edges : edges + 4 * m].reshape(m, 4), part.edges)
-    for v in range(n):
-        start, end = ints[vertex_pointers + v : vertex_pointers + v + 2]
-        own = set(ints[vertex_edges + start : vertex_edges + end].tolist())
-        assert own == set(np.flatnonzero((part.edges[:, :2] == v).any(axis=1)).tolist())
-    for k, loop in enumerate(part.loops):
-        start, end = ints[face_pointers + k : face_pointers + k + 2]
-        own = ints[face_edges + start : face_edges + end].tolist()
-        sides = zip(loop, loop[1:] + loop[:1], strict=True)
-        assert [set(part.edges[edge, :2].tolist()) for edge in own] == [{a, b} for a, b in sides]
 
 
 # ------------------------------------------------------------------------------------------------------------ labels
@@ -313,6 +295,53 @@ def test_nothing_of_a_body_can_be_changed():
         body.seed = CUBE[0]
     with pytest.raises(FrozenInstanceError):
         part.vertices = CUBE
+    with pytest.raises(TypeError):
+        part.elements["V"] = ()
+    with pytest.raises(TypeError):
+        part.elements["V"][0] = part.elements["V"][1]
+
+
+def arrays_of(body: Body) -> list[np.ndarray]:
+    parts = [(p.vertices, p.seed, p.edges, p.normals, p.half_edges, *p.packed) for p in body.parts]
+    return [body.vertices, body.seed, *(array for own in parts for array in own)]
+
+
+@pytest.mark.parametrize("again", [lambda x: pickle.loads(pickle.dumps(x)), copy.copy, copy.deepcopy])
+@pytest.mark.parametrize("warm", [False, True])
+def test_copies_of_a_body_had_arrays_that_could_be_changed(again, warm):
+    body = Body.from_parts([CUBE, CUBE + np.array([0, 0, 1])])
+    if warm:
+        arrays_of(body)  # fills what is worked out once
+    other = again(body)
+    for one, two in zip(arrays_of(body), arrays_of(other), strict=True):
+        np.testing.assert_array_equal(one, two)
+        assert not two.flags.writeable
+    assert (other.name, other.faces, other.outlines) == (body.name, body.faces, body.outlines)
+    for one, two in zip(body.parts, other.parts, strict=True):
+        assert one.loops == two.loops
+        assert one.elements == two.elements
+
+
+def test_elements_of_one_convex_part_are_made_on_demand_and_equal_those_of_given_faces():
+    """The lazy sequences of a single part against the tuples that any body with given faces has."""
+    rows = np.random.default_rng(5).integers(-9, 10, (40, 3))
+    lazy = Body.convex(rows)
+    eager = Body.from_parts(rows, parts=[range(len(rows))], faces=[[v - 1 for v in face] for face in lazy.faces])
+    one, two = lazy.parts[0].elements, eager.parts[0].elements
+    assert list(one) == list(two) == ["V", "E", "F"]
+    for kind in one:
+        assert len(one[kind]) == len(two[kind]) > 5
+        assert [one[kind][k] for k in range(len(two[kind]))] == list(two[kind])
+        assert one[kind][-1] == two[kind][-1]
+        assert one[kind][np.int64(2)] == two[kind][2]
+        assert one[kind][1:4] == two[kind][1:4]
+        assert one[kind].index(two[kind][3]) == 3
+        assert one[kind] == two[kind]
+        assert pickle.loads(pickle.dumps(one[kind])) == one[kind]
+        with pytest.raises(IndexError):
+            one[kind][len(two[kind])]
+    assert one == two
+    assert one != Body.convex(rows[::-1]).parts[0].elements
 
 
 # ----------------------------------------------------------------------------------------------------------- bad input
@@ -329,15 +358,25 @@ BAD_VERTICES = {
     "inf": (with_entry(np.inf), "vertex 5 is not finite"),
     "three points": (CUBE[:3], "at least 4"),
     "no points": (np.empty((0, 3)), "at least 4"),
-    "flat": (CUBE[CUBE[:, 2] == 0].repeat(2, axis=0), "one plane"),
+    "flat": (CUBE[CUBE[:, 2] == 0].repeat(2, axis=0), "one plane, through vertices 1, 3 and 7"),
     "flat and slanted": (np.column_stack([CUBE[:, :2], CUBE[:, 0] / 3 + CUBE[:, 1] / 7]), "one plane"),
-    "on a line": (np.outer(np.arange(5.0), [1, 2, 3]), "one plane"),
-    "all the same": (np.ones((5, 3)), "coincide"),
-    "two distinct points": (CUBE[[0, 1, 0, 1, 0]], "one plane"),
+    "on a line": (np.outer(np.arange(5.0), [1, 2, 3]), "one line, through vertices 1 and 5"),
+    "all the same": (np.ones((5, 3)), "coincide: vertex 2 repeats vertex 1"),
+    "two distinct points": (CUBE[[0, 1, 0, 1, 0]], "only 2 distinct .* vertex 3 repeats vertex 1"),
+    "three distinct points": (CUBE[[0, 1, 2, 1, 0]], "only 3 distinct .* vertex 4 repeats vertex 2"),
     "two columns": (CUBE[:, :2], "shape"),
     "one row": (CUBE[0], "shape"),
-    "ragged": ([[0, 0, 0], [1, 0], [0, 1, 0], [0, 0, 1]], "rectangular"),
-    "words": ([["a", "b", "c"]] * 4, "rectangular"),
+    "ragged": ([[0, 0, 0], [1, 0], [0, 1, 0], [0, 0, 1]], "vertex 2: a vertex is three numbers"),
+    "words": ([["a", "b", "c"]] * 4, "vertex 1: .*rectangular"),
+    "numbers as text": (CUBE.astype(str), "vertex 1: .*numbers"),
+    "one text among objects": ([*CUBE.astype(object).tolist(), ["1", 2, 3]], "vertex 9: .*numbers"),
+    "complex": (CUBE + 1j, "vertex 1: .*numbers"),
+    "dates": (np.zeros((8, 3), "M8[s]"), "numbers"),
+    "too large": (with_entry(1e60), "vertex 5: .*too large"),
+    "an endless integer": ([*CUBE.tolist(), [0, 0, 10**400]], "vertex 9: .*numbers"),
+    "beyond double precision": (CUBE * np.longdouble("1e4000"), "vertex [12]"),
+    "a generator": ((x for x in CUBE), "numbers"),
+    "a slab thinner than floats": (CUBE * [1, 1, 1e-13], "one plane"),
     "none": (None, "shape"),
 }
 
@@ -371,21 +410,56 @@ def test_bad_seeds_are_refused(seed, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"parts": [[0, 1, 2, 8]]}, r"part 1.*not a row.*found 8"),
-        ({"parts": [range(8), [0, 1, 2, -1]]}, r"part 2.*not a row.*found -1"),
+        ({"parts": [[0, 1, 2, 8]]}, r"part 1: entry 4 is not a row.*found 8"),
+        ({"parts": [range(8), [0, 1, 2, -1]]}, r"part 2: entry 4 is not a row.*found -1"),
+        ({"parts": 5}, "parts: expected lists of rows"),
+        ({"parts": [5]}, "part 1: expected a list of rows"),
+        ({"parts": "abc"}, "part 1: entry 1 is not a row"),
+        ({"parts": [itertools.cycle(range(8))]}, "part 1: .*twice, as entries 1 and 9"),
         ({"parts": [[0, 1, 2, 4.0]]}, "not a row"),
         ({"parts": [[0, 1, 2, True]]}, "not a row"),
         ({"parts": [[0, 1, 2, 2, 4]]}, "twice"),
         ({"parts": [[0, 1, 2]]}, "at least 4"),
-        ({"parts": [range(8), [0, 1, 2, 3]]}, r"part 2.*one plane"),
+        ({"parts": [range(8), [0, 1, 2, 3]]}, r"part 2.*one plane, through vertices 1, 2 and 4"),
         ({"parts": []}, "at least one part"),
-        ({"parts": [range(8)], "faces": [[0, 1, 9]]}, r"face 1"),
+        ({"parts": [range(8)], "faces": 5}, "faces: expected lists of rows"),
+        ({"parts": [range(8)], "faces": [[0, 1, 9]]}, r"face 1: entry 3"),
+        ({"parts": [range(8)], "faces": [[0, 1]]}, r"face 1: .*at least 3"),
+        ({"parts": [range(8)], "faces": [[0, 1, 3, 2], [0, 1, 2, 4]]}, r"face 2: .*in no plane .*misses vertex 3 by 1"),
+        ({"parts": [range(8)], "faces": [[0, 1, 7, 6]]}, r"face 1: .*in no plane"),
+        ({"parts": [range(8)], "faces": [[0, 1, 2]]}, r"face 1: only a piece .*vertex 4 is missing"),
+        ({"parts": [range(8)], "faces": [[0, 1, 3, 2], [2, 3, 1, 0]]}, r"face 2: .*those of face 1"),
         ({"parts": [[0, 1, 2, 4, 5, 6], [1, 3, 2, 5, 7, 6], range(8)]}, "overlapping parts"),
     ],
 )
 def test_bad_parts_are_refused(arguments, message):
     with pytest.raises(InputError, match=message):
         Body.from_parts(CUBE, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("point", "face", "message"),
+    [
+        ((0, 0, 0.5), [0, 1, 8], "one line"),
+        ((0, 3, 0.5), [0, 1, 3, 2, 8], "vertex 9 lies in the plane of the face, but not on it"),
+    ],
+)
+def test_a_given_face_with_a_vertex_off_the_body_was_accepted(point, face, message):
+    with pytest.raises(InputError, match=f"'lid': face 1: .*{message}"):
+        Body.from_parts([*CUBE, point], parts=[range(8)], faces=[face], name="lid")
+
+
+def test_a_seam_given_as_a_face_was_accepted():
+    rows = [*CUBE, *CUBE[1::2] + np.array([0, 0, 1])]  # one cube on the other
+    parts, seam = [range(8), [1, 3, 5, 7, 8, 9, 10, 11]], [1, 3, 7, 5]
+    with pytest.raises(InputError, match="face 1"):
+        Body.from_parts(rows, parts=parts, faces=[seam])
+
+
+def test_a_given_face_may_name_points_on_it_that_are_no_corners():
+    body = Body.from_parts([*CUBE, (0, 0, 0.5), (0, 0.5, 0.5)], parts=[range(8)], faces=[[0, 8, 1, 3, 2], [2, 3, 7, 6]])
+    assert body.faces == ((1, 2, 3, 4, 9), (3, 4, 7, 8))
+    assert set(body.parts[0].elements["F"]) >= {Element("F", face) for face in body.faces}
 
 
 def test_vertices_without_parts_must_be_one_array_a_part():
@@ -400,9 +474,15 @@ def test_overlapping_parts_need_a_given_seed_and_touching_ones_do_not():
     np.testing.assert_allclose(Body.from_parts([CUBE, CUBE + np.array([0, 0, 1])]).seed, [0.5, 0.5, 1], atol=1e-15)
 
 
-@pytest.mark.parametrize("rho", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("rho", [0.0, -1.0, np.nan, np.inf, 1e-300, [1, 2]])
 def test_scales_must_be_positive(rho):
     with pytest.raises(InputError, match="positive"):
+        Body.convex(CUBE).scaled(rho)
+
+
+@pytest.mark.parametrize("rho", [1e300, 10**400, "2", 1 + 0j, np.complex128(1), None])
+def test_scales_must_be_numbers_of_a_usual_size(rho):
+    with pytest.raises(InputError, match="scale"):
         Body.convex(CUBE).scaled(rho)
 
 

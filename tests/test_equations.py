@@ -171,7 +171,7 @@ def test_every_facet_row_of_the_kernels_is_a_template_row(rng):
     q = some_q(motion, rng)
     pose = relative_pose(one, two, transform(motion, q, one, two))
     rotation = pose[:9].reshape(3, 3)
-    sites, rows = kernels.facet_rows(*one.parts[0].packed, *two.parts[0].packed, pose, DEFAULT.tie)
+    sites, rows = kernels.facet_rows(*one.parts[0].packed, *two.parts[0].packed, pose)
     assert set(sites[:, 0]) == set(KINDS)
     compared = 0
     for site, row in zip(sites, rows, strict=True):

@@ -88,7 +88,7 @@ def contact_faults(
     flat: list[Array] = []  # directions in which other part pairs touch
     for i, one in enumerate(movable.parts):
         for j, two in enumerate(static.parts):
-            sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
+            sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
             separations = rows[:, 5] - rows[:, 3:5] @ rho
             best = int(np.argmax(separations))
             widest = float(separations[best])
@@ -113,7 +113,7 @@ def _unsupported(movable: Body, static: Body, pose: Array, rho: Array, feature: 
     own_n = n @ pose[:9].reshape(3, 3)
     faults = []
     for body, part, direction, level in ((1, one, own_n, feature.line[0]), (2, two, -n, feature.line[1])):
-        heights = part.packed[0][: len(part.vertices)] @ direction - level
+        heights = (part.vertices - part.seed) @ direction - level
         vertex = int(np.argmax(heights))
         excess = float(heights[vertex] * rho[body - 1])
         if not excess <= slack:

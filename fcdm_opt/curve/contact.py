@@ -1,16 +1,131 @@
-"""The point in which two scaled parts touch."""
+"""How two scaled parts touch: the elements in contact, and the points that they share."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 import numpy as np
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
+Vertices = tuple[int, ...]
+_ORDER = {"F": 0, "E": 1, "V": 2}
 
-def contact_point(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, rho: Array) -> Array:
-    """Return a common point of the two scaled parts, relative to the seed of body 2, world axes.
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """The elements of two parts that touch.
+
+    Attributes
+    ----------
+    feature : Feature
+        The bodies' elements that they belong to.
+    one, two : tuple of int
+        Vertices of the parts' own elements: one, two, or a face's, in order around it.
+    parallel : bool
+        Whether they are two parallel edges.
+    """
+
+    feature: Feature
+    one: Vertices
+    two: Vertices
+    parallel: bool = False
+
+    @property
+    def configuration(self) -> str:
+        """One of the seven: "F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"."""
+        kinds = sorted("VEF"[min(len(own), 3) - 1] for own in (self.one, self.two))
+        name = "-".join(sorted(kinds, key=_ORDER.__getitem__))
+        return name + {True: " parallel", False: " crossing"}[self.parallel] if name == "E-E" else name
+
+    def labelled(self, feature: Feature) -> Contact:
+        """Return the same contact under another feature."""
+        return Contact(feature, self.one, self.two, self.parallel)
+
+
+def contact_between(
+    one: ConvexPart, two: ConvexPart, pose: Array, first: Iterable[int], second: Iterable[int]
+) -> Contact:
+    """Return the contact of the smallest elements that hold these vertices of both parts.
+
+    Parameters
+    ----------
+    one, two : ConvexPart
+    pose : (12,) array
+        R, row by row, and d.
+    first, second : iterables of int
+        Vertices of either part, on one element each.
+    """
+    (own, mine), (other, theirs) = _element(one, set(first)), _element(two, set(second))
+    parallel = False
+    if len(mine) == len(theirs) == 2:
+        e = pose[:9].reshape(3, 3) @ (one.vertices[mine[1]] - one.vertices[mine[0]])
+        g = two.vertices[theirs[1]] - two.vertices[theirs[0]]
+        across = np.linalg.norm(np.cross(e, g))
+        parallel = bool(across <= DEFAULT.planarity * np.linalg.norm(e) * np.linalg.norm(g))
+    return Contact(Feature(own, other), mine, theirs, parallel)
+
+
+def _element(part: ConvexPart, vertices: set[int]) -> tuple[Element, Vertices]:
+    """Return the body's element and the vertices of the part's smallest element that holds all the given ones."""
+    some = min(vertices)
+    if len(vertices) == 1:
+        return part.elements["V"][some], (some,)
+    sides = part.half_edges[part.half_edges[:, 0] == some]
+    if len(vertices) == 2:
+        for origin, _, twin, _ in sides.tolist():
+            if int(part.half_edges[twin, 0]) in vertices:
+                return part.elements["E"][twin // 2], (origin, int(part.half_edges[twin, 0]))
+    face = max(sides[:, 1].tolist(), key=lambda f: len(vertices.intersection(part.loops[f])))
+    return part.elements["F"][face], part.loops[face]
+
+
+def supporting_contact(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array) -> Contact:
+    """Return the elements with which the parts support each other, within `tie`, along a direction from 1 to 2."""
+    tops = _top(one, normal @ pose[:9].reshape(3, 3)), _top(two, -normal)
+    return contact_between(one, two, pose, *tops)
+
+
+def touching_contact(
+    one: ConvexPart, two: ConvexPart, rows: Array, pose: Array, rho: Array, slack: float
+) -> tuple[Contact, Array]:
+    """Return how two touching parts touch, and a direction inside the cone of all in which they support each other.
+
+    Parameters
+    ----------
+    one, two : ConvexPart
+    rows : (k, 6) array
+        All facet directions of their Minkowski difference, see `kernels`.
+    pose : (12,) array
+    rho : (2,) array
+        Scale pair at which they touch.
+    slack : float
+        Length within which a direction counts as tight.
+    """
+    tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
+    normals = rows[tight, :3]
+    total = normals.sum(axis=0)
+    length = np.linalg.norm(total)
+    # opposite directions cancel where there is contact on both sides
+    inner = total / length if length > DEFAULT.nominal else normals[0]
+    return supporting_contact(one, two, inner, pose), inner
+
+
+def _top(part: ConvexPart, n: Array) -> list[int]:
+    """Return the vertices on which n.x is largest, within `tie` of the part's size."""
+    local = part.vertices - part.seed
+    heights = local @ n
+    top: list[int] = np.flatnonzero(heights >= heights.max() - DEFAULT.tie * np.abs(local).max()).tolist()
+    return top
+
+
+def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, contact: Contact, rho: Array) -> Array:
+    """Return the corners of what two touching parts share, (k, 3): a point, a segment's ends, or a polygon in order.
 
     Parameters
     ----------
@@ -18,28 +133,71 @@ def contact_point(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, 
     pose : (12,) array
         R, row by row, and d.
     normal : (3,) array
-        Direction in which the parts support each other, from body 1 to body 2.
+        A direction in which the parts support each other, from body 1 to body 2, world axes.
+    contact : Contact
+        The elements that touch.
     rho : (2,) array
-        A scale pair on the contact line of `normal`.
+        A scale pair at which they do.
+
+    Returns
+    -------
+    (k, 3) array
+        Relative to the seed of body 2, world axes.
     """
-    R, d = pose[:9].reshape(3, 3), pose[9:]
-    X = rho[0] * _top((one.vertices - one.seed) @ R.T, normal) - d
-    Y = rho[1] * _top(two.vertices - two.seed, -normal)
-    if len(X) == 1:
-        return X[0]
-    if len(Y) == 1:
-        return Y[0]
+    X = rho[0] * (one.vertices[list(contact.one)] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
+    Y = rho[1] * (two.vertices[list(contact.two)] - two.seed)
+    if len(X) == 1 or len(Y) == 1:
+        return X if len(X) == 1 else Y
+    if len(Y) > 2:
+        shared = _inside(X, Y[::-1], normal)  # seen from body 1 a face of body 2 runs clockwise
+    elif len(X) > 2:
+        shared = _inside(Y, X, normal)
+    elif contact.parallel:
+        along = (X[1] - X[0]) / np.linalg.norm(X[1] - X[0])
+        ends = np.sort(np.array([(X - X[0]) @ along, (Y - X[0]) @ along]), axis=1)
+        span = np.array([ends[:, 0].max(), ends[:, 1].min()])
+        shared = X[0] + span[:, None] * along if span[0] <= span[1] else X[:0]
+    else:
+        shared = X[:0]
+    return _distinct(shared) if len(shared) else _common_point(X, Y)[None]
+
+
+def _inside(shape: Array, polygon: Array, normal: Array) -> Array:
+    """Return the part of a segment or convex polygon inside a polygon of the same plane, counter-clockwise about it."""
+    slack = DEFAULT.tie * np.abs(np.vstack([shape, polygon])).max()
+    for corner, following in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        inward = np.cross(normal, following - corner)
+        heights = (shape - corner) @ inward / np.linalg.norm(inward)
+        kept = []
+        for k in range(len(shape)):
+            if heights[k] >= -slack:
+                kept.append(shape[k])
+            after = (k + 1) % len(shape)
+            crosses = min(heights[k], heights[after]) < -slack and max(heights[k], heights[after]) > slack
+            if crosses and (k < after or len(shape) > 2):
+                share = heights[k] / (heights[k] - heights[after])
+                kept.append(shape[k] + share * (shape[after] - shape[k]))
+        if not kept:
+            return shape[:0]
+        shape = np.array(kept)
+    return shape
+
+
+def _distinct(points: Array) -> Array:
+    """Drop points that repeat the one before them, the first after the last."""
+    near = DEFAULT.nominal * np.abs(points).max()
+    kept = [k for k in range(len(points)) if np.abs(points[k] - points[k - 1]).max() > near]
+    return points[kept] if kept else points[:1]
+
+
+def _common_point(X: Array, Y: Array) -> Array:
+    """Return the common point of two elements, or the middle between them."""
     from scipy.optimize import nnls
 
-    # weights of both supporting elements, non-negative and each adding up to one, that give the same point
+    # weights of both elements' vertices, non-negative and each adding up to one, that give the same point
     scale = max(np.abs(X).max(), np.abs(Y).max())
     ones = np.concatenate([np.ones(len(X)), np.zeros(len(Y))])
     system = np.vstack([np.column_stack([X.T, -Y.T]) / scale, ones, 1.0 - ones])
     weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
-    return (weights[: len(X)] @ X + weights[len(X) :] @ Y) / weights[: len(X)].sum() / 2.0
-
-
-def _top(X: Array, n: Array) -> Array:
-    """Return the vertices on which n.x is largest."""
-    heights = X @ n
-    return X[heights >= heights.max() - DEFAULT.tie * np.abs(X).max()]
+    point: Array = (weights[: len(X)] @ X + weights[len(X) :] @ Y) / weights[: len(X)].sum() / 2.0
+    return point

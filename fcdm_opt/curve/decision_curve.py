@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import contact_point
+from fcdm_opt.curve.contact import Contact, contact_set
 from fcdm_opt.curve.envelope import Run, boundary, overlap_interval
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair, touching_feature
+from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
@@ -56,6 +56,11 @@ class Segment:
     index: int
     run: Run
 
+    @property
+    def configuration(self) -> str:
+        """Which of the seven contact configurations it is, see `Contact.configuration`."""
+        return self.run.whole.contact.configuration
+
     def piece_at(self, rho: Array) -> Piece:
         """Return the piece of the part pair that touches at a scale pair of the segment."""
         return self.run.at(rho)
@@ -74,10 +79,10 @@ class SwitchingPoint:
         Their contact lines.
     pieces : tuple of two Piece
         Their unclipped pieces.
-    contact_features : tuple of Feature
-        One (for instance V1E2) where the two contacts merge, or both where they are two contacts at once.
-    contacts : (k, 3) array
-        Contact points, world frame.
+    touching : tuple of Contact
+        What touches there: one contact (for instance V1E2) where the two segments' merge, or two at once.
+    contact_sets : tuple of (k, 3) arrays
+        What the bodies share in each contact: a point, a segment's ends or a polygon's corners, world frame.
     index : int
         1-based number in the box; 0 outside it.
     """
@@ -86,9 +91,24 @@ class SwitchingPoint:
     features: tuple[Feature, Feature]
     lines: Array
     pieces: tuple[Piece, Piece]
-    contact_features: tuple[Feature, ...]
-    contacts: Array
+    touching: tuple[Contact, ...]
+    contact_sets: tuple[Array, ...]
     index: int
+
+    @property
+    def contact_features(self) -> tuple[Feature, ...]:
+        """One feature (for instance V1E2) where the two contacts merge, or both where they are two at once."""
+        return tuple(contact.feature for contact in self.touching)
+
+    @property
+    def contacts(self) -> Array:
+        """Contact points, one a contact, (k, 3), world frame."""
+        return frozen([own.mean(axis=0) for own in self.contact_sets])
+
+    @property
+    def configurations(self) -> tuple[str, ...]:
+        """Which of the seven contact configurations each contact is, see `Contact.configuration`."""
+        return tuple(contact.configuration for contact in self.touching)
 
     @property
     def kind(self) -> str:
@@ -149,7 +169,7 @@ class DecisionCurve:
     def regions(self) -> tuple[Region, ...]:
         """Overlap regions of all part pairs."""
         return tuple(
-            pair_region(one, two, self.pose, (i, j))
+            pair_region(one, two, self.transform, self.pose, (i, j))
             for i, one in enumerate(self.movable.parts)
             for j, two in enumerate(self.static.parts)
         )
@@ -164,7 +184,8 @@ class DecisionCurve:
         branches: list[Branch] = []
         points: list[SwitchingPoint] = []
         count = 0
-        for chain in self.chains:
+        for whole in self.chains:
+            chain = [stretch for stretch in whole if not _is_point(stretch.whole)] or list(whole)
             run: list[Segment] = []
             first = len(branches)
             for k, stretch in enumerate(chain):
@@ -203,6 +224,12 @@ class DecisionCurve:
         """All switching points inside the box, in order of their number."""
         return self._listed[1]
 
+    @property
+    def paths(self) -> dict[str, int]:
+        """How many part pairs were proved in floats ("float") and how many settled in rational numbers ("exact")."""
+        taken = [region.path for region in self.regions]
+        return {path: taken.count(path) for path in ("float", "exact")}
+
     @cached_property
     def status(self) -> str:
         """Return "contact", or "apart" or "overlapping" in the whole box."""
@@ -220,43 +247,50 @@ class DecisionCurve:
         before, after = run.pieces[-1], successor.pieces[0]
         labels = run.whole.feature, successor.whole.feature
         rho = before.end
-        if before.parts == after.parts:
-            one, two = self.movable.parts[before.parts[0]], self.static.parts[before.parts[1]]
-            rows = self._rows[before.parts[0] * len(self.static.parts) + before.parts[1]]
-            slack = DEFAULT.nominal * float(np.abs(before.line[:2]) @ rho + np.abs(before.line[2]))
-            feature, normal = touching_feature(one, two, rows, self.pose, rho, slack)
-            features: tuple[Feature, ...] = (feature,)
-            contacts = [self._contact_point(before.parts, normal, rho)]
+        if before.parts == after.parts and before.corner:
+            touching: tuple[Contact, ...] = (before.corner,)
+            sets = [self._contact_set(before, before.corner, rho)]
         else:
-            features = labels
-            contacts = [self._contact_point(piece.parts, piece.normal, rho) for piece in (before, after)]
+            touching = (run.whole.contact, successor.whole.contact)
+            sets = [self._contact_set(piece, piece.contact, rho) for piece in (before, after)]
             merged = before.feature.merged(after.feature)
             size = max(self.movable.size, self.static.size)
-            if merged and np.abs(contacts[0] - contacts[1]).max() <= DEFAULT.nominal * size:  # one contact at a seam
-                features, contacts = (merged,), contacts[:1]
+            apart = np.abs(sets[0].mean(axis=0) - sets[1].mean(axis=0)).max()
+            if merged and apart <= DEFAULT.nominal * size:  # one contact at a seam
+                touching, sets = (before.contact.labelled(merged),), sets[:1]
         return SwitchingPoint(
             frozen(rho),
             labels,
             frozen([before.line, after.line]),
             (before, after),
-            features,
-            frozen(contacts),
+            touching,
+            tuple(frozen(own) for own in sets),
             index,
         )
 
-    def _contact_point(self, parts: tuple[int, int], normal: Array, rho: Array) -> Array:
-        one, two = self.movable.parts[parts[0]], self.static.parts[parts[1]]
-        return self.static.seed + contact_point(one, two, self.pose, normal, rho)
+    def _contact_set(self, piece: Piece, contact: Contact, rho: Array) -> Array:
+        one, two = self.movable.parts[piece.parts[0]], self.static.parts[piece.parts[1]]
+        return self.static.seed + contact_set(one, two, self.pose, piece.normal, contact, rho)
 
-    def contact_points(self, rho: ArrayLike) -> Array:
-        """Return the contact point(s) at a scale pair on the curve, (k, 3), world frame; (0, 3) off the curve."""
+    def contact_sets(self, rho: ArrayLike) -> tuple[Array, ...]:
+        """Return what the bodies share at a scale pair on the curve, one array a contact; empty off the curve.
+
+        Each is (1, 3) for a point, (2, 3) for a segment's ends, (k, 3) for a polygon's corners in order; world frame.
+        """
         found = self.locate(rho)
         if found is None:
-            return np.empty((0, 3))
+            return ()
         if isinstance(found, SwitchingPoint):
-            return found.contacts
+            return found.contact_sets
         piece = found.piece_at(_pair(rho))
-        return self._contact_point(piece.parts, piece.normal, _pair(rho))[None]
+        return (frozen(self._contact_set(piece, piece.contact, _pair(rho))),)
+
+    def contact_points(self, rho: ArrayLike) -> Array:
+        """Return one point of each contact at a scale pair on the curve, (k, 3), world frame; (0, 3) off the curve.
+
+        The middle of the corners of each of `contact_sets`.
+        """
+        return np.array([own.mean(axis=0) for own in self.contact_sets(rho)]).reshape(-1, 3)
 
     def locate(self, rho: ArrayLike, tolerance: float = DEFAULT.nominal) -> Segment | SwitchingPoint | None:
         """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
@@ -310,13 +344,13 @@ class DecisionCurve:
     @cached_property
     def _rows(self) -> tuple[Array, ...]:
         return tuple(
-            kernels.facet_rows(*one.packed, *two.packed, self.pose, DEFAULT.tie)[1]
+            kernels.facet_rows(*one.packed, *two.packed, self.pose)[1]
             for one in self.movable.parts
             for two in self.static.parts
         )
 
     def gap(self, rho: ArrayLike) -> Array | float:
-        """Return the signed gap: > 0 apart, 0 touching, < 0 overlapping, length units.
+        """Return the signed gap: > 0 apart, 0 touching, < 0 overlapping, length units. The sign is always right.
 
         For each part pair the largest separation over the facet directions of its Minkowski difference (minus the
         penetration depth where they overlap), least over the pairs; never more than the distance.
@@ -328,11 +362,16 @@ class DecisionCurve:
         pairs = numbers(rho, "rho")
         if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or not np.isfinite(pairs).all():
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
-        least = np.full(pairs.shape[:-1], np.inf)
-        for rows in self._rows:
-            separations = rows[:, 5] - pairs @ rows[:, 3:5].T
-            least = np.minimum(least, separations.max(axis=-1))
-        return float(least) if pairs.ndim == 1 else least
+        flat = pairs.reshape(-1, 2)
+        least = np.full(len(flat), np.inf)
+        for region, rows in zip(self.regions, self._rows, strict=True):
+            gaps = (rows[:, 5] - flat @ rows[:, 3:5].T).max(axis=-1)
+            scales = np.abs(rows[:, 5]).max() + np.abs(flat) @ np.abs(rows[:, 3:5]).max(axis=0)
+            # this near to zero rounding decides the sign
+            for k in np.flatnonzero((np.abs(gaps) <= DEFAULT.sign * scales) & (flat > 0).all(axis=1)):
+                gaps[k] = region.exact.separation(flat[k].tolist())
+            least = np.minimum(least, gaps)
+        return float(least[0]) if pairs.ndim == 1 else least.reshape(pairs.shape[:-1])
 
     def distance(self, rho: ArrayLike) -> float:
         """Return the Euclidean distance of the scaled bodies, length units.
@@ -373,9 +412,21 @@ def decision_curve(
     InputError
         For an empty or reversed box or a transform that is not rigid.
     """
+    checked_bodies(movable, static)
+    return DecisionCurve(movable, static, rigid_transform(transform), checked_box(box))
+
+
+def checked_bodies(movable: Body, static: Body) -> None:
+    """Raise `InputError` unless both are bodies."""
     for key, body in (("movable", movable), ("static", static)):
         if not isinstance(body, Body):
             raise InputError("expected a Body", key=key, found=type(body).__name__)
+
+
+def checked_box(box: Sequence[Sequence[float]]) -> Box:
+    """Return a box of scale pairs as plain floats; raise `InputError` unless it is two ranges of positive width."""
+    if box is DEFAULT_BOX:
+        return DEFAULT_BOX
     limits = numbers(box, "box")
     if limits.shape != (2, 2) or not (
         np.isfinite(limits).all() and (limits[:, 0] >= 0).all() and (limits[:, 0] < limits[:, 1]).all()
@@ -384,13 +435,14 @@ def decision_curve(
             "the box is not two ranges", key="box", found=box, allowed="((lo, hi), (lo, hi)) with 0 <= lo < hi"
         )
     (a, b), (c, d) = limits.tolist()
-    return DecisionCurve(movable, static, rigid_transform(transform), ((a, b), (c, d)))
+    return (a, b), (c, d)
 
 
 def relative_pose(movable: Body, static: Body, transform: Array) -> Array:
     """Return (R row by row, d = s_2 - moved s_1), (12,): what the kernels take."""
-    R = transform[:3, :3]
-    return np.concatenate([R.ravel(), static.seed - (R @ movable.seed + transform[:3, 3])])
+    pose = np.empty(12)
+    kernels.relative_pose(transform, movable.seed, static.seed, pose)
+    return pose
 
 
 def _pair(rho: ArrayLike) -> Array:
@@ -405,6 +457,12 @@ def _inside(point: Array, box: Box) -> bool:
     return all(lo - e <= x <= hi + e for x, (lo, hi), e in zip(point, box, slack, strict=True))
 
 
+def _is_point(piece: Piece) -> bool:
+    """Tell whether a piece is too short for floats to tell its ends apart."""
+    size = np.abs(piece.start).sum() + np.abs(piece.end).sum()
+    return bool(size < np.inf and np.abs(piece.end - piece.start).sum() <= DEFAULT.point * size)
+
+
 def _clipped(piece: Piece, box: Box) -> tuple[float, float] | None:
     """Return the stretch of a piece inside the box, None if there is none of positive length."""
     lo, hi = piece.lo, piece.hi
@@ -416,5 +474,5 @@ def _clipped(piece: Piece, box: Box) -> tuple[float, float] | None:
         s, e = sorted(((low - x) / t, (high - x) / t))
         lo, hi = max(lo, s), min(hi, e)
     endless = np.isinf(lo) or np.isinf(hi)
-    rounding = DEFAULT.line * (np.abs(piece.base).sum() + abs(lo) + abs(hi))
+    rounding = DEFAULT.point * (np.abs(piece.base).sum() + abs(lo) + abs(hi))
     return (lo, hi) if hi > lo and (endless or hi - lo > rounding) else None

@@ -68,7 +68,7 @@ def _outside_others(regions: Sequence[Region], own: int) -> list[Piece]:
         for other, region in enumerate(regions):
             if other != own:
                 spans = _minus(spans, *overlap_interval(region, piece.base, piece.travel), _scale(piece))
-        left += [piece if span == (piece.lo, piece.hi) else replace(piece, lo=span[0], hi=span[1]) for span in spans]
+        left += [piece if span == (piece.lo, piece.hi) else piece.cut(*span) for span in spans]
     return left
 
 
@@ -104,7 +104,7 @@ def _without_repeats(pieces: list[Piece]) -> list[Piece]:
             if same < 0:
                 kept.remove(known)
                 kept += _marked_snug(known, piece)
-            rest = [replace(p, lo=a, hi=b) for p in rest for a, b in _minus([(p.lo, p.hi)], lo, hi, _scale(p))]
+            rest = [p.cut(a, b) for p in rest for a, b in _minus([(p.lo, p.hi)], lo, hi, _scale(p))]
         kept += rest
     return kept
 
@@ -119,8 +119,8 @@ def _marked_snug(known: Piece, other: Piece) -> list[Piece]:
     """Split a piece where an opposite one covers it."""
     lo, hi = sorted(-s for s in (other.lo, other.hi))
     inside = (max(known.lo, lo), min(known.hi, hi))
-    outside = [replace(known, lo=a, hi=b) for a, b in _minus([(known.lo, known.hi)], *inside, _scale(known))]
-    return [*outside, replace(known, lo=inside[0], hi=inside[1], snug=True)]
+    outside = [known.cut(a, b) for a, b in _minus([(known.lo, known.hi)], *inside, _scale(known))]
+    return [*outside, replace(known.cut(*inside), snug=True)]
 
 
 def _chains(pieces: list[Piece]) -> list[list[Piece]]:
@@ -158,9 +158,9 @@ def _joined(chain: list[Piece]) -> list[Run]:
         whole, pieces = runs[-1]
         if piece.feature == whole.feature and _one_line(piece, whole):
             hi = whole.parameter(piece.end) if np.isfinite(piece.hi) else np.inf
-            runs[-1] = Run(replace(whole, hi=hi), (*pieces, piece))
+            runs[-1] = Run(replace(whole, hi=hi, last=piece.last, corner=piece.corner), (*pieces, piece))
             continue
         contact = pieces[-1].feature.merged(piece.feature) if pieces[-1].parts == piece.parts else None
         feature = piece.feature.starting_at(contact) if contact else piece.feature
-        runs.append(Run(replace(piece, feature=feature), (piece,)))
+        runs.append(Run(replace(piece, contact=piece.contact.labelled(feature)), (piece,)))
     return runs

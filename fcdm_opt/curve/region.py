@@ -1,25 +1,28 @@
 """The overlap region of one pair of convex parts: a convex region of the quadrant, and the chains that bound it.
 
-Two paths give the same answer: the walk over the overlay of the Gauss maps (kernels.walk), and, where it meets a tie
-or has nowhere to start, the intersection of all facet half-planes, which knows no topology to get wrong.
+The walk over the Gauss maps (`kernels.walk`) proves each step by signs beyond their error bounds. Where a sign is
+within its bound, where features lie within `planarity` of each other, or where the walk has nowhere to start, the pair
+is settled in rational arithmetic (`exact`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import Contact, contact_between, touching_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
-FAR = 1e9  # scale pairs beyond this, relative to the lines' distances from (0, 0), are at infinity
-PARALLEL = 1e-14  # radians: lines whose directions differ by no more have no corner
+if TYPE_CHECKING:
+    from fcdm_opt.curve.exact import ExactChain, ExactCurve, ExactPiece
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +31,8 @@ class Piece:
 
     Attributes
     ----------
-    feature : Feature
+    contact : Contact
+        What touches along it.
     site : tuple of int
         Facet of the Minkowski difference: kind, index in part 1, index in part 2 (see `kernels`).
     parts : tuple of int
@@ -41,11 +45,15 @@ class Piece:
         A point of the line, and the unit direction along it with the overlap region on the left.
     lo, hi : float
         Range of s.
+    first, last : (2,) arrays or None
+        The scale pairs at lo and hi where they are known better than from s.
+    corner : Contact or None
+        What touches at its end, where the pair's boundary goes on.
     snug : bool
         Overlap on both sides.
     """
 
-    feature: Feature
+    contact: Contact
     site: tuple[int, int, int]
     parts: tuple[int, int]
     normal: Array
@@ -54,7 +62,20 @@ class Piece:
     travel: Array
     lo: float
     hi: float
+    first: Array | None = None
+    last: Array | None = None
+    corner: Contact | None = None
     snug: bool = False
+
+    @property
+    def feature(self) -> Feature:
+        """The bodies' elements that touch along it."""
+        return self.contact.feature
+
+    def cut(self, lo: float, hi: float) -> Piece:
+        """Return a stretch of it."""
+        piece = self if lo == self.lo else replace(self, lo=lo, first=None)
+        return piece if hi == self.hi else replace(piece, hi=hi, last=None, corner=None)
 
     def at(self, s: float) -> Array:
         """Return the scale pair at parameter s."""
@@ -72,6 +93,10 @@ class Piece:
 
     def end_at(self, s: float) -> Array:
         """Return the scale pair at s, which may be infinite."""
+        if s == self.lo and self.first is not None:
+            return self.first
+        if s == self.hi and self.last is not None:
+            return self.last
         if np.isfinite(s):
             return self.at(s)
         return np.array([x if t == 0 else t * s for x, t in zip(self.base, self.travel, strict=True)])
@@ -85,210 +110,219 @@ class Piece:
 class Region:
     """Where one pair of convex parts overlaps, in the open quadrant rho > 0.
 
+    Build it with `pair_region`; pieces and the exact curve are worked out when asked for.
+
     Attributes
     ----------
-    status : "bounded", "empty" or "full"
-    chains : tuple of tuples of Piece
-        The boundary, overlap on the left.
-    path : "walk" or "lines"
-        How it was computed.
+    one, two : ConvexPart
+    transform : (4, 4) array
+        Pose change of body 1.
+    pose : (12,) array
+        R, row by row, and d = s_2 - s_1 (moved).
+    parts : tuple of int
+        Indices of the parts in their bodies, kept in the pieces.
+    path : "float" or "exact"
+        Whether the walk proved the whole boundary, or rational arithmetic settled it.
     """
 
-    status: Literal["bounded", "empty", "full"]
-    chains: tuple[tuple[Piece, ...], ...]
-    path: Literal["walk", "lines"]
+    one: ConvexPart
+    two: ConvexPart
+    transform: Array
+    pose: Array
+    parts: tuple[int, int]
+    path: Literal["float", "exact"]
+    _walked: tuple[Ints, Array, Array, Ints] | None
+
+    @cached_property
+    def exact(self) -> ExactCurve:
+        """The pair's curve in rational arithmetic, with proofs."""
+        from fcdm_opt.curve.exact import exact_curve
+
+        return exact_curve(self.one, self.two, self.transform)
+
+    @property
+    def status(self) -> Literal["bounded", "empty", "full"]:
+        """Whether the region has a boundary, is empty, or is the whole quadrant."""
+        return "bounded" if self._walked else self.exact.status
+
+    @cached_property
+    def lines(self) -> Array:
+        """Contact lines (a, b, c) of the boundary, (k, 3): the region is where a rho_1 + b rho_2 > c for all."""
+        if self._walked:
+            return self._walked[1][:, 3:]
+        return np.array([piece.line for piece in self.exact.pieces]).reshape(-1, 3)
+
+    @cached_property
+    def chains(self) -> tuple[tuple[Piece, ...], ...]:
+        """The boundary, overlap on the left."""
+        return self._from_walk(*self._walked) if self._walked else tuple(map(self._from_exact, self.exact.chains))
 
     @property
     def pieces(self) -> list[Piece]:
         """All pieces, chain by chain."""
         return [piece for chain in self.chains for piece in chain]
 
+    def side(self, rho: Array) -> int:
+        """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap; always right."""
+        lines = self.lines
+        values = lines[:, 2] - lines[:, :2] @ rho
+        scales = np.abs(lines[:, 2]) + np.abs(lines[:, :2]) @ np.abs(rho)
+        if (values > DEFAULT.sign * scales).any():
+            return 1
+        if self.status != "empty" and (values < -DEFAULT.sign * scales).all():
+            return -1
+        return self.exact.side(rho.tolist())
 
-def pair_region(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int, int] = (0, 0)) -> Region:
+    def _from_walk(self, sites: Ints, rows: Array, points: Array, chains: Ints) -> tuple[tuple[Piece, ...], ...]:
+        one, two = self.one, self.two
+        made = []
+        for number, (first, count, forward, endless) in enumerate(chains.tolist()):
+            pieces = []
+            for k in range(count):
+                start, end = points[first + number + k], points[first + number + k + 1]
+                # the corner at the piece's end: after it as walked, or before it
+                before = first + k if forward > 0 else first + k - 1
+                corner = self._corner(sites[before]) if 0 < before - first + 1 < count else None
+                site, row = tuple(sites[first + k, :3].tolist()), rows[first + k]
+                contact = _site_contact(one, two, site)
+                far = endless and k + 1 == count
+                pieces.append(_piece(contact, site, row, self.parts, start, None if far else end, forward, corner))
+            made.append(tuple(pieces if forward > 0 else pieces[::-1]))
+        return tuple(made)
+
+    def _corner(self, site: Ints) -> Contact:
+        kind, edge, vertex = site[3:].tolist()
+        one, two = self.one, self.two
+        if kind == kernels.F1V2:
+            feature = Feature(one.elements["E"][edge], two.elements["V"][vertex])
+            return Contact(feature, tuple(one.edges[edge, :2].tolist()), (vertex,))
+        feature = Feature(one.elements["V"][vertex], two.elements["E"][edge])
+        return Contact(feature, (vertex,), tuple(two.edges[edge, :2].tolist()))
+
+    def _from_exact(self, chain: ExactChain) -> tuple[Piece, ...]:
+        one, two = self.one, self.two
+        rounded = [self._rounded(piece) for piece in chain.pieces]
+        pieces = []
+        for k, (exact, (contact, flush)) in enumerate(zip(chain.pieces, rounded, strict=True)):
+            corner = None
+            if k < len(chain.corners):
+                own = chain.corners[k]
+                corner = contact_between(one, two, self.pose, own.one, own.two)
+                if flush or rounded[(k + 1) % len(rounded)][1]:
+                    corner = self._touching(own.rho) or corner
+            row = np.concatenate([exact.normal, exact.line])
+            site = self._site(exact, contact)
+            if exact.starts_far:
+                piece = _piece(contact, site, row, self.parts, exact.end, None, -1, corner)
+            else:
+                end = None if exact.ends_far else exact.end
+                piece = _piece(contact, site, row, self.parts, exact.start, end, 1, corner)
+            pieces.append(piece)
+        return tuple(pieces)
+
+    def _rounded(self, piece: ExactPiece) -> tuple[Contact, bool]:
+        """Return what touches along an exact piece, and whether `planarity` makes more of it than exact numbers do."""
+        one, two = self.one, self.two
+        strict = contact_between(one, two, self.pose, piece.one, piece.two)
+        for part, direction, tight in (
+            (one, piece.normal @ self.pose[:9].reshape(3, 3), piece.tight_one),
+            (two, -piece.normal, piece.tight_two),
+        ):
+            local = part.vertices - part.seed
+            heights = local @ direction
+            near = heights >= heights.max() - DEFAULT.planarity * np.abs(local).max()
+            if near.sum() > len(tight):
+                # the middle, or a point as far on as (1, 1) where one end is at infinity
+                share = 1.0 if piece.starts_far or piece.ends_far else 0.5
+                return self._touching(share * (piece.start + piece.end)) or strict, True
+        return strict, False
+
+    def _touching(self, rho: Array) -> Contact | None:
+        """Return the contact at a scale pair on the curve, features within `tie` taken as one."""
+        rows = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
+        scales = np.abs(rows[:, 5]) + np.abs(rows[:, 3:5]) @ np.abs(rho)
+        near = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= DEFAULT.tie * scales
+        if not near.any():
+            return None
+        return touching_contact(self.one, self.two, rows[near], self.pose, rho, np.inf)[0]
+
+    def _site(self, piece: ExactPiece, contact: Contact) -> tuple[int, int, int]:
+        """Return a facet of the Minkowski difference that an exact piece lies on, from what its direction supports."""
+        one, two, tight1, tight2 = self.one, self.two, piece.tight_one, piece.tight_two
+        # two corners of a face that is drawn not quite planar may support it along no edge of its outline
+        edges = [_edge(part, tight) if len(tight) == 2 else -1 for part, tight in ((one, tight1), (two, tight2))]
+        if min(edges) >= 0:
+            return kernels.E1E2, edges[0], edges[1]
+        if len(tight1) > 2 or (len(tight1) == 2 and edges[0] < 0):
+            return kernels.F1V2, _face(one, tight1), next((v for v in contact.two if v in tight2), tight2[0])
+        return kernels.V1F2, next((v for v in contact.one if v in tight1), tight1[0]), _face(two, tight2)
+
+
+def pair_region(
+    one: ConvexPart, two: ConvexPart, transform: Array, pose: Array, parts: tuple[int, int] = (0, 0)
+) -> Region:
     """Return the overlap region of a pair of convex parts.
 
     Parameters
     ----------
     one, two : ConvexPart
         Of body 1 and body 2.
+    transform : (4, 4) array
+        Pose change of body 1, world frame.
     pose : (12,) array
-        Rotation of body 1, row by row, then d = s_2 - s_1 (moved).
+        The same as the kernels take it: rotation, row by row, then d = s_2 - s_1 (moved).
     parts : tuple of int
         Indices of the parts in their bodies, kept in the pieces.
     """
-    state, sites, rows, points, chains = kernels.walk(*one.packed, *two.packed, pose, DEFAULT.tie)
-    if state == kernels.UNDECIDED:
-        return _from_lines(one, two, pose, parts)
-    made = []
-    for number, (first, count, forward, endless) in enumerate(chains.tolist()):
-        corners = points[first + number : first + number + count + 1]
-        pieces = [
-            _piece(
-                _walked_feature(one, two, sites[first + k]),
-                sites[first + k],
-                rows[first + k],
-                parts,
-                corners[k],
-                None if endless and k + 1 == count else corners[k + 1],
-                forward,
-            )
-            for k in range(count)
-        ]
-        made.append(tuple(pieces if forward > 0 else pieces[::-1]))
-    return Region("bounded", tuple(made), "walk")
+    state, *walked = kernels.walk(*one.packed, *two.packed, pose, DEFAULT.planarity)
+    if state == kernels.WALKED:
+        return Region(one, two, transform, pose, parts, "float", tuple(walked))
+    return Region(one, two, transform, pose, parts, "exact", None)
 
 
 def _piece(
-    feature: Feature, site: Ints, row: Array, parts: tuple[int, int], start: Array, end: Array | None, forward: int
+    contact: Contact,
+    site: tuple[int, int, int],
+    row: Array,
+    parts: tuple[int, int],
+    start: Array,
+    end: Array | None,
+    forward: int,
+    corner: Contact | None,
 ) -> Piece:
     """Make a piece from its ends in the order walked; an `end` of None is at infinity."""
     gradient = row[3:5]
     steep = np.hypot(*gradient)
     base = row[5] / steep**2 * gradient
     travel = np.array([gradient[1], -gradient[0]]) / steep
-    lo = float((start - base) @ travel)
-    hi = forward * np.inf if end is None else float((end - base) @ travel)
-    kind, i, j = (int(x) for x in site)
-    return Piece(
-        feature,
-        (kind, i, j),
-        parts,
-        frozen(row[:3]),
-        frozen(row[3:]),
-        frozen(base),
-        frozen(travel),
-        *((lo, hi) if forward > 0 else (hi, lo)),
-    )
+    ends: list[tuple[float, Array | None]] = [(float((start - base) @ travel), frozen(start))]
+    ends += [(forward * np.inf, None) if end is None else (float((end - base) @ travel), frozen(end))]
+    (lo, first), (hi, last) = ends[::forward]
+    normal, line = frozen(row[:3]), frozen(row[3:])
+    return Piece(contact, site, parts, normal, line, frozen(base), frozen(travel), lo, hi, first, last, corner)
 
 
-def _walked_feature(one: ConvexPart, two: ConvexPart, site: Ints) -> Feature:
-    kinds = {kernels.F1V2: ("F", "V"), kernels.V1F2: ("V", "F"), kernels.E1E2: ("E", "E")}[int(site[0])]
-    return Feature(one.elements[kinds[0]][site[1]], two.elements[kinds[1]][site[2]])
+def _site_contact(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) -> Contact:
+    kind, i, j = site
+    if kind == kernels.F1V2:
+        return Contact(Feature(one.elements["F"][i], two.elements["V"][j]), one.loops[i], (j,))
+    if kind == kernels.V1F2:
+        return Contact(Feature(one.elements["V"][i], two.elements["F"][j]), (i,), two.loops[j])
+    ends = tuple(one.edges[i, :2].tolist()), tuple(two.edges[j, :2].tolist())
+    return Contact(Feature(one.elements["E"][i], two.elements["E"][j]), *ends)
 
 
-# ------------------------------------------------------------------------------------- the path without topology
+def _face(part: ConvexPart, vertices: Sequence[int]) -> int:
+    """Return the face with most of some vertices."""
+    sides = part.half_edges
+    around = sides[np.isin(sides[:, 0], vertices), 1]
+    return int(np.bincount(around).argmax())
 
 
-def _from_lines(one: ConvexPart, two: ConvexPart, pose: Array, parts: tuple[int, int]) -> Region:
-    """Intersect all facet half-planes a rho_1 + b rho_2 >= c with the quadrant."""
-    sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose, DEFAULT.tie)
-    size = max(np.abs(part.packed[0][: len(part.vertices)]).max() for part in (one, two))
-    steep = np.hypot(rows[:, 3], rows[:, 4])
-    flat = steep <= DEFAULT.tie * size
-    reach = max(size, np.abs(pose[9:]).max())
-    if np.any(rows[flat, 5] >= -DEFAULT.tie * reach):  # 0 > c fails: this direction separates at every scale
-        return Region("empty", (), "lines")
-    sites, rows, steep = sites[~flat], rows[~flat], steep[~flat]
-    lines = np.vstack([rows[:, 3:] / steep[:, None], [[1, 0, 0], [0, 1, 0]]])
-    far = FAR * (1.0 + np.abs(lines[:, 2]).max())
-    outline = _polygon(np.vstack([lines, [[-1, 0, -far], [0, -1, -far]]]))
-    if not outline:
-        return Region("empty", (), "lines")
-    chains: list[list[Piece]] = []
-    last = None
-    for k, start, end in outline:
-        if k >= len(rows):  # an axis or the far end: the chain is interrupted
-            last = None
-            continue
-        if last is None:
-            chains.append([])
-        same = np.abs(lines[: len(rows)] - lines[k]).max(axis=1) <= DEFAULT.tie * max(1.0, np.abs(lines[k]).max())
-        # directions of one line: what touches is what supports all of them
-        feature = support_feature(one, two, _inner(rows[same, :3]), pose)
-        piece = _piece(feature, sites[k], rows[k], parts, start, None if end.max() >= far / 2 else end, 1)
-        chains[-1].append(replace(piece, lo=-np.inf) if start.max() >= far / 2 else piece)
-        last = k
-    if not chains:
-        return Region("full", (), "lines")
-    if len(chains) > 1 and outline[0][0] < len(rows) and outline[-1][0] < len(rows):
-        chains[0] = chains.pop() + chains[0]
-    return Region("bounded", tuple(tuple(chain) for chain in chains), "lines")
-
-
-def _polygon(lines: Array) -> list[tuple[int, Array, Array]]:
-    """Return the convex polygon of all half-planes a x + b y >= c as (line, start, end), counter-clockwise.
-
-    Empty where they have no common interior.
-
-    Lines are normalised and bound a finite polygon. Sorted by direction, each cuts off the corners behind it;
-    neighbours share one corner, so that nothing tears however nearly parallel they are. Of lines of one direction only
-    the most restrictive counts, the first of equals.
-    """
-    angle = np.arctan2(-lines[:, 0], lines[:, 1])
-    order = np.lexsort((np.arange(len(lines)), -lines[:, 2], angle))
-    new = np.concatenate([[True], np.diff(angle[order]) > PARALLEL])
-    groups = np.cumsum(new) - 1
-    tightest = np.full(groups[-1] + 1, -np.inf)
-    np.maximum.at(tightest, groups, lines[order, 2])
-    kept: list[int] = []
-    for group, k in zip(groups, order, strict=True):
-        if lines[k, 2] >= tightest[group] and len(kept) == group:
-            kept.append(int(k))
-
-    def corner(k: int, m: int) -> Array:
-        # a point along line k: however flat the angle, rounding leaves it on both lines
-        (a, b, c), (d, e, f) = lines[k], lines[m]
-        along = (f - c * (a * d + b * e)) / (b * d - a * e)
-        return np.array([c * a + along * b, c * b - along * a])
-
-    def outside(m: int, point: Array) -> bool:
-        slack = DEFAULT.line * (np.abs(lines[m, :2]) @ np.abs(point) + abs(lines[m, 2]))
-        return bool(lines[m, :2] @ point - lines[m, 2] <= slack)
-
-    chain: list[int] = []
-    for m in kept:
-        while len(chain) > 1 and outside(m, corner(chain[-2], chain[-1])):
-            chain.pop()
-        while len(chain) > 1 and outside(m, corner(chain[0], chain[1])):
-            chain.pop(0)
-        if chain and abs(np.sin(angle[m] - angle[chain[-1]])) <= PARALLEL:
-            return []  # opposite lines with nothing between them
-        chain.append(m)
-    while len(chain) > 2 and outside(chain[0], corner(chain[-2], chain[-1])):
-        chain.pop()
-    while len(chain) > 2 and outside(chain[-1], corner(chain[0], chain[1])):
-        chain.pop(0)
-    if len(chain) < 3:
-        return []
-    corners = [corner(chain[k - 1], chain[k]) for k in range(len(chain))]
-    middle = np.mean(corners, axis=0)
-    values = lines[:, :2] @ middle - lines[:, 2]
-    if not (np.isfinite(middle).all() and (values > 0).all()):
-        return []
-    return [(k, corners[n], corners[(n + 1) % len(chain)]) for n, k in enumerate(chain)]
-
-
-def support_feature(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array) -> Feature:
-    """Return the elements with which the parts support each other along a direction from body 1 to body 2."""
-    return Feature(_support_element(one, normal @ pose[:9].reshape(3, 3), 1.0), _support_element(two, normal, -1.0))
-
-
-def touching_feature(
-    one: ConvexPart, two: ConvexPart, rows: Array, pose: Array, rho: Array, slack: float
-) -> tuple[Feature, Array]:
-    """Return how two touching parts touch, and a direction inside the cone of all in which they support each other.
-
-    Parameters
-    ----------
-    one, two : ConvexPart
-    rows : (k, 6) array
-        All facet directions of their Minkowski difference, see `kernels`.
-    pose : (12,) array
-    rho : (2,) array
-        Scale pair at which they touch.
-    slack : float
-        Length within which a direction counts as tight.
-    """
-    tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
-    inner = _inner(rows[tight, :3])
-    return support_feature(one, two, inner, pose), inner
-
-
-def _inner(normals: Array) -> Array:
-    """Return a unit direction between some directions; the first where opposite ones cancel (contact on both sides)."""
-    total = normals.sum(axis=0)
-    length = np.linalg.norm(total)
-    return total / length if length > DEFAULT.nominal else normals[0]
+def _edge(part: ConvexPart, ends: Sequence[int]) -> int:
+    """Return the edge between two vertices, -1 if there is none."""
+    found = np.flatnonzero(np.isin(part.edges[:, :2], ends).all(axis=1))
+    return int(found[0]) if found.size else -1
 
 
 def same_pair(p: Array, q: Array) -> bool:
@@ -298,18 +332,3 @@ def same_pair(p: Array, q: Array) -> bool:
         and np.isfinite(q).all()
         and np.abs(p - q).sum() < DEFAULT.nominal * (np.abs(p).sum() + np.abs(q).sum())
     )
-
-
-def _support_element(part: ConvexPart, n: Array, sign: float) -> Element:
-    """Return the element on which sign * n.x is largest."""
-    local = part.vertices - part.seed
-    heights = sign * (local @ n)
-    top = set(np.flatnonzero(heights >= heights.max() - DEFAULT.tie * np.abs(local).max()).tolist())
-    if len(top) == 1:
-        return part.elements["V"][top.pop()]
-    if len(top) == 2:
-        for k, (origin, end) in enumerate(part.edges[:, :2].tolist()):
-            if top == {origin, end}:
-                return part.elements["E"][k]
-    face = max(range(len(part.loops)), key=lambda f: len(top & set(part.loops[f])))
-    return part.elements["F"][face]

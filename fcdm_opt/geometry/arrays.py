@@ -18,12 +18,15 @@ def numbers(values: Any, key: str) -> Array:
     """Return an array of real numbers; raise `InputError` for anything else, and for magnitudes whose cube is lost."""
     try:
         raw = np.asarray(values)
-        if np.iscomplexobj(raw):
-            raise TypeError
-        array = np.array(raw, dtype=np.float64)
+        if raw.dtype.kind not in "biufO" or any(isinstance(x, str | bytes) for x in raw.flat if raw.dtype.kind == "O"):
+            raise TypeError  # text, complex numbers, dates
+        with np.errstate(over="ignore"):  # wider floats become infinite
+            array = np.array(raw, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as reason:
         raise InputError("expected a rectangular array of numbers", key=key, found=values) from reason
-    largest = np.abs(array[np.isfinite(array)]).max(initial=0.0)
+    largest = max(-array.min(initial=0.0), array.max(initial=0.0))
+    if not largest <= LARGEST:  # nan and infinities are looked for by those who know what they stand for
+        largest = np.abs(array[np.isfinite(array)]).max(initial=0.0)
     if largest > LARGEST:
         raise InputError("a number too large to calculate with", key=key, found=float(largest), allowed=f"{LARGEST:g}")
     return array

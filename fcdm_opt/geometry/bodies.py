@@ -6,10 +6,10 @@ A part is the convex hull of its float vertices; a *face* is a maximal group of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import combinations, islice
 from typing import Any, Literal
 
 import numpy as np
@@ -18,15 +18,28 @@ from numpy.typing import ArrayLike
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.elements import Element, own_elements
-from fcdm_opt.geometry.hull import Hull, convex_hull, unit_normal
+from fcdm_opt.geometry.hull import SMALLEST, convex_hull, unit_normals
+from fcdm_opt.geometry.packing import packed
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
+MOST_PRODUCTS = 1_000_000  # of normals and corners worked out at a time
+
+
+class _Sealed:
+    """Arrays stay read-only through pickle and copy, which make them writable."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for value in state.values():
+            for array in value if isinstance(value, tuple) else (value,):
+                if isinstance(array, np.ndarray):
+                    array.flags.writeable = False
+        self.__dict__.update(state)
 
 
 @dataclass(frozen=True, eq=False)
-class ConvexPart:
+class ConvexPart(_Sealed):
     """One convex part of a body: the hull of `vertices`, with its faces, edges and half-edges.
 
     Attributes
@@ -39,68 +52,57 @@ class ConvexPart:
         Vertex indices of each face, counter-clockwise seen from outside.
     edges : (m, 4) int array
         `origin, end, left face, right face`: the left face's loop runs from origin to end.
-    elements : dict
-        "V", "E", "F" -> the body's own element that each vertex, edge, face belongs to. An edge or vertex that a
-        cut between parts makes on a true face carries that face.
+    elements : mapping
+        "V", "E", "F" -> the body's own element that each vertex, edge, face belongs to, read-only. An edge or vertex
+        that a cut between parts makes on a true face carries that face.
     """
 
     vertices: Array
     seed: Array
     loops: tuple[tuple[int, ...], ...]
     edges: Ints
-    elements: dict[str, tuple[Element, ...]] = field(repr=False)
+    elements: Mapping[str, Sequence[Element]] = field(repr=False)
 
     @cached_property
     def normals(self) -> Array:
         """Outward unit normals of the faces, (f, 3)."""
-        return frozen([unit_normal(self.vertices[list(loop)]) for loop in self.loops])
+        normals = np.empty((len(self.loops), 3))
+        sizes = np.array([len(loop) for loop in self.loops])
+        for size in np.unique(sizes):
+            same = np.flatnonzero(sizes == size)
+            normals[same] = unit_normals(self.vertices[np.array([self.loops[k] for k in same])])
+        return frozen(normals)
 
     @cached_property
     def half_edges(self) -> Ints:
         """Half-edges, (2m, 4): `origin, face, twin, next`; half-edge 2k runs along edge k, 2k + 1 against it."""
-        count = len(self.edges)
-        table = np.empty((2 * count, 4), dtype=np.int64)
-        table[0::2, 0], table[1::2, 0] = self.edges[:, 0], self.edges[:, 1]
-        table[0::2, 1], table[1::2, 1] = self.edges[:, 2], self.edges[:, 3]
-        table[:, 2] = np.arange(2 * count) ^ 1
-        leaving = {(int(row[0]), int(row[1])): k for k, row in enumerate(table)}
-        for k in range(2 * count):
-            table[k, 3] = leaving[int(table[k ^ 1, 0]), int(table[k, 1])]
+        count = 2 * len(self.edges)
+        table = np.empty((count, 4), dtype=np.int64)
+        table[0::2, :2], table[1::2, :2] = self.edges[:, [0, 2]], self.edges[:, [1, 3]]
+        table[:, 2] = np.arange(count) ^ 1
+        # the next side of a face leaves the vertex that this one reaches
+        leaves = table[:, 1] * len(self.vertices) + table[:, 0]
+        reaches = table[:, 1] * len(self.vertices) + table[table[:, 2], 0]
+        order = np.argsort(leaves)
+        table[:, 3] = order[np.searchsorted(leaves[order], reaches)]
         return frozen(table, np.int64)
 
     @cached_property
     def packed(self) -> tuple[Array, Ints]:
-        """Arrays that the kernels take.
-
-        Reals, (n + f, 3): vertices relative to the seed, then face normals. Ints, 1-D: n, f, m, then the offsets of
-        four tables: edges (m x 4), edges around each vertex (pointers, entries), edges around each face (pointers,
-        entries, in loop order).
-        """
-        n, f, m = len(self.vertices), len(self.loops), len(self.edges)
-        around_vertex: list[list[int]] = [[] for _ in range(n)]
-        edge_of = {}
-        for k, (origin, end, _, _) in enumerate(self.edges.tolist()):
-            around_vertex[origin].append(k)
-            around_vertex[end].append(k)
-            edge_of[origin, end] = edge_of[end, origin] = k
-        around_face = [[edge_of[a, b] for a, b in zip(loop, loop[1:] + loop[:1], strict=True)] for loop in self.loops]
-        tables = [self.edges.ravel().tolist()]
-        for lists in (around_vertex, around_face):
-            tables.append(np.concatenate([[0], np.cumsum([len(entries) for entries in lists])]).tolist())
-            tables.append([k for entries in lists for k in entries])
-        header = 8
-        offsets = header + np.concatenate([[0], np.cumsum([len(table) for table in tables])])
-        ints = [n, f, m, *offsets[:5].tolist(), *(k for table in tables for k in table)]
-        return frozen(np.vstack([self.vertices - self.seed, self.normals])), frozen(ints, np.int64)
+        """Arrays that the kernels take, see `packing`."""
+        return packed(self)
 
     @cached_property
     def volume_and_centroid(self) -> tuple[float, Array]:
         """Volume and centroid, by signed tetrahedra about the mean vertex."""
-        centre = self.vertices.mean(axis=0)
+        fans, centre = _fans(self.loops), self.vertices.mean(axis=0)
         local = self.vertices - centre
-        triangles = local[[(loop[0], a, b) for loop in self.loops for a, b in pairwise(loop[1:])]]
-        volumes = np.linalg.det(triangles) / 6.0
-        return float(volumes.sum()), centre + volumes @ triangles.sum(axis=1) / 4.0 / volumes.sum()
+        volume, middle, rounding = _moments(local[fans])
+        if rounding > DEFAULT.nominal * volume:  # thin: with its principal axes made equally long it is not
+            _, stretch, axes = np.linalg.svd(local, full_matrices=False)
+            volume, middle, _ = _moments((local @ (axes.T / stretch))[fans])
+            volume, middle = abs(volume) * float(stretch.prod()), middle @ (stretch[:, None] * axes)
+        return volume, centre + middle
 
     def placed(self, vertices: Array, seed: Array) -> ConvexPart:
         """Return the part with other coordinates but the same combinatorics."""
@@ -108,7 +110,7 @@ class ConvexPart:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(_Sealed):
     """A solid made of convex parts, scaled as a whole about one seed: X -> s + rho (X - s).
 
     Build one with `Body.convex` or `Body.from_parts`; bodies never change.
@@ -153,7 +155,7 @@ class Body:
             For anything that is not a finite solid; names the body and the offending row.
         """
         points = _points(vertices, f"body '{name}'")
-        return cls.from_parts(points, parts=[range(len(points))], seed=seed, name=name)
+        return cls._made(points, [np.arange(len(points))], None, seed, name)
 
     @classmethod
     def from_parts(
@@ -175,9 +177,9 @@ class Body:
         parts : index lists, optional
             0-based rows of `vertices` of each part. Parts may overlap.
         faces : index lists, optional
-            0-based rows of each true face of the body, corners in order. Without it, faces of the parts in one plane
-            that share
-            vertices are one face, and faces that two parts turn to each other are seams.
+            0-based rows of each true face of the body, corners in order; points on the face that are no corners may be
+            among them. Without it, faces of the parts in one plane that share vertices are one face, and faces that
+            two parts turn to each other are seams.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`; it may lie outside a part. "centroid" needs parts that do not overlap.
         name : str
@@ -186,35 +188,35 @@ class Body:
         Raises
         ------
         InputError
-            Names the body, the part and the row.
+            Names the body, the part or face, and the vertex or entry; for faces too that are none of the body's.
         """
         if parts is None:
             groups = [_points(group, f"body '{name}': part {k + 1}") for k, group in enumerate(_groups(vertices, name))]
             points, rows = _numbered(groups)
         else:
             points = _points(vertices, f"body '{name}'")
-            rows = [_rows(part, len(points), f"body '{name}': part {k + 1}") for k, part in enumerate(parts)]
+            rows = _row_lists(parts, len(points), name, "part")
+        given = None if faces is None else _row_lists(faces, len(points), name, "face")
+        for k, face in enumerate(given or ()):
+            if len(face) < 3:
+                raise InputError("a face needs at least 3 corners", key=f"body '{name}': face {k + 1}", found=len(face))
+        return cls._made(points, [np.array(part, np.int64) for part in rows], given, seed, name)
+
+    @classmethod
+    def _made(cls, points: Array, rows: list[Ints], given: list[list[int]] | None, seed: Any, name: str) -> Body:
         if not rows:
             raise InputError("a body needs at least one part", key=f"body '{name}'")
         keys = [f"body '{name}'" + (f": part {k + 1}" if len(rows) > 1 else "") for k in range(len(rows))]
         hulls = [convex_hull(points[part], part, key) for part, key in zip(rows, keys, strict=True)]
-        given = None
-        if faces is not None:
-            if not isinstance(faces, Iterable):
-                raise InputError("expected lists of rows", key=f"body '{name}': faces", found=faces)
-            given = [_rows(face, len(points), f"body '{name}': face {k + 1}") for k, face in enumerate(faces)]
-            for k, face in enumerate(given):
-                if len(face) < 3:
-                    key = f"body '{name}': face {k + 1}"
-                    raise InputError("a face needs at least 3 corners", key=key, found=len(face))
-        true_faces, elements = own_elements(points, hulls, given)
-        origin = _seed(seed, points, hulls, name)
-        made = tuple(
-            ConvexPart(frozen(points[used]), origin, tuple(loops), frozen(edges, np.int64), named)
-            for (used, loops, edges), named in zip(hulls, elements, strict=True)
-        )
-        outlines = true_faces if given is None else tuple(tuple(row + 1 for row in face) for face in given)
-        return cls(name, frozen(points), origin, made, true_faces, outlines)
+        faces, elements = own_elements(points, hulls, given, name)
+        unseeded = [
+            ConvexPart(frozen(points[hull.used]), frozen(points[0]), hull.loops, frozen(hull.edges, np.int64), named)
+            for hull, named in zip(hulls, elements, strict=True)
+        ]
+        origin = _seed(seed, points, unseeded, name)
+        parts = tuple(replace(part, seed=origin) for part in unseeded)
+        outlines = faces if given is None else tuple(tuple(row + 1 for row in face) for face in given)
+        return cls(name, frozen(points), origin, parts, faces, outlines)
 
     @cached_property
     def size(self) -> float:
@@ -228,9 +230,11 @@ class Body:
 
     def scaled(self, rho: float) -> Body:
         """Return the body scaled by `rho` > 0 about its seed."""
-        if not isinstance(rho, int | float | np.number) or not (np.isfinite(rho) and rho > 0):
-            raise InputError("a scale is a positive number", key=f"body '{self.name}': scale", found=rho)
-        return self._mapped(lambda x: self.seed + rho * (x - self.seed))
+        key = f"body '{self.name}': scale"
+        factor = numbers(rho, key)
+        if factor.shape != () or not (np.isfinite(factor) and self.size * factor > SMALLEST):
+            raise InputError("a scale is a positive number", key=key, found=rho)
+        return self._mapped(lambda x: self.seed + factor * (x - self.seed))
 
     def moved(self, transform: ArrayLike) -> Body:
         """Return the body moved with its seed by a rigid 4x4 `transform`."""
@@ -273,7 +277,13 @@ def _groups(vertices: Any, name: str) -> list[Any]:
 
 
 def _points(vertices: Any, key: str) -> Array:
-    points = numbers(vertices, key)
+    try:
+        points = numbers(vertices, key)
+    except InputError:
+        for k, row in enumerate(vertices if isinstance(vertices, list | tuple | np.ndarray) else ()):
+            if numbers(row, f"{key}: vertex {k + 1}").shape != (3,):
+                raise InputError("a vertex is three numbers", key=f"{key}: vertex {k + 1}", found=row) from None
+        raise
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")
     if len(points) < 4:
@@ -284,17 +294,27 @@ def _points(vertices: Any, key: str) -> Array:
     return points
 
 
+def _row_lists(lists: Any, count: int, name: str, noun: str) -> list[list[int]]:
+    """Return checked lists of rows, `noun` "part" or "face"."""
+    try:
+        return [_rows(own, count, f"body '{name}': {noun} {k + 1}") for k, own in enumerate(lists)]
+    except TypeError as reason:
+        raise InputError("expected lists of rows", key=f"body '{name}': {noun}s", found=lists) from reason
+
+
 def _rows(indices: Iterable[int], count: int, key: str) -> list[int]:
     try:
-        rows = list(indices)
+        rows = list(islice(indices, count + 1))  # rows are distinct: longer lists repeat one
     except TypeError as reason:
         raise InputError("expected a list of rows", key=key, found=indices) from reason
-    for row in rows:
-        if isinstance(row, bool) or not isinstance(row, int | np.integer) or not 0 <= row < count:
-            raise InputError("not a row of the vertices", key=key, found=row, allowed=f"0 to {count - 1}")
-    if len(set(rows)) != len(rows):
-        raise InputError("a row appears twice", key=key, found=rows)
-    return [int(row) for row in rows]
+    place: dict[int, int] = {}
+    for k, row in enumerate(rows):
+        if isinstance(row, bool | np.bool) or not isinstance(row, int | np.integer) or not 0 <= row < count:
+            what = f"entry {k + 1} is not a row of the vertices"
+            raise InputError(what, key=key, found=row, allowed=f"0 to {count - 1}")
+        if place.setdefault(int(row), k) != k:
+            raise InputError(f"a row appears twice, as entries {place[int(row)] + 1} and {k + 1}", key=key, found=row)
+    return list(place)
 
 
 def _numbered(groups: list[Array]) -> tuple[Array, list[list[int]]]:
@@ -307,7 +327,7 @@ def _numbered(groups: list[Array]) -> tuple[Array, list[list[int]]]:
     return np.array(list(number)), rows
 
 
-def _seed(seed: Any, points: Array, hulls: list[Hull], name: str) -> Array:
+def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:
     key = f"body '{name}': seed"
     if not isinstance(seed, str):
         point = numbers(seed, key)
@@ -319,15 +339,28 @@ def _seed(seed: Any, points: Array, hulls: list[Hull], name: str) -> Array:
     if seed == "box":
         return frozen((points.min(axis=0) + points.max(axis=0)) / 2)
     if seed == "centroid":
-        made = [
-            ConvexPart(frozen(points[used]), frozen(points[0]), tuple(loops), frozen(edges, np.int64), {})
-            for used, loops, edges in hulls
-        ]
-        if _parts_overlap(made):
+        if _parts_overlap(parts):
             raise InputError("the centroid of overlapping parts is not defined by them; give the seed", key=key)
-        volumes, centroids = zip(*(part.volume_and_centroid for part in made), strict=True)
+        volumes, centroids = zip(*(part.volume_and_centroid for part in parts), strict=True)
         return frozen(np.average(centroids, axis=0, weights=volumes))
     raise InputError("unknown seed rule", key=key, found=seed, allowed=", ".join(SEED_RULES) + " or a point")
+
+
+def _fans(loops: tuple[tuple[int, ...], ...]) -> Ints:
+    """Return the triangles of all faces, fanned from their first vertices, (t, 3)."""
+    if all(len(loop) == 3 for loop in loops):
+        return np.array(loops)
+    return np.array([(loop[0], *loop[k : k + 2]) for loop in loops for k in range(1, len(loop) - 1)])
+
+
+def _moments(triangles: Array) -> tuple[float, Array, float]:
+    """Return volume, centroid and the volume's rounding, by signed tetrahedra of triangles (t, 3, 3) and the origin."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    volumes = (a * np.cross(b, c)).sum(axis=1) / 6.0
+    volume = float(volumes.sum())
+    products = np.sqrt((triangles**2).sum(axis=2)).prod(axis=1).sum()
+    middle = volumes @ triangles.sum(axis=1) / 4.0 / volume if volume else np.zeros(3)
+    return volume, middle, float(np.finfo(float).eps * products)
 
 
 def _parts_overlap(parts: list[ConvexPart]) -> bool:
@@ -336,13 +369,26 @@ def _parts_overlap(parts: list[ConvexPart]) -> bool:
         return False
     from scipy.optimize import linprog
 
-    for one, two in combinations(parts, 2):
+    levels = [(part.normals * part.vertices[[loop[0] for loop in part.loops]]).sum(axis=1) for part in parts]
+    for i, j in combinations(range(len(parts)), 2):
+        one, two = parts[i], parts[j]
+        slack = DEFAULT.partition * np.ptp(np.vstack([one.vertices, two.vertices]), axis=0).max()
+        if _separates(one, levels[i], two, slack) or _separates(two, levels[j], one, slack):
+            continue
         normals = np.vstack([one.normals, two.normals])
-        levels = np.concatenate([(part.vertices @ part.normals.T).max(axis=0) for part in (one, two)])
-        size = np.ptp(np.vstack([one.vertices, two.vertices]), axis=0).max()
         answer = linprog(
-            [0, 0, 0, -1], np.column_stack([normals, np.ones(len(normals))]), levels, bounds=[(None, None)] * 4
+            [0, 0, 0, -1],
+            np.column_stack([normals, np.ones(len(normals))]),
+            np.concatenate([levels[i], levels[j]]),
+            bounds=[(None, None)] * 4,
         )
-        if answer.status == 0 and -answer.fun > DEFAULT.partition * size:
+        if answer.status == 0 and -answer.fun > slack:
             return True
     return False
+
+
+def _separates(one: ConvexPart, levels: Array, two: ConvexPart, slack: float) -> bool:
+    """Tell whether all of part two lies outside a face of part one, as it does at a seam."""
+    step = max(1, MOST_PRODUCTS // len(two.vertices))
+    blocks = (slice(k, k + step) for k in range(0, len(levels), step))
+    return any(((one.normals[at] @ two.vertices.T).min(axis=1) >= levels[at] - slack).any() for at in blocks)

@@ -1,8 +1,12 @@
-"""The hull of one convex part: face loops and edges, coplanar facets merged."""
+"""The hull of one convex part: face loops and edges, coplanar facets merged.
+
+Qhull gives triangles. A corner within `Tolerances.planarity` of the hull of the others is dropped and the hull made
+again; then triangles that lie in one plane are joined, and the outlines of the groups are the faces.
+"""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,124 +22,406 @@ class Hull(NamedTuple):
 
     Attributes
     ----------
-    used : list of int
-        Rows of the body's vertices that are extreme; indices below count these.
-    loops : list of tuples of int
-        Vertices of each face, counter-clockwise seen from outside.
-    edges : list of tuples of int
+    used : (n,) int array
+        Rows of the body's vertices that are extreme, in the order given; indices below count these.
+    loops : tuple of tuples of int
+        Vertices of each face, counter-clockwise seen from outside, the first given first.
+    edges : (m, 4) int array
         `origin, end, left face, right face` of each edge.
     """
 
-    used: list[int]
-    loops: list[tuple[int, ...]]
-    edges: list[tuple[int, int, int, int]]
+    used: Ints
+    loops: tuple[tuple[int, ...], ...]
+    edges: Ints
+
+
+class _Sides(NamedTuple):
+    """Directed sides of polygons, and the two sides of each edge as their rows, the one that runs upwards first."""
+
+    origin: Ints
+    end: Ints
+    pairs: Ints
+
+
+def unit_normals(polygons: Array) -> Array:
+    """Return unit normals of (nearly) planar polygons, (..., n, 3), by Newell's sum about their first vertices."""
+    spokes = polygons[..., 1:, :] - polygons[..., :1, :]
+    total = np.cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
+    normals: Array = total / np.linalg.norm(total, axis=-1, keepdims=True)
+    return normals
 
 
 def unit_normal(polygon: Array) -> Array:
-    """Return the unit normal of a (nearly) planar polygon, by Newell's sum about its first vertex."""
-    spokes = polygon[1:] - polygon[0]
-    total = np.cross(spokes[:-1], spokes[1:]).sum(axis=0)
-    return total / np.linalg.norm(total)
+    """Return the unit normal of one polygon, (n, 3)."""
+    return unit_normals(polygon)
 
 
-def convex_hull(points: Array, rows: list[int], key: str) -> Hull:
+def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     """Return the hull of points, coplanar facets merged.
 
     Parameters
     ----------
     points : (n, 3) array
-    rows : list of int
+    rows : (n,) int array
         Their rows among the body's vertices.
     key : str
         Names body and part in errors.
-    """
-    from scipy.spatial import ConvexHull, QhullError
 
+    Raises
+    ------
+    InputError
+        For points that do not span a volume; names the vertices that show it.
+    """
     if len(points) < 4:
         raise InputError("a convex part needs at least 4 vertices", key=key, found=len(points))
-    centred = points - points.mean(axis=0)
+    centred = points - points[0]  # exact far from the origin, where a mean is not
+    centred -= centred.mean(axis=0)
     size = np.abs(centred).max()
     if size <= SMALLEST:
-        raise InputError("all points coincide", key=key, found=points[0].tolist())
-    _, stretch, axes = np.linalg.svd(centred / size, full_matrices=False)
+        raise _flat(points, rows, key, "no extent")
+    local = centred / size
+    _, stretch, axes = np.linalg.svd(local, full_matrices=False)
     if stretch[2] <= DEFAULT.flatness * stretch[0]:
-        raise InputError("the points lie in one plane", key=key, found=f"thickness ratio {stretch[2] / stretch[0]:.2g}")
-    axes[2] *= np.sign(np.linalg.det(axes))  # no mirror: it would turn the facets inside out
-    try:  # hulls are affinely invariant: equal extents keep Qhull from calling thin parts flat
-        hull = ConvexHull(centred / size @ (axes.T / stretch), qhull_options="Qt")
-    except QhullError as reason:
+        raise _flat(points, rows, key, f"thickness ratio {stretch[2] / stretch[0]:.2g}")
+    # hulls are affinely invariant: equal extents keep Qhull from calling thin parts flat
+    frame = axes.T * (stretch[0] / stretch)
+    triangles, normals = _triangulated(local, np.arange(len(points)), frame, key)
+    if np.bincount(triangles.ravel(), minlength=len(points)).min() == 0:
+        triangles = _first_equals(points)[triangles]
+    while (dropped := _needless(local, triangles, normals)).size:
+        kept = np.setdiff1d(triangles, dropped)
+        triangles, normals = _triangulated(local, kept, frame, key)
+    corners, sizes = _faces(local, triangles, key)
+    used = np.flatnonzero(np.bincount(corners))
+    place = np.zeros(len(points), np.int64)
+    place[used] = np.arange(len(used))
+    corners = place[corners]
+    return Hull(rows[used], _tuples(corners, sizes), _edges(corners, sizes, key))
+
+
+def _flat(points: Array, rows: Ints, key: str, found: str) -> InputError:
+    """Say why points span no volume: too few are distinct, or the line or plane that they lie in."""
+    owners = _first_equals(points)
+    distinct, names = np.unique(owners), rows + 1
+    again = np.flatnonzero(owners != np.arange(len(points)))
+    if len(distinct) < 4 and again.size:
+        count = f"only {len(distinct)} distinct points are left" if len(distinct) > 1 else "all points coincide"
+        what = f"{count}: vertex {names[again[0]]} repeats vertex {names[owners[again[0]]]}"
+        return InputError(what, key=key, found=points[again[0]].tolist(), allowed="4 or more points not in one plane")
+    spokes = points - points[0]
+    lengths = np.linalg.norm(spokes, axis=1)
+    if lengths.max() <= SMALLEST:
+        return InputError("all points coincide up to rounding", key=key, found=found)
+    second = int(lengths.argmax())
+    along = spokes[second] / lengths[second]
+    off = np.linalg.norm(spokes - (spokes @ along)[:, None] * along, axis=1)
+    third = int(off.argmax())
+    if off[third] <= DEFAULT.flatness * lengths[second]:
+        what = f"the points lie on one line, through vertices {names[0]} and {names[second]}"
+    else:
+        one, two = sorted((second, third))
+        what = f"the points lie in one plane, through vertices {names[0]}, {names[one]} and {names[two]}"
+    return InputError(what, key=key, found=found)
+
+
+def _first_equals(points: Array) -> Ints:
+    """Return for each point the first one equal to it."""
+    order = np.lexsort(points.T)
+    ranked = points[order]
+    new = np.concatenate([[True], (ranked[1:] != ranked[:-1]).any(axis=1)])
+    owners = np.empty(len(points), np.int64)
+    owners[order] = order[new][np.cumsum(new) - 1]
+    return owners
+
+
+def _cross(u: Array, v: Array) -> Array:
+    """Return cross products of rows; quicker than numpy's on few rows."""
+    one, two = [1, 2, 0], [2, 0, 1]
+    return u[:, one] * v[:, two] - u[:, two] * v[:, one]
+
+
+def _units(vectors: Array) -> Array:
+    """Return rows at unit length; zero stays zero."""
+    units: Array = vectors / np.maximum(np.sqrt((vectors**2).sum(axis=1)), SMALLEST)[:, None]
+    return units
+
+
+def _triangulated(local: Array, kept: Ints, frame: Array, key: str) -> tuple[Ints, Array]:
+    """Return Qhull's triangles, counter-clockwise seen from outside, and the outward unit normals of their facets."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(local[kept] @ frame, qhull_options="Qt")
+    except (QhullError, ValueError) as reason:
+        apart = kept[_apart(local[kept])]
+        if 4 <= len(apart) < len(kept):
+            return _triangulated(local, apart, frame, key)
         raise InputError(f"no convex hull: {str(reason).splitlines()[0]}", key=key) from reason
-    triangles = [
-        tuple(row if normal @ np.cross(*(hull.points[row[1:]] - hull.points[row[0]])) > 0 else row[::-1])
-        for row, normal in zip(hull.simplices, hull.equations[:, :3], strict=True)
-    ]
-    loops = _merged_faces(centred / size, triangles, hull.neighbors)
-    edges = _edges(loops)
-    if edges is None:  # merging met a borderline case: the triangles of the hull are always consistent
-        loops = [tuple(int(v) for v in triangle) for triangle in triangles]
-        edges = _edges(loops)
-        if edges is None:
+    normals = _units(hull.equations[:, :3] @ frame.T)
+    triangles = kept[hull.simplices]
+    a, b, c = local[triangles.T]
+    turned = (_cross(b - a, c - a) * normals).sum(axis=1) < 0
+    triangles[turned] = triangles[turned, ::-1]
+    return triangles, normals
+
+
+def _apart(points: Array) -> Ints:
+    """Return points further than about `planarity` from each other, of clusters the first: Qhull may fail on them."""
+    from scipy.spatial import cKDTree
+
+    first = np.unique(np.round(2 * points / DEFAULT.planarity), axis=0, return_index=True)[1]
+    first.sort()
+    dropped = np.zeros(len(first), bool)
+    for one, two in sorted(cKDTree(points[first]).query_pairs(DEFAULT.planarity)):
+        dropped[two] |= not dropped[one]
+    return first[~dropped]
+
+
+# ------------------------------------------------------------------------------------------------ corners that are none
+
+
+def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:
+    """Return corners within `planarity` of the hull of the others, no two of them neighbours; late ones first."""
+    count = len(local)
+    origin, end = triangles.T.ravel(), triangles[:, [1, 2, 0]].T.ravel()
+    sums = _units(np.column_stack([np.bincount(origin, np.tile(n, 3), count) for n in normals.T]))
+    # one plane across the mean normal proves nearly every corner: of all other points a neighbour is the highest
+    steps = local[origin] - local[end]
+    margin = np.full(count, np.inf)
+    np.minimum.at(margin, origin, (sums[origin] * steps).sum(axis=1))
+    np.minimum.at(margin, end, -(sums[end] * steps).sum(axis=1))
+    doubtful = np.flatnonzero(margin <= DEFAULT.planarity)
+    if not doubtful.size:
+        return doubtful
+    both = np.concatenate([np.column_stack([origin, end]), np.column_stack([end, origin])])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    first = np.searchsorted(both[:, 0], np.arange(count + 1))
+    dropped = np.zeros(count, bool)
+    for vertex in doubtful[::-1]:
+        around = np.unique(both[first[vertex] : first[vertex + 1], 1])
+        if not dropped[around].any() and _near_hull(local[around] - local[vertex]):
+            dropped[vertex] = True
+    return np.flatnonzero(dropped)
+
+
+def _near_hull(points: Array) -> bool:
+    """Tell whether the origin lies within `planarity` of the hull of points.
+
+    Wolfe's least-norm point, left as soon as a point of the hull is near enough or a plane keeps the hull away.
+    """
+    first = int((points**2).sum(axis=1).argmin())
+    chosen, weights, nearest = [first], np.ones(1), points[first]
+    tried = np.arange(len(points)) == first
+    for _ in range(4 * len(points)):
+        if np.linalg.norm(weights @ points[chosen]) <= DEFAULT.planarity:
+            return True
+        length = max(np.sqrt(nearest @ nearest), SMALLEST)
+        heights = points @ nearest / length
+        lowest = int(np.where(tried, np.inf, heights).argmin())
+        if heights.min() > DEFAULT.planarity or tried[lowest] or heights[lowest] >= length:
+            return False
+        members, *place = _least_norm(points, [*chosen, lowest], np.append(weights, 0.0))
+        tried[lowest] = True
+        if lowest in members:  # else rounding chose a point that is no help
+            chosen, (weights, nearest) = members, place
+            tried[:] = False
+            tried[chosen] = True
+    return False
+
+
+def _least_norm(points: Array, chosen: list[int], weights: Array) -> tuple[list[int], Array, Array]:
+    """Return the members, weights and place of the least-norm point of a corral's hull, from weights in it."""
+    while True:
+        corral = points[chosen]
+        spans = (corral[1:] - corral[0]).T
+        tail = np.linalg.lstsq(spans, -corral[0])[0]
+        aim = np.concatenate([[1 - tail.sum()], tail])
+        if aim.min() > 0:
+            break
+        step = np.where(aim <= 0, weights / np.maximum(weights - aim, SMALLEST), np.inf)
+        weights = weights + step.min() * (aim - weights)
+        gone = int(step.argmin())
+        chosen, weights = [*chosen[:gone], *chosen[gone + 1 :]], np.delete(weights, gone)
+    nearest, basis = corral[0], np.linalg.qr(spans)[0]
+    for _ in range(2):  # again: what rounding left along the corral would tilt a short vector
+        nearest = nearest - basis @ (basis.T @ nearest)
+    return chosen, aim, nearest
+
+
+# ---------------------------------------------------------------------------------------------------------------- faces
+
+
+def _sides(corners: Ints, sizes: Ints, key: str) -> _Sides:
+    """Return the sides of polygons, corners one after another; raise unless they close to a surface."""
+    after = np.arange(1, len(corners) + 1)
+    last = np.cumsum(sizes) - 1
+    after[last] = last - sizes + 1
+    origin, end = corners, corners[after]
+    low, high = np.minimum(origin, end), np.maximum(origin, end)
+    name = low * (corners.max() + 1) + high
+    order = np.argsort(2 * name + (origin > end))
+    pairs = order.reshape(-1, 2) if len(order) % 2 == 0 else np.empty((0, 2), np.int64)
+    up, down = pairs.T
+    closed = (
+        len(pairs)
+        and (name[up] == name[down]).all()
+        and (origin[up] == end[down]).all()
+        and (np.diff(name[up]) > 0).all()
+    )
+    if not closed:
+        raise InputError("the hull of the points is not a closed surface", key=key)
+    return _Sides(origin, end, pairs)
+
+
+def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
+    """Join triangles in one plane; return the faces' corners one after another, and how many each has.
+
+    The face of the largest triangle comes first.
+    """
+    sides = _sides(triangles.ravel(), np.full(len(triangles), 3), key)
+    areas = _areas(local[triangles])
+    sizes = np.sqrt((areas**2).sum(axis=1))
+    order = np.argsort(-sizes, kind="stable")
+    flat = sides.pairs[_is_flat(local, triangles, sides)] // 3
+    if not flat.size:
+        turn = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
+        return np.take_along_axis(triangles, turn, axis=1)[order].ravel(), np.full(len(triangles), 3)
+    group = _joined(len(triangles), flat)
+    rank = np.empty(len(triangles), np.int64)
+    rank[order] = np.arange(len(order))
+    for wrong in _bent(local[triangles], areas, group):
+        _flood(local[triangles], areas / sizes[:, None], group, np.flatnonzero(group == wrong), flat, rank)
+    while True:
+        lead = np.full(len(triangles), len(triangles))
+        np.minimum.at(lead, group, rank)
+        _, face = np.unique(lead[group], return_inverse=True)
+        corners, counts, wrong = _outlines(local, sides, face, areas)
+        if not wrong.any():
+            return corners, counts
+        split = wrong[face]
+        if (np.bincount(face)[wrong] == 1).all():
             raise InputError("the hull of the points is not a closed surface", key=key)
-    used = sorted({vertex for loop in loops for vertex in loop})
-    place = {vertex: k for k, vertex in enumerate(used)}
-    loops = [tuple(place[vertex] for vertex in loop) for loop in loops]
-    edges = [(place[a], place[b], left, right) for a, b, left, right in edges]
-    return Hull([rows[vertex] for vertex in used], loops, edges)
+        group[split] = np.flatnonzero(split)
 
 
-def _merged_faces(points: Array, triangles: list[tuple[Any, ...]], neighbours: Ints) -> list[tuple[int, ...]]:
-    """Group triangles coplanar within `planarity`, largest first, and return each group's outline."""
-    corners = points[np.array(triangles)]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(areas, axis=1)
-    group = np.full(len(triangles), -1)
-    loops = []
-    for start in np.argsort(-sizes, kind="stable"):
-        if group[start] >= 0:
+def _areas(corners: Array) -> Array:
+    """Return twice the area vectors of triangles, (t, 3, 3).
+
+    From the longest side and the height on it, so that even a sliver's lies across its length.
+    """
+    sides = np.roll(corners, -1, axis=1) - corners
+    lengths = (sides**2).sum(axis=2)
+    longest, rows = lengths.argmax(axis=1), np.arange(len(corners))
+    side, other = sides[rows, longest], sides[rows, longest - 2]
+    across: Array = other - ((other * side).sum(axis=1) / lengths[rows, longest])[:, None] * side
+    return _cross(side, across)
+
+
+def _is_flat(local: Array, triangles: Ints, sides: _Sides) -> Array:
+    """Tell for each edge whether its two triangles lie within `planarity` of the plane of one of them.
+
+    In the section across the edge, where rounding is of the order of the lengths however slim the triangles are.
+    """
+    up, down = sides.pairs.T
+    base = local[sides.origin[up]]
+    along = _units(local[sides.end[up]] - base)
+    corners = np.roll(triangles, -2, axis=1).ravel()  # the corner opposite each side
+    c, d = local[corners[up]] - base, local[corners[down]] - base
+    c, d = c - (c * along).sum(axis=1)[:, None] * along, d - (d * along).sum(axis=1)[:, None] * along
+    widest = np.sqrt(np.maximum((c**2).sum(axis=1), (d**2).sum(axis=1)))
+    fold = np.abs((along * _cross(c, d)).sum(axis=1))
+    return (fold <= DEFAULT.planarity * widest) & ((c * d).sum(axis=1) < 0)
+
+
+def _joined(count: int, pairs: Ints) -> Ints:
+    """Return the least member of each one's connected component."""
+    group = np.arange(count)
+    one, two = pairs.T
+    while (group[one] != group[two]).any():
+        least = np.minimum(group[one], group[two])
+        np.minimum.at(group, group[one], least)
+        np.minimum.at(group, group[two], least)
+        while (group[group] != group).any():
+            group = group[group]
+    return group
+
+
+def _bent(corners: Array, areas: Array, group: Ints) -> Ints:
+    """Return the groups with a corner further than `planarity` from their mean plane: smooth surfaces."""
+    count = len(group)
+    normals = _units(np.column_stack([np.bincount(group, x, count) for x in areas.T]))
+    heights = (corners * normals[group][:, None]).sum(axis=2)
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, group, heights.min(axis=1))
+    np.maximum.at(high, group, heights.max(axis=1))
+    return np.flatnonzero(high - low > 2 * DEFAULT.planarity)
+
+
+def _flood(corners: Array, normals: Array, group: Ints, members: Ints, flat: Ints, rank: Ints) -> None:
+    """Cut a bent group into those that lie in the plane of their largest triangle, in place."""
+    beside: dict[int, list[int]] = {int(k): [] for k in members}
+    for one, two in flat[group[flat[:, 0]] == group[members[0]]].tolist():
+        beside[one].append(two)
+        beside[two].append(one)
+    free = set(beside)
+    for start in sorted(beside, key=lambda k: rank[k]):
+        if start not in free:
             continue
-        normal = areas[start] / sizes[start] if sizes[start] > 0 else areas[start]
-        heights = np.abs((points - corners[start, 0]) @ normal)
-        group[start], stack, members = start, [start], {int(v) for v in triangles[start]}
+        free.remove(start)
+        group[start], stack = start, [start]
         while stack:
-            for other in neighbours[stack.pop()]:
-                if group[other] < 0 and heights[list(triangles[other])].max() <= DEFAULT.planarity:
+            for other in beside[stack.pop()]:
+                heights = (corners[other] - corners[start, 0]) @ normals[start]
+                if other in free and np.abs(heights).max() <= DEFAULT.planarity:
+                    free.remove(other)
                     group[other] = start
-                    members.update(int(v) for v in triangles[other])
                     stack.append(other)
-        loops.append(_outline(points, sorted(members), normal))
-    return [loop for loop in loops if len(loop) >= 3]
 
 
-def _outline(points: Array, members: list[int], normal: Array) -> tuple[int, ...]:
-    """Return the strictly convex outline of coplanar points, counter-clockwise about `normal` (monotone chain)."""
-    if len(members) == 3:
-        a, b, c = members
-        turn = np.cross(points[b] - points[a], points[c] - points[a]) @ normal
-        return (a, b, c) if turn > 0 else (a, c, b) if turn < 0 else ()
-    u = np.linalg.svd(normal[None])[2][1]
-    plane = points[members] @ np.column_stack([u, np.cross(normal, u)])
-    order = [members[k] for k in np.lexsort((plane[:, 1], plane[:, 0]))]
-    flat = dict(zip(members, plane, strict=True))
+def _outlines(local: Array, sides: _Sides, face: Ints, areas: Array) -> tuple[Ints, Ints, Array]:
+    """Return the outlines of groups of triangles (corners, counts), and which of them are no convex polygon."""
+    twin = np.empty(len(sides.origin), np.int64)
+    twin[sides.pairs[:, 0]], twin[sides.pairs[:, 1]] = sides.pairs[:, 1], sides.pairs[:, 0]
+    own = np.repeat(face, 3)
+    rim = np.flatnonzero(own != own[twin])
+    count = int(face.max()) + 1
+    rim = rim[np.lexsort((sides.origin[rim], own[rim]))]
+    own, origin, end = own[rim], sides.origin[rim], sides.end[rim]
+    wrong = np.zeros(count, bool)
+    wrong[own[np.bincount(origin)[origin] < 3]] = True  # a corner between two faces only: they are bent there
+    name = own * len(local) + origin
+    wrong[own[1:][name[1:] == name[:-1]]] = True  # an outline that meets itself
+    after = np.searchsorted(name, own * len(local) + end)
+    # steps from the first side of each face, by doubling; what never gets there is a second outline
+    starts = np.concatenate([[True], own[1:] != own[:-1]])
+    before = np.arange(len(rim))
+    before[after] = np.arange(len(rim))
+    before[starts] = np.flatnonzero(starts)
+    steps = (~starts).astype(np.int64)
+    sizes = np.bincount(own, minlength=count)
+    for _ in range(int(sizes.max()).bit_length()):
+        steps += steps[before]
+        before = before[before]
+    wrong[own[~starts[before]]] = True
+    normals = np.column_stack([np.bincount(face, x, count) for x in areas.T])
+    turns = _cross(local[end] - local[origin], local[end[after]] - local[end])
+    wrong[own[(turns * normals[own]).sum(axis=1) <= 0]] = True
+    return origin[np.lexsort((steps, own))], sizes, wrong
 
-    def chain(sequence: list[int]) -> list[int]:
-        kept: list[int] = []
-        for vertex in sequence:
-            while len(kept) > 1:
-                p, q = flat[kept[-1]] - flat[kept[-2]], flat[vertex] - flat[kept[-2]]
-                if p[0] * q[1] - p[1] * q[0] > DEFAULT.planarity * np.hypot(*q):
-                    break
-                kept.pop()
-            kept.append(vertex)
-        return kept[:-1]
 
-    return tuple(chain(order) + chain(order[::-1]))
+def _edges(corners: Ints, sizes: Ints, key: str) -> Ints:
+    """Return `origin, end, left face, right face` of each edge, by left face and place in its loop."""
+    sides = _sides(corners, sizes, key)
+    if int(corners.max()) + 1 - len(sides.pairs) + len(sizes) != 2:
+        raise InputError("the hull of the points is not a closed surface", key=key)
+    up, down = sides.pairs[np.argsort(sides.pairs[:, 0])].T
+    face = np.repeat(np.arange(len(sizes)), sizes)
+    return np.column_stack([sides.origin[up], sides.end[up], face[up], face[down]])
 
 
-def _edges(loops: list[tuple[int, ...]]) -> list[tuple[int, int, int, int]] | None:
-    """Pair the half-edges of face loops; None unless they close to a sphere."""
-    left = {(a, b): f for f, loop in enumerate(loops) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)}
-    if len(left) != sum(map(len, loops)) or any((b, a) not in left for a, b in left):
-        return None
-    edges = [(a, b, f, left[b, a]) for (a, b), f in left.items() if a < b]
-    vertices = {vertex for loop in loops for vertex in loop}
-    return edges if len(vertices) - len(edges) + len(loops) == 2 else None
+def _tuples(corners: Ints, sizes: Ints) -> tuple[tuple[int, ...], ...]:
+    """Return each face's corners as a tuple."""
+    if (sizes == 3).all():
+        return tuple(map(tuple, corners.reshape(-1, 3).tolist()))
+    flat, ends = corners.tolist(), np.cumsum(sizes).tolist()
+    return tuple(tuple(flat[end - size : end]) for end, size in zip(ends, sizes.tolist(), strict=True))

@@ -8,9 +8,9 @@ from time import perf_counter
 
 import numpy as np
 
+from fcdm_opt.curve.contact import touching_contact
 from fcdm_opt.curve.decision_curve import Segment
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.region import touching_feature
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance import models
@@ -129,5 +129,5 @@ def _touching_features(task: Task, q: Array, slack: float) -> tuple[Feature, ...
         _, rows, separations = task.separations((i, j), pose)
         if abs(separations.max()) <= slack:
             one, two = task.movable.parts[i], task.static.parts[j]
-            found.append(touching_feature(one, two, rows, pose, task.target, slack)[0])
+            found.append(touching_contact(one, two, rows, pose, task.target, slack)[0].feature)
     return tuple(dict.fromkeys(found))

@@ -12,9 +12,10 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
+from fcdm_opt.curve.contact import supporting_contact
 from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.region import Piece, support_feature
+from fcdm_opt.curve.region import Piece
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -249,7 +250,7 @@ class Task:
         """
         one, opponent = self.movable.parts[parts[0]], self.opponents[parts[1]]
         pose = self._pose_to(opponent, pose)
-        sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose, DEFAULT.tie)
+        sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose)
         return sites, rows, rows[:, 5] - rows[:, 3] * self.target[0] - rows[:, 4] * opponent.scale
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
@@ -264,7 +265,7 @@ class Task:
             here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
             for i, one in enumerate(self.movable.parts):
                 packed = (*one.packed, *opponent.part.packed, here, rho)
-                gaps[i, j] = kernels.least_separation(*packed, DEFAULT.tie)
+                gaps[i, j] = kernels.least_separation(*packed)
                 if normals and (i, j) in normals:
                     n = normals[i, j] / np.linalg.norm(normals[i, j])
                     gaps[i, j] = max(gaps[i, j], kernels.separation(*packed, n))
@@ -323,9 +324,9 @@ class Task:
         return all(
             whole is None
             or whole
-            == support_feature(
+            == supporting_contact(
                 self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]], feature.normal, pose
-            )
+            ).feature
             for whole, feature in zip(self.flush, tracked, strict=False)
         )
 

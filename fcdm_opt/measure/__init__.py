@@ -1,0 +1,4 @@
+"""Measurements of the toolkit against other ways to the same answer.
+
+rivals           the decision curve of a convex pair by bisection, by linear programs and by single growth distances
+"""
