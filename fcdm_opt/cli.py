@@ -237,10 +237,12 @@ def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
         "static": curve.static.name,
         "box": curve.box,
         "status": curve.status,
+        "paths": curve.paths,
         "segments": [
             {
                 "index": s.index,
                 "feature": s.feature.label,
+                "configuration": s.configuration,
                 "line": s.line,
                 "start": s.start,
                 "end": s.end,
@@ -251,7 +253,15 @@ def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
             for s in curve.segments
         ],
         "switching_points": [
-            {"index": p.index, "rho": p.rho, "kind": p.kind, "label": p.label, "contacts": p.contacts}
+            {
+                "index": p.index,
+                "rho": p.rho,
+                "kind": p.kind,
+                "configurations": list(p.configurations),
+                "label": p.label,
+                "contacts": p.contacts,
+                "contact_sets": list(p.contact_sets),
+            }
             for p in curve.switching_points
         ],
     }

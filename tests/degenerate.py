@@ -16,15 +16,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 from cases import CUBE, DIAMOND, OCTAHEDRON, TETRAHEDRON, Shape, box_shape, shape
-from curve_checks import INSIDE, ODD_BOX
+from curve_checks import ODD_BOX, SEED_PAIRS
 from oracles import Box, rational
 from strategies import random_pair
 
 T = TypeVar("T")
 EVERY = 8  # with kernels in plain Python one item in so many runs
 ANGLES = [10.0**-k for k in range(3, 16)]
-FLUSH = 2e-13  # turns below this leave faces of unit size within `Tolerances.planarity` of each other
-EXACT = 5e-12  # turns above this do not
 
 
 def fewer(items: Sequence[T]) -> list[T]:
@@ -82,9 +80,10 @@ def turned(axis: int, angle: float) -> np.ndarray:
 
 
 def ring(sides: int, radius: float = 1.0, phase: float = 0.0) -> np.ndarray:
-    """Corners of a regular polygon, counter-clockwise."""
+    """Corners of a regular polygon, counter-clockwise; opposite ones of an even number are exactly so."""
     angle = 2 * np.pi * np.arange(sides) / sides + phase
-    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    points = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    return points if sides % 2 else np.vstack([points[: sides // 2], -points[: sides // 2]])
 
 
 def prism_points(sides: int, height: float = 1.0, phase: float = 0.0) -> np.ndarray:
@@ -142,8 +141,9 @@ def half_sizes(matrix: np.ndarray) -> np.ndarray:
     return np.abs(matrix[:3, :3]) @ (1, 2, 3)
 
 
+BLOCK_HALF = np.array([3, 1, 2])
 ORIENTED = [
-    Case(f"orientation {k}: {name}", SLAB, BLOCK.shifted(factors * (half_sizes(M) + (3, 1, 2))), M)
+    Case(f"orientation {k}: {name}", SLAB, BLOCK.shifted(factors * (half_sizes(M) + BLOCK_HALF)), M)
     for k, M in enumerate(orientations())
     for name, factors in [
         ("face on face", np.array([2, 0, 0])),
@@ -228,6 +228,18 @@ DIRECTED = [
     ]
 ]
 
+AROUND = seeded(CUBE.shifted((11, 0, 0)), (0, 0, 0))  # far from its seed: only scales near the other's bring it close
+CLOSED = [
+    Case(f"closed polygon: {name}", one, two)
+    for name, one, two in [
+        ("cubes", AROUND, seeded(CUBE.shifted((0, 11, 0)), (0, 22, 0)).shifted((11, -11, 0))),
+        ("cube, octahedron", AROUND, seeded(OCTAHEDRON.shifted((0, 11, 0)), (0, 22, 0)).shifted((11, -11, 0))),
+        ("cubes, tilted", placed(AROUND, TILT), placed(seeded(CUBE, (0, 11, 0)).shifted((11, 0, 0)), TILT)),
+        ("slabs, tilted", placed(AROUND, TILT), placed(seeded(SLAB, (2, 11, 5)).shifted((10, "0.5", 1)), TILT)),
+        ("hexagons, tilted", placed(seeded(prism(6), (9, 1, 5)), TILT), placed(seeded(prism(6), (1, 9, 4)), TILT)),
+    ]
+]
+
 # ------------------------------------------------------------------------------------------------ sizes and places
 
 POWERS = (-8, -6, -4, -2, 2, 4, 6, 8)
@@ -242,19 +254,22 @@ SIZE_RATIOS = [
         ("tilted tetrahedra", stretched(placed(TETRAHEDRON, TILT), 10.0**k), 1, TETRAHEDRON, (0.6, 0.7, 0.2)),
     ]
 ]
+THIN = [(k, 10.0**-k) for k in (4, 6, 8)]
 ASPECTS = [
-    Case(f"aspect 1e{k}: {name}", one, two)
-    for k in (4, 6, 8)
-    for name, one, two in [
-        ("plates face on face", stretched(CUBE, 1, 1, 10.0**-k), stretched(CUBE, 1, 1, 10.0**-k).shifted((0, 0, 3 * 10.0**-k))),
-        ("plates edge on edge", stretched(CUBE, 1, 1, 10.0**-k), stretched(CUBE, 1, 1, 10.0**-k).shifted((3, 0.25, 0))),
-        ("plates crossed", stretched(CUBE, 1, 1, 10.0**-k), stretched(CUBE, 10.0**-k, 1, 1).shifted((1.5, 0.25, 0.5))),
-        ("needles end to end", stretched(CUBE, 1, 10.0**-k, 10.0**-k), stretched(CUBE, 1, 10.0**-k, 10.0**-k).shifted((3, 0, 0))),
-        ("needles crossed", stretched(CUBE, 1, 10.0**-k, 10.0**-k), stretched(CUBE, 10.0**-k, 1, 10.0**-k).shifted((0.5, 0.25, 3 * 10.0**-k))),
-        ("a needle on a cube", stretched(CUBE, 10.0**-k, 10.0**-k, 1), CUBE.shifted((0.25, 0.125, 3))),
-        ("a long one on a plate", stretched(CUBE, 10.0**k, 1, 1), stretched(CUBE, 10.0**k, 10.0**k, 1).shifted((0, 5, 3))),
-        ("flat tetrahedra", stretched(TETRAHEDRON, 1, 1, 10.0**-k), stretched(TETRAHEDRON, 1, 10.0**-k, 1).shifted((1, 2, 0.5))),
-        ("thin tetrahedra, tilted", placed(stretched(TETRAHEDRON, 1, 10.0**-k, 10.0**-k), TILT), stretched(OCTAHEDRON, 1, 10.0**-k, 1).shifted((1, 0.5, 0.25))),
+    Case(f"aspect 1e{k}: {name}", one, two.shifted(offset))
+    for k, t in THIN
+    for plate, needle in [(stretched(CUBE, 1, 1, t), stretched(CUBE, 1, t, t))]
+    for name, one, two, offset in [
+        ("plates face on face", plate, plate, (0, 0, 3 * t)),
+        ("plates edge on edge", plate, plate, (3, 0.25, 0)),
+        ("plates crossed", plate, stretched(CUBE, t, 1, 1), (1.5, 0.25, 0.5)),
+        ("needles end to end", needle, needle, (3, 0, 0)),
+        ("needles crossed", needle, stretched(CUBE, t, 1, t), (0.5, 0.25, 3 * t)),
+        ("a needle on a cube", stretched(CUBE, t, t, 1), CUBE, (0.25, 0.125, 3)),
+        ("a long one on a plate", stretched(CUBE, 1 / t, 1, 1), stretched(CUBE, 1 / t, 1 / t, 1), (0, 5, 3)),
+        ("flat tetrahedra", stretched(TETRAHEDRON, 1, 1, t), stretched(TETRAHEDRON, 1, t, 1), (1, 2, 0.5)),
+        ("thin, tilted", placed(stretched(TETRAHEDRON, 1, t, t), TILT), stretched(OCTAHEDRON, 1, t, 1), (1, 0.5, 0.25)),
+        ("a plate, tilted, on a plate", placed(plate, TILT), placed(plate, TILT), tuple(TILT[:3, 2] * 3 * t)),
     ]
 ]
 PLAIN = [
@@ -268,14 +283,14 @@ FAR = (10**6, -(10**6), 10**6)
 FAR_AWAY = [
     *(Case(f"1e6 away: {name}", one.shifted(FAR), two.shifted(FAR)) for name, one, two in PLAIN),
     *(
-        Case(f"1e6 away, tilted: {name}", *(rounded(placed(own, TILT).shifted(FAR)) for own in (one, two)))
-        for name, one, two in PLAIN
-    ),
-    *(
         Case(f"brought from 1e6 away: {name}", rounded(one.shifted(FAR)), two, homing)
         for name, one, two in PLAIN
         for homing in [np.block([[np.eye(3), -np.array(FAR)[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])]
     ),
+]
+FAR_TILTED = [
+    Case(f"1e6 away, tilted: {name}", *(rounded(placed(own, TILT).shifted(FAR)) for own in (one, two)))
+    for name, one, two in PLAIN
 ]
 UNITS = [
     Case(f"unit {unit:g}: {name}", stretched(one, unit), stretched(two, unit))
@@ -343,5 +358,6 @@ MANY_MEET = [
     for i, j in [(0, 0), (1, 2), (3, 1)]
 ]
 SMALL_NUMBERS = [
-    Case(f"small integers {seed}", *random_pair(np.random.default_rng(seed), 1 + seed % 2, INSIDE)) for seed in range(40)
+    Case(f"small integers {seed}, seeds {p}, {q}", *random_pair(np.random.default_rng(seed), 1 + seed % 2, (p, q)))
+    for seed, (p, q) in enumerate(SEED_PAIRS * 4)
 ]

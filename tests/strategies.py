@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from cases import Shape, shape, union
+from hypothesis import settings
 from hypothesis import strategies as st
 from oracles import Vec, hull, minus, rational
 
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 SEEDS = ("inside", "vertex", "face", "outside")
 
 
@@ -94,3 +97,8 @@ def random_pose(rng: np.random.Generator, reach: float = 1.0) -> np.ndarray:
 
 generators = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 reaches = st.sampled_from([2, 3, 1000])
+
+
+def runs(examples: int) -> settings:
+    """That many examples; a few where the kernels are not compiled and everything takes a hundred times as long."""
+    return settings(max_examples=max(2, examples // 50) if PLAIN else examples)

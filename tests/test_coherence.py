@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cases import CUBE, Shape, box_shape, exact, shape, union
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from oracles import plane_point
-from strategies import generators, random_pair, random_pose, random_union
+from strategies import generators, random_pair, random_pose, random_union, runs
 
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
 from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, decision_curve, relative_pose
@@ -87,7 +87,7 @@ def oriented(one: Body, two: Body, pose: np.ndarray, parts: tuple[int, int], seg
     return max(made, key=lambda tracked: float(tracked.normal @ segment.normal))
 
 
-@settings(max_examples=80)
+@runs(80)
 @given(generators)
 def test_segments_and_switching_points_of_random_hulls_have_no_fault_at_any_pose(rng):
     one, two = (own.body() for own in random_pair(rng, 1000))
@@ -101,7 +101,7 @@ def test_segments_and_switching_points_of_random_hulls_have_no_fault_at_any_pose
         assert contact_faults(one, two, curve.pose, point.rho, [sited(curve, s) for s in both], 1e-8 * one.size) == []
 
 
-@settings(max_examples=60)
+@runs(60)
 @given(generators, st.sampled_from([(1, 2), (2, 1), (2, 2)]))
 def test_segments_of_random_unions_have_no_fault(rng, counts):
     one, two = (random_union(rng, 1000, k).body() for k in counts)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from cases import CUBE, DEFAULT_BOX, EXAMPLE_1, EXAMPLE_2, ONE_LINE, box_shape, exact, shape
 from curve_checks import INSIDE, ODD_BOX, SEED_PAIRS, check_convex, check_lines, curve_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from oracles import plane_point, primitive
-from strategies import generators, random_pair, random_pose, random_shape, reaches
+from strategies import generators, random_pair, random_pose, random_shape, reaches, runs
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.features import Feature
@@ -114,13 +114,13 @@ def test_one_contact_over_the_whole_box_in_closed_form(case):
     np.testing.assert_allclose(curve.rho2(x), (r - p * x) / q, rtol=1e-14)
 
 
-@settings(max_examples=300)
+@runs(300)
 @given(generators, reaches)
 def test_convex_pairs_with_seeds_inside_equal_the_exact_curve(rng, reach):
     check_convex(*random_pair(rng, reach, INSIDE))
 
 
-@settings(max_examples=400)
+@runs(400)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_convex_pairs_with_seeds_anywhere_equal_the_exact_curve(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)
@@ -128,14 +128,14 @@ def test_convex_pairs_with_seeds_anywhere_equal_the_exact_curve(rng, reach, seed
         check_convex(one, two)
 
 
-@settings(max_examples=60)
+@runs(60)
 @given(generators)
 def test_larger_generic_hulls_equal_the_exact_curve(rng):
     one, two = (random_shape(rng, 1000, "inside", 12) for _ in range(2))
     check_convex(one, two.shifted(rng.integers(-3000, 3000, 3).tolist()))
 
 
-@settings(max_examples=100)
+@runs(100)
 @given(generators)
 def test_posed_generic_pairs_equal_the_exact_curve_of_the_pose_as_given(rng):
     one, two = random_pair(rng, 1000, INSIDE)
@@ -149,7 +149,7 @@ def test_random_pairs_cover_curves_of_many_segments_and_few_have_none():
     assert counts.count(0) < 0.2 * len(counts)
 
 
-@settings(max_examples=100)
+@runs(100)
 @given(generators, reaches)
 def test_both_seeds_inside_give_one_decreasing_function(rng, reach):
     curve = curve_of(*random_pair(rng, reach, INSIDE))

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from cases import CUBE, DEFAULT_BOX, EXAMPLE_2, Shape, box_shape, exact, union
 from curve_checks import ODD_BOX, check_gaps, check_lines, curve_of, turned_to
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from oracles import plane_point
-from strategies import generators, random_shape, random_union
+from strategies import generators, random_shape, random_union, runs
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.features import Feature
@@ -67,7 +67,7 @@ def check_union(one: Shape, two: Shape, rng: np.random.Generator) -> None:
     check_gaps(truth, curve, rng, 400)
 
 
-@settings(max_examples=100)
+@runs(100)
 @given(generators, st.sampled_from([2, 3, 1000]), st.sampled_from([(1, 2), (2, 1), (2, 2), (3, 1), (2, 3)]))
 def test_unions_equal_the_exact_curve(rng, reach, counts):
     one, two = (random_union(rng, reach, k) for k in counts)
@@ -76,7 +76,7 @@ def test_unions_equal_the_exact_curve(rng, reach, counts):
         check_union(one, two, rng)
 
 
-@settings(max_examples=100)
+@runs(100)
 @given(generators, st.sampled_from([(1, 2), (2, 1), (2, 2), (3, 1), (2, 3)]))
 def test_generic_unions_have_the_exact_segments_and_switching_points(rng, counts):
     one, two = (random_union(rng, 1000, k) for k in counts)

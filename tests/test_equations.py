@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from cases import CUBE
 from contact_truth import exact_line, line_of, placed
-from hypothesis import given, settings
+from hypothesis import given
 from oracles import cross, minus
-from strategies import generators, random_rotation
+from strategies import generators, random_rotation, runs
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
@@ -25,7 +25,6 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.motion import Motion, Rotation, Screw, Translation
 from fcdm_opt.tolerance.equations import KINDS, FeaturePoints, contact_line, feature_points, switching_point
-from fcdm_opt.tolerances import DEFAULT
 
 LINE = ((0.4, -1.2, 0.7), (1.0, 2.0, -0.5))
 MOTIONS = {
@@ -163,7 +162,7 @@ def test_switching_points_equal_the_exact_meeting_of_two_lines(motion, kinds):
 # ------------------------------------------------------------------------------------------ against the numeric kernels
 
 
-@settings(max_examples=60)
+@runs(60)
 @given(generators)
 def test_every_facet_row_of_the_kernels_is_a_template_row(rng):
     one, two = scene(int(rng.integers(20)))
@@ -450,7 +449,7 @@ def test_parallel_edges_have_no_line_and_no_finite_point():
     assert not np.isfinite(rho).any()
 
 
-@settings(max_examples=200)
+@runs(200)
 @given(generators)
 def test_a_switching_point_is_finite_exactly_where_its_sine_is_not_zero(rng):
     corners = rng.integers(-2, 3, (2, 3, 4)).astype(float)

@@ -8,9 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from cases import CUBE, EXAMPLE_1, TETRAHEDRON, box_shape, shape
-from hypothesis import given, settings
+from hypothesis import given
 from oracles import cross, dot, minus, rational
-from strategies import generators, random_pose, random_shape
+from strategies import generators, random_pose, random_shape, runs
 
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.packing import HEADER
@@ -57,14 +57,15 @@ def test_half_edges_go_round_every_face_and_every_vertex(own):
     assert [table["half"][h, 0] for h in table["vertex"]] == list(range(len(part.vertices)))
 
 
-@settings(max_examples=40)
+@runs(40)
 @given(generators)
 def test_rounded_vertices_and_what_they_lost_are_the_exact_ones(rng):
     body = random_shape(rng, 1000).body().moved(random_pose(rng, 1e6))
     (part,) = body.parts
     table = tables(part)
     (seed,) = rational([part.seed])
-    for vertex, x, rest in zip(rational(part.vertices), rational(table["vertices"]), rational(table["lost"]), strict=True):
+    rounded, lost = rational(table["vertices"]), rational(table["lost"])
+    for vertex, x, rest in zip(rational(part.vertices), rounded, lost, strict=True):
         assert tuple(a + b for a, b in zip(x, rest, strict=True)) == minus(vertex, seed)
 
 
@@ -89,7 +90,7 @@ def distance_from_unit(n: tuple[Fraction, ...], unit: np.ndarray) -> float:
     return math.sqrt(float(sum((x / length - Fraction(float(y))) ** 2 for x, y in zip(whole, unit, strict=True))))
 
 
-@settings(max_examples=40)
+@runs(40)
 @given(generators)
 def test_error_bounds_of_normals_hold_for_every_exact_facet(rng):
     body = random_shape(rng, 3).body().moved(random_pose(rng))  # drawn faces of more corners are no longer planar

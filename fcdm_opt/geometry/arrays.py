@@ -24,7 +24,7 @@ def numbers(values: Any, key: str) -> Array:
             array = np.array(raw, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as reason:
         raise InputError("expected a rectangular array of numbers", key=key, found=values) from reason
-    largest = max(-array.min(initial=0.0), array.max(initial=0.0))
+    largest = np.abs(array).max(initial=0.0)
     if not largest <= LARGEST:  # nan and infinities are looked for by those who know what they stand for
         largest = np.abs(array[np.isfinite(array)]).max(initial=0.0)
     if largest > LARGEST:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations, islice
+from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
@@ -247,18 +248,35 @@ class Body(_Sealed):
         return scaled @ transform[:3, :3].T + transform[:3, 3]
 
 
+IDENTITY = frozen(np.eye(4))
+
+
 def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> Array:
     """Return a checked rigid 4x4 transform (identity for None); raise `InputError` otherwise."""
     if transform is None:
-        return frozen(np.eye(4))
+        return IDENTITY
     T = numbers(transform, key)
-    if T.shape != (4, 4) or not np.isfinite(T).all():
-        raise InputError("a transform is a finite 4x4 matrix", key=key, found=T.shape)
-    R = T[:3, :3]
-    error = max(np.abs(R @ R.T - np.eye(3)).max(), np.abs(T[3] - [0, 0, 0, 1]).max())
-    if error > DEFAULT.rigid or np.linalg.det(R) < 0:
+    if T.shape != (4, 4):
+        raise InputError("a transform is a 4x4 matrix", key=key, found=f"shape {T.shape}")
+    # plain floats: numpy takes longer for sixteen numbers
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), last = T.tolist()
+    if not isfinite(sum((a, b, c, d, e, f, g, h, i, x, y, z, *last))):
+        raise InputError("a transform is a finite 4x4 matrix", key=key, found=T.tolist())
+    error = max(
+        abs(a * a + b * b + c * c - 1.0),
+        abs(d * d + e * e + f * f - 1.0),
+        abs(g * g + h * h + i * i - 1.0),
+        abs(a * d + b * e + c * f),
+        abs(a * g + b * h + c * i),
+        abs(d * g + e * h + f * i),
+        *(abs(p - q) for p, q in zip(last, (0.0, 0.0, 0.0, 1.0), strict=True)),
+    )
+    if not error <= DEFAULT.rigid:
         raise InputError("the transform is not a rigid motion", key=key, found=f"error {error:.3g}")
-    return frozen(T)
+    if a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0:
+        raise InputError("the transform is not a rigid motion", key=key, found="a mirror")
+    T.flags.writeable = False
+    return T
 
 
 # ---------------------------------------------------------------------------------------------------- input checks

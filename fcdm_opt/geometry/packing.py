@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 HEADER = 10
 _UNIT = 2.0**-53
 _MOST_CELLS = 16  # along an edge of the cube: a start within a few steps of the answer is all that is wanted
-_BLOCK = 1_000_000  # products of directions and vertices worked out at a time
+_FEW = 250  # points that every direction is compared with; from the best of them it climbs to the best of all
 
 
 def packed(part: ConvexPart) -> tuple[Array, Ints]:
@@ -55,8 +55,10 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     inside = bool((levels > radius * (2 * errors + 16 * _UNIT)).all())
     cells = int(np.clip(np.ceil(np.sqrt(n / 6)), 2, _MOST_CELLS))
     towards = _directions(cells)
-    supports = _extreme(towards, local)
-    exits = _extreme(towards, normals / levels[:, None]) if inside else np.zeros(len(towards), np.int64)
+    supports = _extreme(towards, local, vertices, table[:, 1], table[np.arange(2 * m) ^ 1, 3])
+    # the ray's exit is the extreme vertex of the polar dual
+    dual = normals / levels[:, None] if inside else normals
+    exits = _extreme(towards, dual, faces, table[np.arange(2 * m) ^ 1, 2], table[:, 3])
     tables = (table.ravel(), vertices, faces, supports, exits)
     offsets = HEADER + np.concatenate([[0], np.cumsum([len(entries) for entries in tables])])
     reals = np.zeros((2 * n + f + 1, 4))
@@ -81,11 +83,30 @@ def _directions(cells: int) -> Array:
     return np.vstack(sides)
 
 
-def _extreme(directions: Array, points: Array) -> Ints:
-    """Return the point with the largest product with each direction."""
-    step = max(1, _BLOCK // len(points))
-    blocks = [directions[k : k + step] @ points.T for k in range(0, len(directions), step)]
-    return np.concatenate([block.argmax(axis=1) for block in blocks])
+def _extreme(directions: Array, points: Array, start: Ints, reach: Ints, following: Ints) -> Ints:
+    """Return the point with the largest product with each direction.
+
+    Points are the vertices of a convex polyhedron; `start` is a half-edge of each, `reach` and `following` lead from a
+    half-edge to the neighbour across it and to the next one around the same point.
+    """
+    some = np.linspace(0, len(points) - 1, min(len(points), _FEW)).astype(np.int64)
+    here = some[(directions @ points[some].T).argmax(axis=1)]
+    height = (directions * points[here]).sum(axis=1)
+    while len(points) > len(some):
+        best, where = height.copy(), here.copy()
+        first = h = start[here]
+        around = np.ones(len(here), dtype=bool)
+        while around.any():
+            other = reach[h]
+            value = (directions * points[other]).sum(axis=1)
+            higher = value > best
+            best[higher], where[higher] = value[higher], other[higher]
+            h = following[h]
+            around &= h != first
+        if not (best > height).any():
+            break
+        here, height = where, best
+    return here
 
 
 def _face_normals(part: ConvexPart) -> tuple[Array, Array]:

@@ -126,6 +126,8 @@ def print_curves(name: str, title: str, note: str, curves: Sequence[tuple[Decisi
             f"{curve.status} in the box [{low_1:g}, {high_1:g}] x [{low_2:g}, {high_2:g}]"
         )
         _print_text(out, text)
+        proved, settled = curve.paths["float"], curve.paths["exact"]
+        _print_text(out, f"part pairs: {proved} proved in floats, {settled} settled in rational numbers")
         out.print()
         if not curve.segments:
             continue
