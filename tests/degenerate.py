@@ -20,7 +20,11 @@ from curve_checks import ODD_BOX, SEED_PAIRS
 from oracles import Box, rational
 from strategies import random_pair
 
+from fcdm_opt.curve.region import Piece
+
 T = TypeVar("T")
+RIGHT = 1e-13  # lines and settled breakpoints, relative
+SLIVER = 4e-15  # pieces shorter than this, relative, may be listed or not
 EVERY = 8  # with kernels in plain Python one item in so many runs
 ANGLES = [10.0**-k for k in range(3, 16)]
 
@@ -28,6 +32,16 @@ ANGLES = [10.0**-k for k in range(3, 16)]
 def fewer(items: Sequence[T]) -> list[T]:
     """All items, or every few of them where nothing is compiled."""
     return list(items[::EVERY] if os.environ.get("NUMBA_DISABLE_JIT") == "1" else items)
+
+
+def is_seen(piece: Piece) -> bool:
+    """Whether a computed piece is longer than a sliver."""
+    return not np.isfinite(piece.hi - piece.lo) or np.abs(piece.end - piece.start).sum() > SLIVER * piece.start.sum()
+
+
+def condition(*lines: Any) -> float:
+    """Of the system of two contact lines, each normalised."""
+    return float(np.linalg.cond([line[:2] / np.hypot(*line[:2]) for line in map(np.array, lines)]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from cases import exact
-from curve_checks import check_convex, curve_of
+from cases import CUBE, TETRAHEDRON, exact
+from curve_checks import ODD_BOX, check_convex, curve_of
 from degenerate import (
-    ASPECTS, CLOSED, DIRECTED, FAR_AWAY, FAR_TILTED, FLUSH_CONTACTS, MANY_MEET, MANY_POINTS, NEARLY, NO_OFFSET,
-    ORIENTED, SEEDED, SIDED, SIZE_RATIOS, SMALL_NUMBERS, TILTED, UNITS, Case, fewer,
+    ASPECTS, BLOCK, CLOSED, DIRECTED, FAR_AWAY, FAR_TILTED, FLUSH_CONTACTS, MANY_MEET, MANY_POINTS, NEARLY, NO_OFFSET,
+    ORIENTED, RIGHT, SEEDED, SIDED, SIZE_RATIOS, SLAB, SLIVER, SMALL_NUMBERS, TILT, TILTED, UNITS, Case, condition,
+    fewer, is_seen, prism_points, pyramid_points, ring, seeded,
 )  # fmt: skip
 from oracles import (
     ExactCurve,
@@ -30,14 +31,15 @@ from oracles import (
     root,
 )  # fmt: skip
 
-from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+from fcdm_opt.curve.exact import exact_curve as exact_rational
+from fcdm_opt.curve.exact import proves
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
 
-RIGHT = 1e-13  # lines and settled breakpoints, relative
 NEAR = DEFAULT.planarity
 BAND = (5e-13, 5e-11)  # turns of unit cubes that may be read as flush or not
-SLIVER = 4e-15  # pieces shorter than this, relative, may be listed or not
 
 
 class Group(NamedTuple):
@@ -155,16 +157,6 @@ def exact_lines(pair: Pair, piece: Piece) -> list[np.ndarray]:
     """(a, b, c) in lengths, rounded once, of every direction that the piece belongs to."""
     units = [pair.unit * root(dot(facet.normal, facet.normal)) for facet in piece.facets]
     return [np.array([float(x / unit) for x in f.line]) for f, unit in zip(piece.facets, units, strict=True)]
-
-
-def condition(*lines: Any) -> float:
-    """Of the system of two contact lines, each normalised."""
-    return float(np.linalg.cond([line[:2] / np.hypot(*line[:2]) for line in map(np.array, lines)]))
-
-
-def is_seen(piece: Any) -> bool:
-    """The same of a computed piece."""
-    return not np.isfinite(piece.hi - piece.lo) or np.abs(piece.end - piece.start).sum() > SLIVER * piece.start.sum()
 
 
 def check_chains(pair: Pair, curve: DecisionCurve) -> list[list[Group]]:
@@ -286,3 +278,147 @@ def test_flush_or_not_the_curve_is_right(case):
             np.testing.assert_allclose(before.end, after.start, rtol=RIGHT)
     check_signs(truth, curve)
     assert is_finite(curve)
+
+
+# ------------------------------------------------------------------------------------- curves at the border of the box
+
+
+@pytest.mark.parametrize(
+    ("shift", "box", "status"),
+    [
+        ((2, 0, 0), ((1, 3), (1, 3)), "overlapping"),  # rho_1 + rho_2 = 2 meets the lower corner
+        ((2, 2, 2), ((1, 3), (1, 3)), "overlapping"),
+        ((6, 0, 0), ((1, 3), (1, 3)), "apart"),  # and 6 the upper one
+        ((6, 6, 0), ((1, 3), (1, 3)), "apart"),
+        ((2, 0, 0), ((1.25, 3), (0.75, 3)), "overlapping"),
+        ((6, 0, 0), ((0.5, 2.5), (0.5, 3.5)), "apart"),
+    ],
+)
+def test_a_curve_through_a_corner_of_the_box_only(shift, box, status):
+    curve = curve_of(CUBE, CUBE.shifted(shift), box)
+    assert (curve.status, curve.segments, curve.branches, curve.switching_points) == (status, (), (), ())
+    (x0, x1), (y0, y1) = box
+    corner = (x0, y0) if status == "overlapping" else (x1, y1)
+    assert curve.gap(corner) == 0
+    assert curve.locate(corner) is not None
+    np.testing.assert_array_equal(curve.crossings(corner[0]), [corner[1]])
+
+
+def test_a_curve_along_a_side_of_the_box():
+    """Body 2 with its seed on the face that is touched: rho_1 = 2 whatever rho_2."""
+    two = seeded(CUBE, (-1, 0, 0)).shifted((3, 0, 0))
+    for low, high, shown in [(2, 3, 1), (1, 2, 1), (1, 1.5, 0), (2.5, 3, 0)]:
+        curve = curve_of(CUBE, two, ((low, high), (1, 3)))
+        assert len(curve.segments) == len(curve.branches) == shown
+        for segment in curve.segments:
+            np.testing.assert_array_equal(np.sort([segment.start, segment.end], axis=0), [[2, 1], [2, 3]])
+        assert curve.status == ("contact" if shown else "apart" if high < 2 else "overlapping")
+
+
+@pytest.mark.parametrize(
+    ("box", "segments"),
+    [
+        (((1, 3), (0.25, 3)), 1), (((0.5, 1), (1, 3)), 1), (((1, 2), (1, 2)), 0), (((0.5, 1), (0.5, 1)), 0),
+        (((0.5, 1), (0.5, 1.1)), 1), (((0.5, 1.5), (0.5, 1.5)), 2),
+    ],
+)  # fmt: skip
+def test_a_switching_point_on_the_border_of_the_box(box, segments):
+    """Lines rho_1 + 3 rho_2 = 4 and 2 rho_1 + rho_2 = 3 of the boxes meet in (1, 1)."""
+    curve = curve_of(SLAB, BLOCK.shifted((4, 3, 0)), box)
+    assert len(curve.segments) == segments
+    assert [point.rho.tolist() for point in curve.switching_points] == [[1, 1]]
+    assert curve.gap((1, 1)) == 0
+    assert is_finite(curve)
+
+
+# --------------------------------------------------------------------------------------------- many sides and vertices
+
+
+STEPS = (-1e-9, -1e-11, -1e-13, 0.0, 1e-13, 1e-11, 1e-9)
+
+
+def check_proved(one: Body, two: Body, steps: Sequence[float] = STEPS, most: int | None = None) -> DecisionCurve:
+    """Both seeds inside: one chain from axis to axis, proved on, above and below it by the vertices alone."""
+    curve = decision_curve(one, two, box=ODD_BOX)
+    (chain,), (P,), (Q,) = curve.chains, one.parts, two.parts
+    truth = exact_rational(P, Q)
+    pieces = [run.whole for run in chain]
+    assert (pieces[0].start[0], pieces[-1].end[1]) == (0, 0)
+    for before, after in pairwise(pieces):
+        np.testing.assert_allclose(before.end, after.start, rtol=RIGHT, atol=0)
+    places = [(piece.start + piece.end) / 2 for piece in pieces] + [piece.end for piece in pieces[:-1]]
+    for rho in places[:most]:
+        sides = []
+        for step in steps:
+            near = rho * (1 + step)
+            verdict = truth.judge(near.tolist())
+            assert proves(P, Q, None, near.tolist(), verdict)
+            assert np.sign(curve.gap(near)) == verdict.side
+            sides.append(verdict.side)
+        assert (sides[0], sides[-1]) == (1, -1)
+    assert curve.gap((0.01, 0.01)) > 0 > curve.gap((50.0, 50.0))
+    assert is_finite(curve)
+    return curve
+
+
+SIDES = fewer([3, 4, 5, 8, 30, 101, 360, 1000])
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("pose", [np.eye(4), TILT], ids=["straight", "tilted"])
+def test_prisms_and_pyramids_of_many_sides_on_each_other(sides, pose):
+    """Caps at heights 1, seeds at 0 and -1/2: closed forms whatever the number of sides."""
+    rows, cone = prism_points(sides), pyramid_points(sides)
+    up, down = np.array([0, 0, 3.5]), np.array([1, 1, -1])
+    top, base = set(range(sides + 1, 2 * sides + 1)), set(range(1, sides + 1))
+    for first, second, seeds, line, kind, touching in [
+        (rows, rows + up, (0.0, 3.5), (1, 1, 3.5), "F1F2", (top, base)),
+        (cone, rows + up, (-0.5, 3.5), (1.5, 1, 4), "V1F2", ({sides + 1}, base)),
+        (cone * down, cone + up, (0.5, 3.0), (0.5, 0.5, 2.5), "F1F2", (base, base)),
+    ]:
+        shapes = zip((first, second), seeds, strict=True)
+        one, two = (Body.convex(x @ pose[:3, :3].T, seed=pose[:3, :3] @ (0, 0, z)) for x, z in shapes)
+        curve = decision_curve(one, two, box=ODD_BOX)
+        (segment,) = curve.segments
+        assert segment.feature.kind == kind
+        assert (set(segment.feature.one.vertices), set(segment.feature.two.vertices)) == touching
+        np.testing.assert_allclose(segment.line, line, rtol=0, atol=4e-15 * max(line))
+        assert curve.switching_points == ()
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("pose", [np.eye(4), TILT], ids=["straight", "tilted"])
+def test_prisms_of_many_sides_beside_each_other(sides, pose):
+    """Side k of a prism has its normal at (2 k + 1) pi / sides, and the height cos(pi / sides)."""
+    rows, d = prism_points(sides), np.array([2.5, 0.75, 0.25])
+    one, two = (Body.convex((rows + z) @ pose[:3, :3].T, seed=pose[:3, :3] @ z) for z in (np.zeros(3), d))
+    curve = check_proved(one, two)
+    angles, corners = (2 * np.arange(sides) + 1) * np.pi / sides, ring(sides)
+    outward = np.column_stack([np.cos(angles), np.sin(angles)])
+    for x in (0.5, 1.0, 2.0):
+        # the scale of body 2 up to which a side of one, or the other, separates
+        of_one = (outward @ d[:2] - x * np.cos(np.pi / sides)) / (-outward @ corners.T).max(axis=1)
+        of_two = (-outward @ d[:2] - x * (-outward @ corners.T).max(axis=1)) / np.cos(np.pi / sides)
+        np.testing.assert_allclose(curve.rho2(x), max(of_one.max(), of_two.max()), rtol=RIGHT)
+
+
+def cloud(seed: int, count: int) -> np.ndarray:
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None]
+
+
+@pytest.mark.parametrize(("first", "second"), fewer([(4, 4), (1000, 4), (300, 300)]))
+def test_hulls_of_few_and_many_vertices(first, second):
+    one, two = (TETRAHEDRON.array if count == 4 else cloud(count, count) for count in (first, second))
+    check_proved(Body.convex(one), Body.convex(two + (2.5, 1, 0.5)))
+
+
+def test_a_hull_of_a_hundred_thousand_vertices():
+    """All but a ball about its seed: the gap to a vertex is the distance to its centre, less its radius."""
+    count = 100_000 if fewer([0, 1]) == [0, 1] else 2_000
+    one, two = TETRAHEDRON.body(), Body.convex(cloud(2, count) + (4, 4, 4.5), seed=(4, 4, 4.5))
+    curve = check_proved(one, two, steps=(-1e-11, 1e-11), most=1)
+    assert len(two.parts[0].vertices) == count
+    for rho in ((1.0, 1.0), (2.0, 1.5), (0.5, 3.0)):
+        ball = np.linalg.norm((4 - rho[0], 4 - rho[0], 4.5 - rho[0])) - rho[1]
+        assert -1e-12 < curve.gap(rho) - ball < rho[1] * 50 / count

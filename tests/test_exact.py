@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -18,6 +19,8 @@ from oracles import exact_curve as enumerated
 from strategies import SEEDS, generators, random_pair, random_pose
 
 from fcdm_opt.curve.exact import ExactCorner, ExactCurve, ExactPiece, Verdict, exact_curve, proves
+from fcdm_opt.curve.program import Program
+from fcdm_opt.curve.simplex import Basis
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 
@@ -314,17 +317,47 @@ def test_proofs_of_a_hundred_vertices(middle, stretch):
     check_proofs(cloud(rng, 100), cloud(rng, 100, middle, stretch), random_pose(rng))
 
 
-@pytest.mark.parametrize("sides", [3, 100, 500])
-def test_prisms_cap_to_cap_touch_by_their_caps(sides):
+def prism(sides: int, place=(0, 0, 0)) -> ConvexPart:
     angle = 2 * np.pi * np.arange(sides) / sides
     x, y, flat = np.cos(angle), np.sin(angle), np.zeros(sides)
-    prism = np.vstack([np.column_stack([x, y, flat]), np.column_stack([x, y, flat + 1])])
-    one = Body.convex(prism, seed=[0, 0, 0.5]).parts[0]
-    two = Body.convex(prism + np.array([0, 0, 4]), seed=[0, 0, 4.5]).parts[0]
+    vertices = np.vstack([np.column_stack([x, y, flat]), np.column_stack([x, y, flat + 1])])
+    return Body.convex(vertices + np.array(place), seed=np.add(place, (0, 0, 0.5))).parts[0]
+
+
+@pytest.mark.parametrize("sides", [3, 100, 500])
+def test_prisms_cap_to_cap_touch_by_their_caps(sides):
+    one, two = prism(sides), prism(sides, (0, 0, 4))
     (piece,) = exact_curve(one, two).pieces
     assert piece.line.tolist() == [0.5, 0.5, 4]
     top, bottom = (set(np.flatnonzero(own.vertices[:, 2] == z).tolist()) for own, z in ((one, 1), (two, 4)))
     assert (set(piece.one), set(piece.two)) == (top, bottom)
+
+
+@pytest.mark.parametrize("place", [(0, 0, 4), (4, 0, 0)], ids=["cap to cap", "side to side"])
+def test_work_on_aligned_prisms_grows_with_their_size_only(place, monkeypatch):
+    # half of all vertices or more are tight there: a pivot for each, with a look at all the others, would be quadratic
+    work = Counter()
+
+    def count(owner, name):
+        method = getattr(owner, name)
+
+        def counted(*args):
+            work[name] += 1
+            return method(*args)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    for owner, name in ((Program, "column"), (Program, "values"), (Basis, "pivoted")):
+        count(owner, name)  # integers of one column, one pass through all columns' floats, one pivot
+    found = []
+    for sides in (50, 800):
+        work.clear()
+        exact_curve(prism(sides), prism(sides, place))
+        found.append(dict(work))
+    few, many = found
+    assert 0 < few["column"] < many["column"] < 1.5 * 16 * few["column"]
+    assert 0 < many["values"] < 3 * few["values"]
+    assert 0 < many["pivoted"] < 3 * few["pivoted"]
 
 
 def test_ten_thousand_vertices_finish():

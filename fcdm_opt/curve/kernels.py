@@ -39,7 +39,7 @@ class _Announcement(event.Listener):
     def on_start(self, event: Any) -> None:
         if not self.said and event.data["dispatcher"].py_func.__module__ == __name__:
             self.said = True
-            logging.getLogger("fcdm_opt").warning("compiling the numerical kernels, which are kept: half a minute, once")
+            logging.getLogger("fcdm_opt").warning("compiling the numerical kernels: half a minute, once")
 
     def on_end(self, event: Any) -> None:
         pass
@@ -189,15 +189,14 @@ def _fine_cross(reals1, ints1, reals2, ints2, frame, a, b, u, v):
     )
 
 
-@kernel
-def relative_pose(transform, seed1, seed2, pose):
+@step
+def _set_pose(transform, seed1, seed2, pose):
     """Fill the pose (R row by row, d = s_2 - moved s_1) of a 4 x 4 transform; d is right to a few roundings."""
     size = 0.0
     for i in range(3):
         row = transform[i, 0], transform[i, 1], transform[i, 2]
         pose[3 * i], pose[3 * i + 1], pose[3 * i + 2] = row
-        turned = _dot(row, seed1)
-        pose[9 + i] = seed2[i] - transform[i, 3] - turned
+        pose[9 + i] = seed2[i] - transform[i, 3] - _dot(row, seed1)
         size += np.abs(seed1[i]) + np.abs(seed2[i]) + np.abs(transform[i, 3])
     if size <= 8.0 * (np.abs(pose[9]) + np.abs(pose[10]) + np.abs(pose[11])):
         return
@@ -207,6 +206,14 @@ def relative_pose(transform, seed1, seed2, pose):
         s, e = _two_sum(seed2[i], -transform[i, 3])
         t, f = _two_sum(s, -high)
         pose[9 + i] = t + (e + f - low)
+
+
+@kernel
+def relative_pose(transform, seed1, seed2):
+    """Return the pose, (12,), of a 4 x 4 transform of body 1: R row by row, then d = s_2 - moved s_1."""
+    pose = np.empty(12)
+    _set_pose(transform, seed1, seed2, pose)
+    return pose
 
 
 @kernel
@@ -828,6 +835,21 @@ def _clip(start, end, endless, box):
     Where it is endless, `end` is the direction from `start`, and t has no limit.
     """
     lo, hi = 0.0, (_INF if endless else 1.0)
+    if not endless:  # most are inside, or on the far side of one border
+        if (
+            min(start[0], end[0]) >= box[0]
+            and max(start[0], end[0]) <= box[1]
+            and min(start[1], end[1]) >= box[2]
+            and max(start[1], end[1]) <= box[3]
+        ):
+            return lo, hi
+        if (
+            max(start[0], end[0]) < box[0]
+            or min(start[0], end[0]) > box[1]
+            or max(start[1], end[1]) < box[2]
+            or min(start[1], end[1]) > box[3]
+        ):
+            return 0.0, 0.0
     for axis in range(2):
         step = end[axis] if endless else end[axis] - start[axis]
         low, high = box[2 * axis] - start[axis], box[2 * axis + 1] - start[axis]
@@ -859,66 +881,88 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     capacity, kept = 4 * total + room, 0
     all_sites, all_rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
     ends = np.empty((capacity, 2, 2))
-    for item in range(total):
-        relative_pose(transforms[item], seeds[0], seeds[1], pose)
+    item = 0
+    while item < total:
+        _place(transforms, item, seeds, pose)
         _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
-        while True:
-            state, used, made = _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains)
-            if state != CROWDED:
-                break
+        state, used, made = _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains)
+        if state == CROWDED:
             room *= 4
             sites, rows, points = np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2))
-        states[item] = state
-        if state == UNDECIDED:
             continue
         if kept + used > capacity:
-            capacity = 2 * capacity + used
-            more_sites, more_rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
-            more_ends = np.empty((capacity, 2, 2))
+            more = 2 * capacity + used
+            more_sites, more_rows = np.empty((more, 3), np.int64), np.empty((more, 6))
+            more_ends = np.empty((more, 2, 2))
             more_sites[:kept], more_rows[:kept], more_ends[:kept] = all_sites[:kept], all_rows[:kept], ends[:kept]
-            all_sites, all_rows, ends = more_sites, more_rows, more_ends
-        before = kept
-        done = 0
-        for _ in range(made):
-            best = -1  # the chain that starts first among those not listed yet
-            for chain in range(made):
-                if not done >> chain & 1 and (best < 0 or _starts_before(points, chains, chain, best)):
-                    best = chain
-            done |= 1 << best
-            first, count, forward, endless = chains[best, 0], chains[best, 1], chains[best, 2], chains[best, 3]
-            for step in range(count):
-                k = step if forward > 0 else count - 1 - step
-                start, end = points[first + best + k], points[first + best + k + 1]
-                away = endless > 0 and k == count - 1
-                lo, hi = _clip(start, end, away, box)
-                size = np.abs(start[0]) + np.abs(start[1])
-                if not away:
-                    size = max(size, np.abs(end[0]) + np.abs(end[1]))
-                length = (hi - lo) * (1.0 if away else np.hypot(end[0] - start[0], end[1] - start[1]))
-                if not length > least * size:
-                    continue
-                for entry in range(6):
-                    all_rows[kept, entry] = rows[first + k, entry]
-                for entry in range(3):
-                    all_sites[kept, entry] = sites[first + k, entry]
-                for side in range(2):
-                    t = lo if (side == 0) == (forward > 0) else hi
-                    for axis in range(2):
-                        if t == 0.0 or (t == 1.0 and not away):
-                            ends[kept, side, axis] = start[axis] if t == 0.0 else end[axis]
-                        else:
-                            step_to = end[axis] if away else end[axis] - start[axis]
-                            ends[kept, side, axis] = start[axis] + t * step_to
-                kept += 1
-        counts[item] = kept - before
-        if kept == before:
-            x, y = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])
-            for k in range(used):
-                if rows[k, 3] * x + rows[k, 4] * y < rows[k, 5]:
-                    break
-            else:
-                states[item] = CROWDED
+            all_sites, all_rows, ends, capacity = more_sites, more_rows, more_ends, more
+        counts[item] = 0
+        if state == WALKED:
+            counts[item] = _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, ends, kept)
+            if counts[item] == 0 and _overlaps(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])):
+                state = CROWDED
+        kept += counts[item]
+        states[item] = state
+        item += 1
     return states, counts, all_sites[:kept], all_rows[:kept], ends[:kept]
+
+
+@step
+def _place(transforms, item, seeds, pose):
+    """Fill the pose of one of many transforms."""
+    _set_pose(transforms[item], seeds[0], seeds[1], pose)
+
+
+@step
+def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, ends, kept):
+    """Append the part of a walked curve inside a box from place `kept` on; return the number of segments."""
+    before = kept
+    done = 0
+    for _ in range(made):
+        best = -1  # the chain that starts first among those not listed yet
+        for chain in range(made):
+            if not done >> chain & 1 and (best < 0 or _starts_before(points, chains, chain, best)):
+                best = chain
+        done |= 1 << best
+        first, count, forward, endless = chains[best, 0], chains[best, 1], chains[best, 2], chains[best, 3]
+        for index in range(count):
+            k = index if forward > 0 else count - 1 - index
+            start, end = points[first + best + k], points[first + best + k + 1]
+            away = endless > 0 and k == count - 1
+            lo, hi = _clip(start, end, away, box)
+            size = np.abs(start[0]) + np.abs(start[1])
+            length = 1.0
+            if not away:
+                size = max(size, np.abs(end[0]) + np.abs(end[1]))
+                length = np.abs(end[0] - start[0]) + np.abs(end[1] - start[1])
+            if not (hi - lo) * length > least * size:
+                continue
+            for entry in range(6):
+                all_rows[kept, entry] = rows[first + k, entry]
+            for entry in range(3):
+                all_sites[kept, entry] = sites[first + k, entry]
+            for side in range(2):
+                t = lo if (side == 0) == (forward > 0) else hi
+                for axis in range(2):
+                    if t == 0.0:
+                        ends[kept, side, axis] = start[axis]
+                    elif away:
+                        ends[kept, side, axis] = start[axis] + t * end[axis] if end[axis] != 0.0 else start[axis]
+                    elif t == 1.0:
+                        ends[kept, side, axis] = end[axis]
+                    else:
+                        ends[kept, side, axis] = start[axis] + t * (end[axis] - start[axis])
+            kept += 1
+    return kept - before
+
+
+@step
+def _overlaps(rows, used, x, y):
+    """Tell whether a scale pair lies inside all half-planes of a boundary."""
+    inside = True
+    for k in range(used):
+        inside = inside and rows[k, 3] * x + rows[k, 4] * y >= rows[k, 5]
+    return inside
 
 
 @step

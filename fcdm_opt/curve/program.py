@@ -5,10 +5,10 @@ non-negative weights give
 
     sum lambda_i p_i - sum mu_j q_j - tau d = 0,    rho_1 = sum lambda / tau,    rho_2 = sum mu / tau.
 
-Each weight has a column of this program: (p_i, k_1), (-q_j, k_2), (-d, k_3). The fourth row, k.z = 1 with
-z = (sum lambda, sum mu, tau), normalises the weights; tau = 0 is infinity. Its dual solutions are directions n with three
-levels: the line of n, level_1 z_1 + level_2 z_2 + level_3 z_3 >= 0, holds wherever parts meet if n.c <= level for the
-first three entries c of all columns, each with the level of its kind.
+Each weight has a column of this program: (p_i, k_1), (-q_j, k_2), (-d, k_3). With z = (sum lambda, sum mu, tau), the
+fourth row, k.z = 1, normalises the weights; tau = 0 is infinity. A dual solution is a direction n with three levels,
+one of each kind of column, so that n.c <= level for the first three entries c of all columns. It gives a half-plane,
+level_1 z_1 + level_2 z_2 + level_3 z_3 >= 0, that holds wherever the parts meet: the contact line (a, b, -c) of n.
 
 Pricing looks for a column that n.c <= level fails for. Floats decide where a value is larger than its error bound,
 integers elsewhere: a line is proved against every column, mostly at the cost of one product of floats.
@@ -23,16 +23,26 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from flint import fmpq, fmpz
+from flint import fmpq
 
-from fcdm_opt.curve.rationals import ONE, ZERO, Vector, common_unit, coprime, dot, multiple, quotient, scaled
+from fcdm_opt.curve.rationals import (
+    ONE,
+    ZERO,
+    Vector,
+    common_unit,
+    coprime,
+    dot,
+    multiple,
+    normalised,
+    quotient,
+    scaled,
+)
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 
 # Bound of the rounding error of a column's floating-point value, relative to the sum of the absolute coefficients: the
 # column's own entries (6 units of 2^-53), coefficients (2), products and sums (7), rounded up.
 ROUNDING = 32 * 2.0**-53
-SAFE = 2.0**-500  # numbers from here to its inverse, and their products, neither underflow nor overflow
 
 
 class Program:
@@ -116,21 +126,9 @@ class Program:
 
     # ---- pricing
 
-    def normalised(self, values: Sequence[fmpz], shifts: Sequence[int]) -> list[float]:
-        """Return values times powers of two as floats, the largest made 1."""
-        try:
-            rounded = [math.ldexp(x, s) for x, s in zip(map(float, values), shifts, strict=True)]
-            largest = max(max(rounded), -min(rounded))
-        except OverflowError:
-            largest = math.inf
-        if not SAFE < largest < 1 / SAFE:
-            if not any(values):
-                return [0.0] * len(values)
-            top = max(x.height_bits() + s for x, s in zip(values, shifts, strict=True) if x)
-            wide = [max(0, x.height_bits() - 64) for x in values]
-            rounded = [math.ldexp(float(x >> w), w + s - top) for x, w, s in zip(values, wide, shifts, strict=True)]
-            largest = max(max(rounded), -min(rounded))
-        return [x / largest for x in rounded]
+    def values(self, coefficients: Sequence[float] | Sequence[Sequence[float]]) -> Array:
+        """Return coefficients times all columns' floats, one value or row of values a column."""
+        return np.array(coefficients) @ self.floats
 
     def price(self, n: Vector, levels: Vector, basic: Sequence[int]) -> int | None:
         """Return a column with level - n.c < 0, one of the lowest; None if there is none, proved for every column.
@@ -144,8 +142,8 @@ class Program:
             Columns where it is 0 by construction.
         """
         p, q, r = self.reach
-        coefficients = self.normalised((-n[0], -n[1], -n[2], *levels), (0, 0, 0, -p, -q, -r))
-        values = np.array(coefficients) @ self.floats
+        coefficients = normalised((-n[0], -n[1], -n[2], *levels), (0, 0, 0, -p, -q, -r))
+        values = self.values(coefficients)
         error = ROUNDING * sum(map(abs, coefficients))
         least = int(values.argmin())
         if values[least] < -error:
@@ -157,8 +155,8 @@ class Program:
 
     def levels(self, n: Vector) -> Vector:
         """Return the lowest levels of a direction, (a, b, -c) in own units: its line."""
-        coefficients = self.normalised((*n, ZERO, ZERO, ZERO), (0,) * 6)
-        heights = np.array(coefficients) @ self.floats
+        coefficients = normalised((*n, ZERO, ZERO, ZERO), (0,) * 6)
+        heights = self.values(coefficients)
         error = 2 * ROUNDING * sum(map(abs, coefficients))  # of a difference of two
         first, last = self.counts[0], self.total - 1
         levels = []

@@ -91,6 +91,6 @@ def _relative(one: ConvexPart, two: ConvexPart, transform: Array) -> tuple[list[
         [[tuple(rational(x) for x in row) for row in rows.tolist()] for rows in (one.vertices, two.vertices)],
         [tuple(rational(x) for x in part.seed.tolist()) for part in (one, two)],
     )
-    P = [tuple([dot(row, minus(v, s)) for row in T[:3]]) for v in V]
-    Q = [minus(w, e) for w in W]
+    P: list[Point] = [tuple([dot(row, minus(v, s)) for row in T[:3]]) for v in V]
+    Q: list[Point] = [minus(w, e) for w in W]
     return P, Q, minus(e, [dot(row, s) + row[3] for row in T[:3]])

@@ -23,6 +23,7 @@ DIGITS = 53  # of a float's mantissa, binary
 # Square roots of integers are taken to this many bits after the point: a quotient by one is then off by 2^-128 of its
 # value before it is rounded to 53 bits, wrong only if 75 bits in a row happen to be those of a tie.
 ROOT_BITS = 128
+SAFE = 2.0**-500  # numbers from here to its inverse, and their products, neither underflow nor overflow
 
 
 def dot(u: Sequence[Any], v: Sequence[Any]) -> Any:
@@ -124,6 +125,23 @@ def quotient(top: fmpz, bottom: fmpz) -> float:
         return int(top) / int(bottom)
     except OverflowError:
         return math.copysign(math.inf, top * bottom)
+
+
+def normalised(values: Sequence[fmpz], shifts: Sequence[int]) -> list[float]:
+    """Return values times powers of two as floats, the largest made 1."""
+    try:
+        rounded = [math.ldexp(x, s) for x, s in zip(map(float, values), shifts, strict=True)]
+        largest = max(max(rounded), -min(rounded))
+    except OverflowError:
+        largest = math.inf
+    if not SAFE < largest < 1 / SAFE:
+        if not any(values):
+            return [0.0] * len(values)
+        top = max(x.height_bits() + s for x, s in zip(values, shifts, strict=True) if x)
+        wide = [max(0, x.height_bits() - 64) for x in values]
+        rounded = [math.ldexp(float(x >> w), w + s - top) for x, w, s in zip(values, wide, shifts, strict=True)]
+        largest = max(max(rounded), -min(rounded))
+    return [x / largest for x in rounded]
 
 
 def length(u: Sequence[fmpz]) -> fmpz:

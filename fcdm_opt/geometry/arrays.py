@@ -18,7 +18,8 @@ def numbers(values: Any, key: str) -> Array:
     """Return an array of real numbers; raise `InputError` for anything else, and for magnitudes whose cube is lost."""
     try:
         raw = np.asarray(values)
-        if raw.dtype.kind not in "biufO" or any(isinstance(x, str | bytes) for x in raw.flat if raw.dtype.kind == "O"):
+        mixed = raw.dtype.kind == "O"
+        if raw.dtype.kind not in "biufO" or (mixed and any(isinstance(x, str | bytes) for x in raw.flat)):
             raise TypeError  # text, complex numbers, dates
         with np.errstate(over="ignore"):  # wider floats become infinite
             array = np.array(raw, dtype=np.float64)

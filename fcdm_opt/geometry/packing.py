@@ -66,7 +66,7 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     reals[n + f, :3] = radius, _is_convex(part, normals, errors), inside
     reals[n + f + 1 :, :3] = lost
     header = [n, f, m, *offsets[:5].tolist(), cells, 0]
-    return frozen(reals), frozen(np.concatenate([header, *tables]), np.int32)
+    return frozen(reals), frozen(np.concatenate([header, *tables]), np.int64)
 
 
 @lru_cache
