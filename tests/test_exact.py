@@ -19,8 +19,8 @@ from oracles import exact_curve as enumerated
 from strategies import SEEDS, generators, random_pair, random_pose
 
 from fcdm_opt.curve.exact import ExactCorner, ExactCurve, ExactPiece, Verdict, exact_curve, proves
-from fcdm_opt.curve.program import Program
-from fcdm_opt.curve.simplex import Basis
+from fcdm_opt.curve.exact.program import Program
+from fcdm_opt.curve.exact.simplex import Basis
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 

@@ -94,7 +94,7 @@ def check_same(
     if rounding:  # nothing shorter than what rounding moves
         assume(all(np.abs(p.end - p.start).max() > 1e3 * reach[p.feature] for p in before))
     assert set(after) == {name(piece.feature) for piece in before}
-    counts = [sorted(sum(is_seen(run.whole) for run in chain) for chain in curve.chains) for curve in (first, second)]
+    counts = [sorted(sum(is_seen(run.whole) for run in c) for c in curve.chains) for curve in (first, second)]
     assert counts[0] == counts[1]
     assert second.status == first.status
     order = [1, 0, 2] if swap else [0, 1, 2]
@@ -228,7 +228,7 @@ def test_quarter_turns_by_the_transform_are_those_of_the_body(rng, reach, seeds,
 @settings(max_examples=60)
 @given(*EVERY_PAIR)
 def test_repeated_and_inner_points_change_nothing(rng, reach, seeds):
-    """Points that repeat a vertex, or lie between vertices, before, among and after them; the first of equals counts."""
+    """Points that repeat a vertex or lie between vertices, before, among and after them; the first of equals counts."""
     shapes = random_pair(rng, reach, seeds)
     made, names = [], []
     for own in shapes:

@@ -25,7 +25,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from flint import fmpq
 
-from fcdm_opt.curve.rationals import (
+from fcdm_opt.curve.exact.rationals import (
     ONE,
     ZERO,
     Vector,

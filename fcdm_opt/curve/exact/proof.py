@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import fmpq
 
-from fcdm_opt.curve.rationals import Number, Vector, dot, minus, rank, rational, scale_pair
+from fcdm_opt.curve.exact.rationals import Number, Vector, dot, minus, rank, rational, scale_pair
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 

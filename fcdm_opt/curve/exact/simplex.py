@@ -18,8 +18,8 @@ from functools import cached_property
 import numpy as np
 from flint import fmpq, fmpz
 
-from fcdm_opt.curve.program import Program
-from fcdm_opt.curve.rationals import ONE, ZERO, Vector, cross, dot, dot4
+from fcdm_opt.curve.exact.program import Program
+from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, cross, dot, dot4
 
 ARTIFICIAL = -1  # number and kind of the column that phase one adds
 NOTHING: Vector = (ZERO, ZERO, ZERO, ZERO)

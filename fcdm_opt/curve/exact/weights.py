@@ -14,9 +14,9 @@ from collections.abc import Sequence
 
 from flint import fmpq, fmpz
 
-from fcdm_opt.curve.rationals import ONE, ZERO, Vector, affine_rank, cross, dot, dot4, scaled
-from fcdm_opt.curve.shadow import Edge, Shadow, Vertex
-from fcdm_opt.curve.simplex import Basis
+from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, affine_rank, cross, dot, dot4, scaled
+from fcdm_opt.curve.exact.shadow import Edge, Shadow, Vertex
+from fcdm_opt.curve.exact.simplex import Basis
 
 # ------------------------------------------------------------------------------------------------------ what can touch
 

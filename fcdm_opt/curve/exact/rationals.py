@@ -124,7 +124,7 @@ def quotient(top: fmpz, bottom: fmpz) -> float:
     try:
         return int(top) / int(bottom)
     except OverflowError:
-        return math.copysign(math.inf, top * bottom)
+        return math.inf if (top > 0) == (bottom > 0) else -math.inf
 
 
 def normalised(values: Sequence[fmpz], shifts: Sequence[int]) -> list[float]:

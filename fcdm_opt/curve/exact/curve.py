@@ -1,13 +1,4 @@
-"""The exact decision curve of one pair of convex parts: rational arithmetic on the float inputs as they are.
-
-    curve = exact_curve(one, two, transform)      # two ConvexPart, a 4x4 array taken as given
-    curve.status, curve.chains, curve.proof       # chains of ExactPiece and ExactCorner, overlap on the left
-    curve.side(rho), curve.judge(rho)             # which side of the curve a scale pair lies on, with its proof
-    proves(one, two, transform, rho, verdict)     # the check of such a proof, from nothing but the vertices
-
-Only the vertices are used: no hull, no normals, no kernels. The scale pairs at which two parts meet are the projective
-image of a polygon, the shadow of a linear program's solutions; its edges in the open quadrant are the curve.
-"""
+"""The curve of one pair of convex parts, piece by piece, exact and rounded."""
 
 from __future__ import annotations
 
@@ -20,15 +11,13 @@ from typing import Literal
 import numpy as np
 from flint import fmpq, fmpz
 
-from fcdm_opt.curve.program import Program
-from fcdm_opt.curve.proof import Verdict, proves
-from fcdm_opt.curve.rationals import Number, Vector, length, over_length, quotient, scale_pair
-from fcdm_opt.curve.shadow import Edge, Shadow, Vertex
-from fcdm_opt.curve.weights import touching_along, touching_at, witness
+from fcdm_opt.curve.exact.program import Program
+from fcdm_opt.curve.exact.proof import Verdict
+from fcdm_opt.curve.exact.rationals import Number, Vector, length, over_length, quotient, scale_pair
+from fcdm_opt.curve.exact.shadow import Edge, Shadow, Vertex
+from fcdm_opt.curve.exact.weights import touching_along, touching_at, witness
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
-
-__all__ = ["ExactChain", "ExactCorner", "ExactCurve", "ExactPiece", "Verdict", "exact_curve", "proves"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpz
 
-from fcdm_opt.curve.program import ROUNDING, Program
-from fcdm_opt.curve.rationals import ONE, ZERO, Vector, coprime, cross2, dot, dot2, dot4, normalised
-from fcdm_opt.curve.simplex import Basis, phase_one
+from fcdm_opt.curve.exact.program import ROUNDING, Program
+from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, coprime, cross2, dot, dot2, dot4, normalised
+from fcdm_opt.curve.exact.simplex import Basis, phase_one
 from fcdm_opt.geometry.arrays import Array
 
 Step = tuple[fmpz, fmpz]
