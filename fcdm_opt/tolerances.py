@@ -26,8 +26,8 @@ class Tolerances:
     line
         A contact line's side of a scale pair is decided to within this; pieces shorter than it are dropped.
     sign
-        A scale pair's side of a contact line is taken from floats where it is off the line by more than this, and from
-        rational arithmetic elsewhere; lines are right to 1e-13.
+        A scale pair's side of a contact line is taken from floats where it is off the line by more than this, times
+        the bodies' scaled sizes and their offset, and from rational arithmetic elsewhere; lines are right to 1e-13.
     point
         Scale pairs that differ by less are one: four roundings.
     nominal

@@ -114,7 +114,7 @@ def decision_curves(
     else:
         states, counts, settled = np.zeros(total, np.int64), np.zeros(total, np.int64), np.zeros(total, bool)
         sites, rows, vertices = np.empty((0, 3), np.int64), np.empty((0, 6)), np.empty((0, 2, 2))
-    status = np.array(STATUSES)[np.where(counts > 0, 1, np.where(states == kernels.CROWDED, 2, 0))]
+    status = np.array(STATUSES)[np.where(counts > 0, 1, np.where(states == kernels.OVERLAPPING, 2, 0))]
     parts = np.zeros((len(sites), 2), np.int64)
     alone = np.flatnonzero(settled) if convex else np.arange(total)
     if alone.size:
@@ -154,7 +154,7 @@ def _walked(movable: Body, static: Body, poses: Array, box: Box, threads: int) -
 
     def work(share: Array) -> tuple[Ints, Ints, Ints, Array, Array]:
         found: tuple[Ints, Ints, Ints, Array, Array] = kernels.walk_many(
-            *packed, share, seeds, limits, DEFAULT.planarity, DEFAULT.point
+            *packed, share, seeds, limits, DEFAULT.planarity, DEFAULT.point, DEFAULT.sign
         )
         return found
 

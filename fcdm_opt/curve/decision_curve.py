@@ -350,7 +350,9 @@ class DecisionCurve:
         )
 
     def gap(self, rho: ArrayLike) -> Array | float:
-        """Return the signed gap: > 0 apart, 0 touching, < 0 overlapping, length units. The sign is always right.
+        """Return the signed gap: > 0 apart, 0 touching, < 0 overlapping, length units.
+
+        For positive scales its sign is always right.
 
         For each part pair the largest separation over the facet directions of its Minkowski difference (minus the
         penetration depth where they overlap), least over the pairs; never more than the distance.
@@ -364,12 +366,13 @@ class DecisionCurve:
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
         flat = pairs.reshape(-1, 2)
         least = np.full(len(flat), np.inf)
+        positive = (flat > 0).all(axis=1)
         for region, rows in zip(self.regions, self._rows, strict=True):
             gaps = (rows[:, 5] - flat @ rows[:, 3:5].T).max(axis=-1)
-            scales = np.abs(rows[:, 5]).max() + np.abs(flat) @ np.abs(rows[:, 3:5]).max(axis=0)
-            # this near to zero rounding decides the sign
-            for k in np.flatnonzero((np.abs(gaps) <= DEFAULT.sign * scales) & (flat > 0).all(axis=1)):
-                gaps[k] = region.exact.separation(flat[k].tolist())
+            sides = np.sign(gaps)
+            sides[positive] = region.sides(flat[positive])
+            for k in np.flatnonzero((sides != np.sign(gaps)) | (sides == 0)):  # rounding would decide
+                gaps[k] = region.exact.separation(flat[k].tolist()) if positive[k] else gaps[k]
             least = np.minimum(least, gaps)
         return float(least[0]) if pairs.ndim == 1 else least.reshape(pairs.shape[:-1])
 

@@ -21,14 +21,19 @@ from numba.core import event
 
 F1V2, V1F2, E1E2 = 0, 1, 2
 WALKED, UNDECIDED, CROWDED = 0, 1, 2  # how a walk ended: done, left to exact arithmetic, no room for the answer
+OVERLAPPING = 3  # in a batch: a curve that is walked, but not in the box, in which the bodies overlap
 FAR, AXIS_1, AXIS_2 = 0, 1, 2  # how a chain ends: at infinity, where rho_1 = 0, where rho_2 = 0
 _INF = np.inf
 UNIT = 2.0**-53
-# Error bounds of the walk's sign tests, in units of 2^-53 and of the product of the sizes that enter; each counts the
-# rounding of the input (1 a vertex, 2 for d), of products and sums, and of turning by R, and is then rounded up.
-TRIPLE = 64.0 * UNIT  # a triple product of vertices, d, or both: below 30
-SPOKE = 72.0 * UNIT  # a face normal times the way between two vertices, besides twice the normal's own error: below 40
-FINE = 2e-14  # edges whose cross product may be off by more are crossed in twice the precision
+# Error bounds of the walk's sign tests, in units of 2^-53 times the product of the lengths that enter. One operation
+# each: a vertex less the seed 1, d 12 (`_set_pose`), cross product 2.8, turning by R 5.2 or by its cofactors 11.2 (they
+# are computed), dot product 3.
+TRIPLE = 64.0 * UNIT  # triple products of vertices and d: 1 + 1 + 12 + 2.8 + 11.2 + 3 = 31 at most, doubled
+SPOKE = 72.0 * UNIT  # face normals times ways between vertices: 2 (11.2 + 3 + 1) + 2 = 32.4 and twice the face's own
+FINE = 2e-14  # no line has a direction known less well: edges are crossed in twice the precision, faces left to exact
+# Places in a frame, see `_set_frame`.
+R, D, COFACTORS, D_OWN = 0, 9, 12, 21
+RADIUS_1, RADIUS_2, OFFSET_BOUND, APEX_BOUND_1, APEX_BOUND_2, RAY_BOUND_1, RAY_BOUND_2, SPOKE_BOUND = range(24, 32)
 
 
 class _Announcement(event.Listener):
@@ -74,6 +79,12 @@ def step(function: Callable[..., Any]) -> Callable[..., Any]:
 def _at(rows, k):
     row = np.uintp(k)  # unsigned: no test for negative indices
     return rows[row, 0], rows[row, 1], rows[row, 2]
+
+
+@step
+def _entry(values, k):
+    """Return three numbers of a flat array."""
+    return values[k], values[k + 1], values[k + 2]
 
 
 @step
@@ -177,9 +188,9 @@ def _fine_cross_entry(u, p, x, q, i, j):
 def _fine_cross(reals1, ints1, reals2, ints2, frame, a, b, u, v):
     """Return the cross product of two edges in world axes, from the vertices as they are."""
     high, low = _fine_difference(reals1, ints1, a, b)
-    e0, f0 = _fine_dot((frame[0], frame[1], frame[2]), high, low)
-    e1, f1 = _fine_dot((frame[3], frame[4], frame[5]), high, low)
-    e2, f2 = _fine_dot((frame[6], frame[7], frame[8]), high, low)
+    e0, f0 = _fine_dot(_entry(frame, R), high, low)
+    e1, f1 = _fine_dot(_entry(frame, R + 3), high, low)
+    e2, f2 = _fine_dot(_entry(frame, R + 6), high, low)
     across, rest = _fine_difference(reals2, ints2, u, v)
     e, f = (e0, e1, e2), (f0, f1, f2)
     return (
@@ -191,14 +202,14 @@ def _fine_cross(reals1, ints1, reals2, ints2, frame, a, b, u, v):
 
 @step
 def _set_pose(transform, seed1, seed2, pose):
-    """Fill the pose (R row by row, d = s_2 - moved s_1) of a 4 x 4 transform; d is right to a few roundings."""
+    """Fill the pose (R row by row, d = s_2 - moved s_1) of a 4 x 4 transform; d is right to 12 roundings."""
     size = 0.0
     for i in range(3):
         row = transform[i, 0], transform[i, 1], transform[i, 2]
         pose[3 * i], pose[3 * i + 1], pose[3 * i + 2] = row
         pose[9 + i] = seed2[i] - transform[i, 3] - _dot(row, seed1)
         size += np.abs(seed1[i]) + np.abs(seed2[i]) + np.abs(transform[i, 3])
-    if size <= 8.0 * (np.abs(pose[9]) + np.abs(pose[10]) + np.abs(pose[11])):
+    if size <= 2.0 * (np.abs(pose[9]) + np.abs(pose[10]) + np.abs(pose[11])):
         return
     for i in range(3):  # most of it cancels: far from the origin
         row = transform[i, 0], transform[i, 1], transform[i, 2]
@@ -233,81 +244,12 @@ def first_not_rigid(transforms, tolerance):
     return -1
 
 
-# ------------------------------------------------------------------------------------------- a feature that is tracked
-
-
-@kernel
-def _rotated(reals, count, pose):
-    """Return the first rows of body 1 turned by R, (count, 3)."""
-    out = np.empty((count, 3))
-    for k in range(count):
-        out[k, 0], out[k, 1], out[k, 2] = _turned(pose, 0, _at(reals, k))
-    return out
-
-
 @step
 def _side(ints, h):
     """Return origin, end, face on the left and next half-edge of a half-edge."""
     k = np.uintp(ints[3] + 4 * h)
     one, two, three = np.uintp(1), np.uintp(2), np.uintp(3)
     return ints[k], ints[k + one], ints[k + two], ints[k + three]
-
-
-@kernel
-def _face_level(X, ints, face, n, sign):
-    """Return the largest sign * n.x over a face's vertices."""
-    best = -_INF
-    first = h = ints[ints[5] + face]
-    while True:
-        vertex, _, _, h = _side(ints, h)
-        best = max(best, sign * (n[0] * X[vertex, 0] + n[1] * X[vertex, 1] + n[2] * X[vertex, 2]))
-        if h == first:
-            return best
-
-
-@kernel
-def _site_row(X, ints1, Y, ints2, d, site, row):
-    """Fill `row` = (n, a, b, c) of a site, X in world axes; return False where two edges are parallel."""
-    kind, i, j = site[0], site[1], site[2]
-    n = row[:3]
-    if kind == F1V2:
-        n[:] = X[ints1[0] + i, :3]
-        row[3], row[4] = _face_level(X, ints1, i, n, 1.0), -_dot(n, Y[j])
-    elif kind == V1F2:
-        n[:] = -Y[ints2[0] + j, :3]
-        row[3], row[4] = _dot(n, X[i]), _face_level(Y, ints2, j, n, -1.0)
-    else:
-        a, b, left, _ = _side(ints1, 2 * i)
-        u, v, other, _ = _side(ints2, 2 * j)
-        right, beyond = _side(ints1, 2 * i + 1)[2], _side(ints2, 2 * j + 1)[2]
-        across = _cross(X[b] - X[a], Y[v] - Y[u])
-        length = _length(across)
-        if length == 0.0:
-            return False
-        outside = X[ints1[0] + left] + X[ints1[0] + right] - Y[ints2[0] + other, :3] - Y[ints2[0] + beyond, :3]
-        turn = (1.0 if _dot(across, outside) > 0 else -1.0) / length
-        n[0], n[1], n[2] = _times(turn, across)
-        row[3], row[4] = _dot(n, X[a]), -_dot(n, Y[u])
-    row[5] = _dot(n, d)
-    return True
-
-
-@kernel
-def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
-    """Return the row of a site at a pose; parallel edges give nan.
-
-    `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
-    facet.
-    """
-    row = np.full(6, np.nan)
-    X = _rotated(reals1, ints1[0] + ints1[1], pose)
-    if _site_row(X, ints1, reals2, ints2, pose[9:], site, row) and site[0] == E1E2:
-        a, b, _, _ = _side(ints1, 2 * site[1])
-        u, v, _, _ = _side(ints2, 2 * site[2])
-        n = _cross(X[b] - X[a], _minus(_at(reals2, v), _at(reals2, u)))
-        if sign * _dot(n, row) < 0:
-            row *= -1.0
-    return row
 
 
 # ---------------------------------------------------------------------------------------- the walk (design section 3)
@@ -325,11 +267,11 @@ def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
 
 @step
 def _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame):
-    """Fill `frame`: R (9), d (3), cofactors of R (9), R^T d (3), then bounds and sizes.
+    """Fill `frame`: R (9), d (3), cofactors of R (9), R^T d (3), both radii, then error bounds.
 
-    24, 25: radii of the parts. 26: bound of d-triple products. 27, 28: bounds of triple products of an edge of part 1
-    (2) with a vertex of the other part, and 29, 30 with d. 31: bound of spokes per unit of radius. Normals turn by the
-    cofactors, so that R need not be orthogonal to the last digit.
+    Of triple products: a vertex of each part with d (OFFSET); two vertices of part 1 (2) with one of the other part
+    (APEX) and with d (RAY). SPOKE_BOUND, per unit of radius, is that of a face normal times the way between two
+    vertices, and `planarity`. Normals turn by the cofactors, so that R need not be orthogonal to the last digit.
     """
     for k in range(12):
         frame[k] = pose[k]
@@ -337,14 +279,14 @@ def _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame):
         j, k = (i + 1) % 3, (i + 2) % 3
         c = _cross((pose[3 * j], pose[3 * j + 1], pose[3 * j + 2]), (pose[3 * k], pose[3 * k + 1], pose[3 * k + 2]))
         frame[12 + 3 * i], frame[13 + 3 * i], frame[14 + 3 * i] = c
-    frame[21], frame[22], frame[23] = _turned_back(pose, 0, (pose[9], pose[10], pose[11]))
+    frame[21], frame[22], frame[23] = _turned_back(pose, 0, _entry(pose, 9))
     r1, r2 = reals1[ints1[0] + ints1[1], 0], reals2[ints2[0] + ints2[1], 0]
-    length = _length((pose[9], pose[10], pose[11]))
-    frame[24], frame[25] = r1, r2
-    frame[26] = TRIPLE * r1 * r2 * length
-    frame[27], frame[28] = TRIPLE * r1 * r1 * r2, TRIPLE * r1 * r2 * r2
-    frame[29], frame[30] = TRIPLE * r1 * r1 * length, TRIPLE * r2 * r2 * length
-    frame[31] = SPOKE + planarity
+    length = _length(_entry(pose, 9))
+    frame[RADIUS_1], frame[RADIUS_2] = r1, r2
+    frame[OFFSET_BOUND] = TRIPLE * r1 * r2 * length
+    frame[APEX_BOUND_1], frame[APEX_BOUND_2] = TRIPLE * r1 * r1 * r2, TRIPLE * r1 * r2 * r2
+    frame[RAY_BOUND_1], frame[RAY_BOUND_2] = TRIPLE * r1 * r1 * length, TRIPLE * r2 * r2 * length
+    frame[SPOKE_BOUND] = SPOKE + planarity
 
 
 @step
@@ -372,8 +314,13 @@ def _cell(ints, n):
 
 @step
 def _summit(reals, ints, n):
-    """Climb to the vertex extreme along n; return it and by how much it surpasses its highest neighbour."""
-    vertex = ints[ints[6] + _cell(ints, n)]
+    """Return the vertex extreme along n, and by how much it surpasses its highest neighbour."""
+    return _climbed(reals, ints, ints[ints[6] + _cell(ints, n)], n)
+
+
+@step
+def _climbed(reals, ints, vertex, n):
+    """Climb from a vertex to the one extreme along n; return it and by how much it surpasses its highest neighbour."""
     here = _dot(n, _at(reals, vertex))
     while True:
         best, where = -_INF, vertex
@@ -451,31 +398,31 @@ def _left_through(reals, ints, ray):
 
 @step
 def _seed_ray(reals, ints, ray):
-    """Return (state, t_in, face_in, t_out, face_out): the part of t ray, t > 0, inside a convex part.
+    """Return (state, face in, face out): where a ray from the seed enters a part, -1 from a seed inside, and leaves it.
 
-    State 0: missed, 1: hit, 2: cannot tell. t_in = 0 where the seed is inside.
+    State 0: missed, 1: hit, 2: cannot tell.
     """
-    count = ints[0]
     out = _left_through(reals, ints, ray)
     if out < 0:
-        return (0 if out == -1 else 2), 0.0, -1, 0.0, -1
-    n = _at(reals, count + out)
-    level = _dot(n, _at(reals, _side(ints, ints[ints[5] + out])[0]))
-    t_out = level / _dot(n, ray)
-    if reals[count + ints[1], 2] > 0.0:
-        return 1, 0.0, -1, t_out, out
-    least = (2.0 * reals[count + out, 3] + SPOKE) * reals[count + ints[1], 0]
-    if level < -least:
-        return 0, 0.0, -1, 0.0, -1
+        return (0 if out == -1 else 2), -1, -1
+    if reals[ints[0] + ints[1], 2] > 0.0:
+        return 1, -1, out
+    side = _seed_side(reals, ints, out)
+    if side != 1:
+        return (0 if side == -1 else 2), -1, -1
     into = _left_through(reals, ints, _times(-1.0, ray))
-    if not level > least or into < 0:
-        return 2, 0.0, -1, 0.0, -1
-    n = _at(reals, count + into)
-    level = _dot(n, _at(reals, _side(ints, ints[ints[5] + into])[0]))
-    least = (2.0 * reals[count + into, 3] + SPOKE) * reals[count + ints[1], 0]
-    if not np.abs(level) > least:
-        return 2, 0.0, -1, 0.0, -1
-    return 1, max(level / _dot(n, ray), 0.0), into, t_out, out
+    side = _seed_side(reals, ints, into) if into >= 0 else 0
+    if side == 0:
+        return 2, -1, -1
+    return 1, (into if side == -1 else -1), out
+
+
+@step
+def _seed_side(reals, ints, face):
+    """Return 1 where the seed lies behind the plane of a face, -1 where before it, 0 where it cannot tell."""
+    level = _dot(_at(reals, ints[0] + face), _at(reals, _side(ints, ints[ints[5] + face])[0]))
+    least = (2.0 * reals[ints[0] + face, 3] + SPOKE) * reals[ints[0] + ints[1], 0]
+    return 1 if level > least else (-1 if level < -least else 0)
 
 
 @step
@@ -483,18 +430,18 @@ def _face_row(reals1, ints1, reals2, ints2, frame, kind, face, apex):
     """Return the row (n, a, b, c) of a face and a vertex."""
     if kind == F1V2:
         m = _at(reals1, ints1[0] + face)
-        n = _turned(frame, 12, m)
+        n = _turned(frame, COFACTORS, m)
         height = _dot(m, _at(reals1, _side(ints1, ints1[np.uintp(ints1[5] + face)])[0]))
         # cofactors times m, R times x: their product is m.x times the determinant
-        first = _dot((frame[0], frame[1], frame[2]), (frame[12], frame[13], frame[14])) * height
+        first = _dot(_entry(frame, R), _entry(frame, COFACTORS)) * height
         second = -_dot(n, _at(reals2, apex))
     else:
         m = _at(reals2, ints2[0] + face)
         n = _times(-1.0, m)
-        first = _dot(_turned_back(frame, 0, n), _at(reals1, apex))
+        first = _dot(_turned_back(frame, R, n), _at(reals1, apex))
         second = _dot(m, _at(reals2, _side(ints2, ints2[np.uintp(ints2[5] + face)])[0]))
     scale = 1.0 / _length(n)
-    level = scale * _dot(n, (frame[9], frame[10], frame[11]))
+    level = scale * _dot(n, _entry(frame, D))
     return _times(scale, n), scale * first, scale * second, level
 
 
@@ -504,28 +451,29 @@ def _edge_row(reals1, ints1, reals2, ints2, frame, h1, h2):
     a, b, _, _ = _side(ints1, h1)
     u, v, _, _ = _side(ints2, h2)
     x, y = _at(reals1, a), _at(reals2, u)
-    e, g = _turned(frame, 0, _minus(_at(reals1, b), x)), _minus(_at(reals2, v), y)
+    e, g = _turned(frame, R, _minus(_at(reals1, b), x)), _minus(_at(reals2, v), y)
     n = _cross(e, g)
     length, long, wide = _length(n), _length(e), _length(g)
-    lost = 8.0 * UNIT * (long * wide + frame[24] * wide + frame[25] * long)
+    lost = 8.0 * UNIT * (long * wide + frame[RADIUS_1] * wide + frame[RADIUS_2] * long)
     if not lost < FINE * length:
         n = _fine_cross(reals1, ints1, reals2, ints2, frame, a, b, u, v)
         length = _length(n)
     scale = 1.0 / length
     n = _times(scale, n)
-    return n, _dot(_turned_back(frame, 0, n), x), -_dot(n, y), _dot(n, (frame[9], frame[10], frame[11]))
+    return n, _dot(_turned_back(frame, R, n), x), -_dot(n, y), _dot(n, _entry(frame, D))
 
 
 @step
 def _track(reals1, reals2, frame, forward, kind, apex):
-    """Return q, in the axes of the body whose edges are met: the contact moves from q.x < 0 to q.x > 0.
+    """Return the normal q of the plane in which the contact point moves, in the axes of the body whose edges it meets.
 
-    Face or edge, apex and d stay in one plane, so the contact point runs along the plane's trace.
+    rho_1 x = d + rho_2 apex keeps it in the plane of d and the apex: it stays on q.x = 0. Seen from outside the face, q
+    points to the left of its way, so it leaves over the side that runs, counter-clockwise, from q.x < 0 to q.x > 0.
     """
     if kind == F1V2:
-        q = _cross(_at(reals2, apex), (frame[9], frame[10], frame[11]))
-        return _times(forward, _turned_back(frame, 0, q))
-    return _times(forward, _cross(_turned(frame, 0, _at(reals1, apex)), (frame[9], frame[10], frame[11])))
+        q = _cross(_at(reals2, apex), _entry(frame, D))
+        return _times(forward, _turned_back(frame, R, q))
+    return _times(forward, _cross(_turned(frame, R, _at(reals1, apex)), _entry(frame, D)))
 
 
 @step
@@ -552,13 +500,13 @@ def _corner(reals1, ints1, reals2, ints2, frame, forward, kind, h, apex, before,
     """
     if kind == F1V2:
         a, b, _, _ = _side(ints1, h)
-        w = _turned(frame, 12, _cross(_at(reals1, a), _at(reals1, b)))
-        det, bound, other = -_dot(w, _at(reals2, apex)), frame[27], frame[29]
+        w = _turned(frame, COFACTORS, _cross(_at(reals1, a), _at(reals1, b)))
+        det, bound, other = -_dot(w, _at(reals2, apex)), frame[APEX_BOUND_1], frame[RAY_BOUND_1]
     else:
         a, b, _, _ = _side(ints2, h)
         w = _cross(_at(reals2, a), _at(reals2, b))
-        det, bound, other = _dot(w, _turned(frame, 0, _at(reals1, apex))), frame[28], frame[30]
-    top = _dot(w, (frame[9], frame[10], frame[11]))
+        det, bound, other = _dot(w, _turned(frame, R, _at(reals1, apex))), frame[APEX_BOUND_2], frame[RAY_BOUND_2]
+    top = _dot(w, _entry(frame, D))
     if forward * det < -bound and forward * top < -other:
         own, opposite = -forward * (after - before) / det, top / det
         if kind == F1V2:
@@ -568,15 +516,18 @@ def _corner(reals1, ints1, reals2, ints2, frame, forward, kind, h, apex, before,
 
 
 @step
-def _cross_surely(reals1, ints1, reals2, ints2, frame, h1, h2):
-    """Tell whether two edges form a facet with n along (half-edge 1) x (half-edge 2): their arcs cross for certain."""
+def _cross_surely(reals1, ints1, reals2, ints2, frame, h1, h2, slack):
+    """Tell whether two edges form a facet with n along (half-edge 1) x (half-edge 2): their arcs cross for certain.
+
+    `slack`: bound of spokes per unit of radius.
+    """
     a, b, left, _ = _side(ints1, h1)
     u, v, over, _ = _side(ints2, h2)
     right, under = _side(ints1, h1 ^ 1)[2], _side(ints2, h2 ^ 1)[2]
     f1, f2 = ints1[0], ints2[0]
-    across = _turned_back(frame, 12, _minus(_at(reals2, v), _at(reals2, u)))
-    along = _turned(frame, 0, _minus(_at(reals1, b), _at(reals1, a)))
-    r1, r2, slack = frame[24], frame[25], frame[31]
+    across = _turned_back(frame, COFACTORS, _minus(_at(reals2, v), _at(reals2, u)))
+    along = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a)))
+    r1, r2 = frame[RADIUS_1], frame[RADIUS_2]
     return (
         _dot(across, _at(reals1, f1 + left)) > r2 * (2.0 * reals1[f1 + left, 3] + slack)
         and _dot(across, _at(reals1, f1 + right)) < -r2 * (2.0 * reals1[f1 + right, 3] + slack)
@@ -590,7 +541,8 @@ def _beyond(reals, ints, vertex, start, target, skip, bound):
     """Follow an arc of directions from `start` to `target` out of the normal cone of a vertex.
 
     Return (state, half-edge): 1 and -1 where the target is in the cone for certain, 0 and the half-edge from the vertex
-    whose arc is met first, -1 where it cannot tell. In the cone all ways to a neighbour have a positive product.
+    whose arc is met first, -1 where it cannot tell. Directions point into the part: those of the cone have a positive
+    product with the ways to all neighbours.
     """
     here = _at(reals, vertex)
     least, nearest, found = _INF, _INF, -1
@@ -617,13 +569,101 @@ def _runs_away(reals1, ints1, reals2, ints2, frame, h1, h2):
     """Tell whether two edges touch out to infinity for certain: a positive combination of their ends vanishes."""
     a, b, _, _ = _side(ints1, h1)
     u, v, _, _ = _side(ints2, h2)
-    x, z = _turned(frame, 0, _at(reals1, a)), _turned(frame, 0, _at(reals1, b))
+    x, z = _turned(frame, R, _at(reals1, a)), _turned(frame, R, _at(reals1, b))
     one, two = _cross(x, z), _cross(_at(reals2, u), _at(reals2, v))
     p, q = _dot(z, two), -_dot(x, two)
     r, s = -_dot(one, _at(reals2, v)), _dot(one, _at(reals2, u))
     least, most = min(p, q), max(p, q)
     low, high = min(r, s), max(r, s)
-    return (least > frame[28] and low > frame[27]) or (most < -frame[28] and high < -frame[27])
+    bound, other = frame[APEX_BOUND_2], frame[APEX_BOUND_1]
+    return (least > bound and low > other) or (most < -bound and high < -other)
+
+
+@step
+def _edge_exit(reals1, ints1, reals2, ints2, frame, forward, i, j, entered):
+    """Return (meets, half-edge, vertex, q.x before, after, skipped edge): how the contact point leaves two edges.
+
+    The contact point is a point of the square of both edges, on the curve on which a bilinear function vanishes; its
+    values at the corners are q.x of `_track`. Where two neighbouring corners differ in sign, the curve crosses the side
+    between them: there an end of one edge meets the other edge.
+
+        v  low2 ----- high2      The curve enters over side u (a vertex of part 2 has come upon the edge of part 1) or
+           |            |        over side a, and leaves over the other side with a change of sign. Where all four
+        u  low ------ high       change it has two branches, and the products of opposite corners tell round which
+           a            b        corner the one goes that enters.
+    """
+    a, b, _, _ = _side(ints1, i)
+    u, v, _, _ = _side(ints2, j)
+    x, z = _at(reals1, a), _at(reals1, b)
+    q = _track(reals1, reals2, frame, forward, F1V2, u)
+    low, high = _dot(q, x), _dot(q, z)
+    q = _track(reals1, reals2, frame, forward, F1V2, v)
+    low2, high2 = _dot(q, x), _dot(q, z)
+    if entered == F1V2:
+        across = low2 < 0.0 and high2 > 0.0
+        near = low2 > 0.0 and (high2 > 0.0 or low * high2 < high * low2)
+    else:
+        across = high > 0.0 and high2 < 0.0
+        near = high < 0.0 and (high2 < 0.0 or low * high2 < high * low2)
+    if across == (entered == F1V2):  # a vertex of part 2 on the edge of part 1
+        if near:
+            return F1V2, i ^ 1, u, high, low, j >> 1
+        return F1V2, i, v, low2, high2, j >> 1
+    if near:
+        return V1F2, j ^ 1, a, -low2, -low, i >> 1
+    return V1F2, j, b, -high, -high2, i >> 1
+
+
+@step
+def _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, two):
+    """Return how a chain ends on its last site: AXIS_1, AXIS_2, FAR, or -1 where it cannot tell.
+
+    A face and an apex: along the line either the apex' scale falls to 0, which brings the contact to where the seed ray
+    of its body meets the face, or both scales grow, which brings it to where the apex' own ray does. If that ray is
+    inside the face's cone about its seed, no side of the face is met before.
+    """
+    if kind == E1E2:
+        return FAR if _runs_away(reals1, ints1, reals2, ints2, frame, i, j) else -1
+    if kind == F1V2:
+        sign, falls = _seed_side(reals1, ints1, i), forward * one > 0.0
+        ray = _entry(frame, D_OWN) if falls else _turned_back(frame, R, _at(reals2, j))
+        bound = max(frame[APEX_BOUND_1], frame[RAY_BOUND_1])
+        if sign != 0 and _all_around(reals1, ints1, i, sign, ray, bound):
+            return AXIS_2 if falls else FAR
+    else:
+        sign, falls = _seed_side(reals2, ints2, j), forward * two < 0.0
+        ray = _times(-1.0, _entry(frame, D)) if falls else _turned(frame, R, _at(reals1, i))
+        bound = max(frame[APEX_BOUND_2], frame[RAY_BOUND_2])
+        if sign != 0 and _all_around(reals2, ints2, j, sign, ray, bound):
+            return AXIS_1 if falls else FAR
+    return -1
+
+
+@step
+def _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n):
+    """Return (kind, i, j) of the site beyond a corner, kind -1 where it cannot tell; E1E2: half-edges, n along i x j.
+
+    The contact has come to an edge (half-edge h, the face of the last site on its left) and a vertex: next is the first
+    crossing on the edge's arc with that of an edge at the vertex, or the face at the arc's end.
+    """
+    if meets == F1V2:
+        face = _side(ints1, h ^ 1)[2]
+        target = _turned(frame, COFACTORS, _at(reals1, ints1[0] + face))
+        bound = frame[RADIUS_2] * (2.0 * reals1[ints1[0] + face, 3] + frame[SPOKE_BOUND])
+        state, g = _beyond(reals2, ints2, vertex, n, target, skip, bound)
+        kind, i, j = (F1V2, face, vertex) if state == 1 else (E1E2, h, g)
+    else:
+        face = _side(ints2, h ^ 1)[2]
+        target = _turned_back(frame, R, _at(reals2, ints2[0] + face))
+        bound = frame[RADIUS_1] * (2.0 * reals2[ints2[0] + face, 3] + frame[SPOKE_BOUND])
+        start = _times(-1.0, _turned_back(frame, R, n))
+        state, g = _beyond(reals1, ints1, vertex, start, target, skip, bound)
+        kind, i, j = (V1F2, vertex, face) if state == 1 else (E1E2, g, h)
+    if state < 0 or (
+        state == 0 and not _cross_surely(reals1, ints1, reals2, ints2, frame, i, j, frame[SPOKE_BOUND])
+    ):
+        kind = -1
+    return kind, i, j
 
 
 @step
@@ -633,121 +673,57 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
     Forward (+1) is along (b, -a), with the overlap region on the left; -1 is backward. Fills `sites`, `rows` and
     `points`, whose last row is a direction where the chain runs to infinity. Return (state, segments, end).
     """
-    d = frame[9], frame[10], frame[11]
     i, j = (face, apex) if kind == F1V2 else (apex, face)  # E1E2: half-edges, n along i x j
-    entered = kind  # how an E1E2 was entered: a vertex of part 2 on its edge of part 1, or the other way round
+    meets = kind  # how an E1E2 is entered: a vertex of part 2 came upon the edge of part 1, or the other way round
     for k in range(len(sites)):
-        if kind == E1E2:
-            sites[k, 0], sites[k, 1], sites[k, 2], sites[k, 3] = E1E2, i >> 1, j >> 1, -1
-            n, one, two, level = _edge_row(reals1, ints1, reals2, ints2, frame, i, j)
+        sites[k, 0], sites[k, 1], sites[k, 2], sites[k, 3] = kind, i, j, -1
+        # the half-edge over which the contact point leaves, and the vertex of the other part that it then lies on
+        if kind == F1V2:
+            n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, j)
+            fine = reals1[ints1[0] + i, 3] < FINE
+            q = _track(reals1, reals2, frame, forward, F1V2, j)
+            h, before, after = _way_out(reals1, ints1, i, q, frame[OFFSET_BOUND])
+            meets, vertex, skip = F1V2, j, -1
+        elif kind == V1F2:
+            n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, i)
+            fine = reals2[ints2[0] + j, 3] < FINE
+            q = _track(reals1, reals2, frame, forward, V1F2, i)
+            h, before, after = _way_out(reals2, ints2, j, q, frame[OFFSET_BOUND])
+            meets, vertex, skip = V1F2, i, -1
         else:
-            sites[k, 0], sites[k, 1], sites[k, 2], sites[k, 3] = kind, i, j, -1
-            if kind == F1V2:
-                n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, j)
-            else:
-                n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, i)
+            sites[k, 1], sites[k, 2] = i >> 1, j >> 1
+            fine = True
+            n, one, two, level = _edge_row(reals1, ints1, reals2, ints2, frame, i, j)
+            meets, h, vertex, before, after, skip = _edge_exit(
+                reals1, ints1, reals2, ints2, frame, forward, i, j, meets
+            )
+            if not (before < -frame[OFFSET_BOUND] and after > frame[OFFSET_BOUND]):
+                h = -1
         rows[k, 0], rows[k, 1], rows[k, 2] = n
         rows[k, 3], rows[k, 4], rows[k, 5] = one, two, level
         if k == 0:
             points[0, 0] = level / one if kind == F1V2 else 0.0
             points[0, 1] = level / two if kind == V1F2 else 0.0
-        # the half-edge over which the contact point leaves, and the vertex of the other part that it then lies on
-        if kind == F1V2:
-            meets, vertex, skip = F1V2, j, -1
-            h, before, after = _way_out(reals1, ints1, i, _track(reals1, reals2, frame, forward, F1V2, j), frame[26])
-        elif kind == V1F2:
-            meets, vertex, skip = V1F2, i, -1
-            h, before, after = _way_out(reals2, ints2, j, _track(reals1, reals2, frame, forward, V1F2, i), frame[26])
-        else:
-            a, b, _, _ = _side(ints1, i)
-            u, v, _, _ = _side(ints2, j)
-            x, z = _at(reals1, a), _at(reals1, b)
-            q = _track(reals1, reals2, frame, forward, F1V2, u)
-            low, high = _dot(q, x), _dot(q, z)
-            q = _track(reals1, reals2, frame, forward, F1V2, v)
-            low2, high2 = _dot(q, x), _dot(q, z)
-            # where the sign of a product changes between two ends of the square of both edges, the contact point
-            # crosses its border; four changes: the products of opposite ends tell which go together
-            if entered == F1V2:
-                if high2 > 0.0:
-                    to_edge, start_side = (True, False) if low2 < 0.0 else (False, True)
-                elif low2 > 0.0:
-                    to_edge, start_side = False, low * high2 < high * low2
-                else:
-                    to_edge, start_side = False, False
-                meets = F1V2 if to_edge else V1F2
-            else:
-                if high2 < 0.0:
-                    to_edge, start_side = (True, False) if high > 0.0 else (False, True)
-                elif high < 0.0:
-                    to_edge, start_side = False, low * high2 < high * low2
-                else:
-                    to_edge, start_side = False, False
-                meets = V1F2 if to_edge else F1V2
-            if meets == F1V2:
-                skip = j >> 1
-                if start_side:
-                    h, vertex, before, after = i ^ 1, u, high, low
-                else:
-                    h, vertex, before, after = i, v, low2, high2
-            else:
-                skip = i >> 1
-                if start_side:
-                    h, vertex, before, after = j ^ 1, a, -low2, -low
-                else:
-                    h, vertex, before, after = j, b, -high, -high2
-            if not (before < -frame[26] and after > frame[26]):
-                h = -1
         real = -1
         if h >= 0:
-            real, x1, x2 = _corner(
-                reals1, ints1, reals2, ints2, frame, forward, meets, h, vertex, before, after
-            )
-        if real < 0:
+            real, x1, x2 = _corner(reals1, ints1, reals2, ints2, frame, forward, meets, h, vertex, before, after)
+        if real < 0 or not fine:
             return UNDECIDED, 0, FAR
         if real == 0:  # the contact never gets there: the chain ends before, on an axis or at infinity
-            if kind == E1E2:
-                if not _runs_away(reals1, ints1, reals2, ints2, frame, i, j):
-                    return UNDECIDED, 0, FAR
+            end = _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, two)
+            if end < 0:
+                return UNDECIDED, 0, FAR
+            if end == FAR:
+                steep = np.sqrt(one * one + two * two)
+                points[k + 1, 0], points[k + 1, 1] = forward * two / steep, -forward * one / steep
             else:
-                near = one if kind == F1V2 else -two
-                sign = 1.0 if (near > 0.0) == (kind == F1V2) else -1.0
-                if kind == F1V2:
-                    ray = (frame[21], frame[22], frame[23])
-                    if forward * near < 0.0:
-                        ray = _turned_back(frame, 0, _at(reals2, j))
-                    reached = _all_around(reals1, ints1, i, sign, ray, max(frame[27], frame[29]))
-                else:
-                    ray = _times(-1.0, d)
-                    if forward * near < 0.0:
-                        ray = _turned(frame, 0, _at(reals1, i))
-                    reached = _all_around(reals2, ints2, j, sign, ray, max(frame[28], frame[30]))
-                if not reached:
-                    return UNDECIDED, 0, FAR
-                if forward * near > 0.0:
-                    points[k + 1, 0] = level / one if kind == F1V2 else 0.0
-                    points[k + 1, 1] = level / two if kind == V1F2 else 0.0
-                    return WALKED, k + 1, (AXIS_2 if kind == F1V2 else AXIS_1)
-            steep = np.sqrt(one * one + two * two)
-            points[k + 1, 0], points[k + 1, 1] = forward * two / steep, -forward * one / steep
-            return WALKED, k + 1, FAR
+                points[k + 1, 0] = level / one if end == AXIS_2 else 0.0
+                points[k + 1, 1] = level / two if end == AXIS_1 else 0.0
+            return WALKED, k + 1, end
         points[k + 1, 0], points[k + 1, 1] = x1, x2
         sites[k, 3], sites[k, 4], sites[k, 5] = meets, h >> 1, vertex
-        if meets == F1V2:
-            beyond = _side(ints1, h ^ 1)[2]
-            target = _turned(frame, 12, _at(reals1, ints1[0] + beyond))
-            bound = frame[25] * (2.0 * reals1[ints1[0] + beyond, 3] + frame[31])
-            state, g = _beyond(reals2, ints2, vertex, n, target, skip, bound)
-            kind, i, j = (F1V2, beyond, vertex) if state == 1 else (E1E2, h, g)
-        else:
-            beyond = _side(ints2, h ^ 1)[2]
-            target = _turned_back(frame, 0, _at(reals2, ints2[0] + beyond))
-            bound = frame[24] * (2.0 * reals2[ints2[0] + beyond, 3] + frame[31])
-            start = _times(-1.0, _turned_back(frame, 0, n))
-            state, g = _beyond(reals1, ints1, vertex, start, target, skip, bound)
-            kind, i, j = (V1F2, vertex, beyond) if state == 1 else (E1E2, g, h)
-        entered = meets
-        if state < 0 or (state == 0 and not _cross_surely(reals1, ints1, reals2, ints2, frame, i, j)):
+        kind, i, j = _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n)
+        if kind < 0:
             return UNDECIDED, 0, FAR
     return CROWDED, 0, FAR
 
@@ -757,35 +733,36 @@ def _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains):
     """Walk all chains that start on an axis; return (state, segments, chains). See `walk`."""
     if not (reals1[ints1[0] + ints1[1], 1] > 0.0 and reals2[ints2[0] + ints2[1], 1] > 0.0):
         return UNDECIDED, 0, 0
-    d1, back = (frame[21], frame[22], frame[23]), (-frame[9], -frame[10], -frame[11])
-    hit1, in1, face_in1, _, face_out1 = _seed_ray(reals2, ints2, back)  # rho_1 = 0: where s_1 lies in part 2
+    # s_1 in part 2 where rho_1 = 0, s_2 in part 1 where rho_2 = 0. The region is convex and holds no line, so that its
+    # boundary is one curve: if it meets an axis at all, each of its chains has an end on one.
+    hit1, in1, out1 = _seed_ray(reals2, ints2, _times(-1.0, _entry(frame, D)))
     if hit1 == 2:
         return UNDECIDED, 0, 0
-    hit2, in2, face_in2, face_out2 = 0, 0.0, -1, -1
+    hit2, in2, out2 = 0, -1, -1
     low_joined = far1_joined = far2_joined = False  # ends on an axis that an earlier chain has reached
     used, made = 0, 0
     for start in range(4):
         if start == 1 and not (low_joined and reals1[ints1[0] + ints1[1], 2] > 0.0):
-            # rho_2 = 0: where s_2 lies in part 1; known already where the first chain came from there
-            hit2, in2, face_in2, _, face_out2 = _seed_ray(reals1, ints1, d1)
+            # known already where the first chain ended on this axis and s_2 cannot enter part 1
+            hit2, in2, out2 = _seed_ray(reals1, ints1, _entry(frame, D_OWN))
             if hit2 == 2:
                 return UNDECIDED, 0, 0
-        if start == 0:
-            wanted, kind, face, forward = hit1 == 1, V1F2, face_out1, 1.0
-        elif start == 1:
-            wanted, kind, face, forward = hit2 == 1 and not low_joined, F1V2, face_out2, -1.0
-        elif start == 2:
-            wanted, kind, face, forward = hit1 == 1 and in1 > 0.0 and not far1_joined, V1F2, face_in1, -1.0
-        else:
-            wanted, kind, face, forward = hit2 == 1 and in2 > 0.0 and not far2_joined, F1V2, face_in2, 1.0
+        if start == 0:  # s_1 leaves part 2
+            wanted, kind, face, forward = hit1 == 1, V1F2, out1, 1.0
+        elif start == 1:  # s_2 leaves part 1
+            wanted, kind, face, forward = hit2 == 1 and not low_joined, F1V2, out2, -1.0
+        elif start == 2:  # s_1 enters part 2
+            wanted, kind, face, forward = in1 >= 0 and not far1_joined, V1F2, in1, -1.0
+        else:  # s_2 enters part 1
+            wanted, kind, face, forward = in2 >= 0 and not far2_joined, F1V2, in2, 1.0
         if not wanted:
             continue
         if kind == V1F2:
-            apex, margin = _summit(reals1, ints1, _turned_back(frame, 0, _times(-1.0, _at(reals2, ints2[0] + face))))
-            sure = margin > frame[24] * (2.0 * reals2[ints2[0] + face, 3] + frame[31])
+            apex, margin = _summit(reals1, ints1, _turned_back(frame, R, _times(-1.0, _at(reals2, ints2[0] + face))))
+            sure = margin > frame[RADIUS_1] * (2.0 * reals2[ints2[0] + face, 3] + frame[SPOKE_BOUND])
         else:
-            apex, margin = _summit(reals2, ints2, _times(-1.0, _turned(frame, 12, _at(reals1, ints1[0] + face))))
-            sure = margin > frame[25] * (2.0 * reals1[ints1[0] + face, 3] + frame[31])
+            apex, margin = _summit(reals2, ints2, _times(-1.0, _turned(frame, COFACTORS, _at(reals1, ints1[0] + face))))
+            sure = margin > frame[RADIUS_2] * (2.0 * reals1[ints1[0] + face, 3] + frame[SPOKE_BOUND])
         if not sure:
             return UNDECIDED, 0, 0
         state, count, end = _walk_chain(
@@ -864,14 +841,14 @@ def _clip(start, end, endless, box):
 
 
 @kernel
-def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, least):
+def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, least, sure):
     """Walk the curves of one pair at many 4 x 4 transforms of body 1, and clip them to a box.
 
     Box: (low, high) of rho_1, then of rho_2; stretches shorter than `least` relative to their scales are dropped.
     Return (states, counts, sites, rows, ends): states of `walk`, segments of each curve inside the box, and for all
     curves one after the other each segment's site, row and both ends (2, 2), with the overlap region on its left,
-    chains in the order of their first scale pairs. States of curves without a segment in the box: WALKED where the
-    bodies are apart in its middle, CROWDED where they overlap.
+    chains in the order of their first scale pairs. Of a curve without a segment in the box the state tells the bodies'
+    at its middle: WALKED where they are apart, OVERLAPPING, or UNDECIDED within `sure` of a line, relatively.
     """
     total = len(transforms)
     states, counts = np.empty(total, np.int64), np.zeros(total, np.int64)
@@ -899,8 +876,8 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
         counts[item] = 0
         if state == WALKED:
             counts[item] = _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, ends, kept)
-            if counts[item] == 0 and _overlaps(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])):
-                state = CROWDED
+            if counts[item] == 0:
+                state = _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
         kept += counts[item]
         states[item] = state
         item += 1
@@ -957,12 +934,17 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
 
 
 @step
-def _overlaps(rows, used, x, y):
-    """Tell whether a scale pair lies inside all half-planes of a boundary."""
-    inside = True
+def _state_at(rows, used, x, y, sure):
+    """Return OVERLAPPING, WALKED (apart) or UNDECIDED at a scale pair: inside all half-planes of a boundary or not."""
+    state = OVERLAPPING
     for k in range(used):
-        inside = inside and rows[k, 3] * x + rows[k, 4] * y >= rows[k, 5]
-    return inside
+        one, two, level = rows[k, 3] * x, rows[k, 4] * y, rows[k, 5]
+        near = sure * (np.abs(one) + np.abs(two) + np.abs(level))
+        if one + two - level < -near:
+            return WALKED
+        if not one + two - level > near:
+            state = UNDECIDED
+    return state
 
 
 @step
@@ -984,10 +966,10 @@ def _starts_before(points, chains, one, two):
 
 @kernel
 def facet_rows(reals1, ints1, reals2, ints2, pose):
-    """Return sites and rows of all facet directions of the Minkowski difference, with true supports.
+    """Return sites and rows of all facet directions of the Minkowski difference.
 
-    Every direction gives a valid constraint. Two arcs of the Gauss maps that meet within rounding may or may not be
-    listed: their direction is then that of a face, or of neighbours listed anyway.
+    a and b are the parts' supports, so that every row is a constraint that holds. Arcs of the Gauss maps that may or
+    may not meet are left out: they would meet in the direction of a face, or beside one that is listed.
     """
     frame = np.empty(32)
     _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
@@ -996,10 +978,10 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
     sites, rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
     count = f1 + f2
     for i in range(f1):
-        apex, _ = _summit(reals2, ints2, _times(-1.0, _turned(frame, 12, _at(reals1, n1 + i))))
+        apex, _ = _summit(reals2, ints2, _times(-1.0, _turned(frame, COFACTORS, _at(reals1, n1 + i))))
         _list(sites, rows, i, F1V2, i, apex, _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, apex))
     for j in range(f2):
-        apex, _ = _summit(reals1, ints1, _turned_back(frame, 0, _times(-1.0, _at(reals2, n2 + j))))
+        apex, _ = _summit(reals1, ints1, _turned_back(frame, R, _times(-1.0, _at(reals2, n2 + j))))
         _list(sites, rows, f1 + j, V1F2, apex, j, _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, apex))
     for edge in range(ints1[2]):
         # follow the arc of the edge, from the normal of the face on its left to that on its right, through the cells
@@ -1007,16 +989,13 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
         h = 2 * edge
         left, right = _side(ints1, h)[2], _side(ints1, h + 1)[2]
         vertex, skip = sites[left, 2], -1
-        n, target = _turned(frame, 12, _at(reals1, n1 + left)), _turned(frame, 12, _at(reals1, n1 + right))
+        n = _turned(frame, COFACTORS, _at(reals1, n1 + left))
+        target = _turned(frame, COFACTORS, _at(reals1, n1 + right))
         for _ in range(ints2[2]):
-            _, g = _beyond(reals2, ints2, vertex, n, target, skip, frame[25] * SPOKE)
+            _, g = _beyond(reals2, ints2, vertex, n, target, skip, frame[RADIUS_2] * SPOKE)
             if g < 0:
                 break
-            a, b, _, _ = _side(ints1, h)
-            along = _turned(frame, 0, _minus(_at(reals1, b), _at(reals1, a)))
-            nearer = _dot(along, _at(reals2, n2 + _side(ints2, g)[2]))
-            farther = _dot(along, _at(reals2, n2 + _side(ints2, g ^ 1)[2]))
-            if nearer > 0.0 and farther < 0.0:
+            if _cross_surely(reals1, ints1, reals2, ints2, frame, h, g, SPOKE):
                 if count == capacity:
                     capacity *= 2
                     more_sites, more_rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
@@ -1026,9 +1005,12 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
                         for entry in range(3):
                             more_sites[k, entry] = sites[k, entry]
                     sites, rows = more_sites, more_rows
-                row = _edge_row(reals1, ints1, reals2, ints2, frame, h, g)
-                n = row[0]
-                _list(sites, rows, count, E1E2, edge, g >> 1, row)
+                n, _, _, level = _edge_row(reals1, ints1, reals2, ints2, frame, h, g)
+                inward = _turned_back(frame, R, n)
+                first, _ = _climbed(reals1, ints1, _side(ints1, h)[0], inward)
+                second, _ = _climbed(reals2, ints2, vertex, _times(-1.0, n))
+                one, two = _dot(inward, _at(reals1, first)), -_dot(n, _at(reals2, second))
+                _list(sites, rows, count, E1E2, edge, g >> 1, (n, one, two, level))
                 count += 1
             vertex, skip = _side(ints2, g)[1], g >> 1
     return sites[:count], rows[:count]
@@ -1061,5 +1043,38 @@ def separation(reals1, ints1, reals2, ints2, pose, rho, n):
     inward = _turned_back(pose, 0, direction)
     first, _ = _summit(reals1, ints1, inward)
     second, _ = _summit(reals2, ints2, _times(-1.0, direction))
-    level = _dot(direction, (pose[9], pose[10], pose[11]))
+    level = _dot(direction, _entry(pose, 9))
     return level - _dot(inward, _at(reals1, first)) * rho[0] + _dot(direction, _at(reals2, second)) * rho[1]
+
+
+# ------------------------------------------------------------------------------------------- a feature that is tracked
+
+
+@kernel
+def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
+    """Return the row of a site at a pose; parallel edges give nan.
+
+    `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
+    facet.
+    """
+    frame, row = np.empty(32), np.full(6, np.nan)
+    _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
+    _track_row(reals1, ints1, reals2, ints2, frame, site[0], site[1], site[2], sign, row)
+    return row
+
+
+@step
+def _track_row(reals1, ints1, reals2, ints2, frame, kind, i, j, sign, row):
+    if kind == F1V2:
+        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, j)
+    elif kind == V1F2:
+        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, i)
+    else:
+        a, b, _, _ = _side(ints1, 2 * i)
+        u, v, _, _ = _side(ints2, 2 * j)
+        along = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a)))
+        if not _length(_cross(along, _minus(_at(reals2, v), _at(reals2, u)))) > 0.0:
+            return
+        n, one, two, level = _edge_row(reals1, ints1, reals2, ints2, frame, 2 * i + (0 if sign > 0 else 1), 2 * j)
+    row[0], row[1], row[2] = n
+    row[3], row[4], row[5] = one, two, level

@@ -162,16 +162,23 @@ class Region:
         """All pieces, chain by chain."""
         return [piece for chain in self.chains for piece in chain]
 
-    def side(self, rho: Array) -> int:
-        """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap; always right."""
+    def sides(self, pairs: Array) -> Ints:
+        """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap, (n,); always right.
+
+        Parameters
+        ----------
+        pairs : (n, 2) array
+            Scale pairs, all positive.
+        """
         lines = self.lines
-        values = lines[:, 2] - lines[:, :2] @ rho
-        scales = np.abs(lines[:, 2]) + np.abs(lines[:, :2]) @ np.abs(rho)
-        if (values > DEFAULT.sign * scales).any():
-            return 1
-        if self.status != "empty" and (values < -DEFAULT.sign * scales).all():
-            return -1
-        return self.exact.side(rho.tolist())
+        values = lines[:, 2] - pairs @ lines[:, :2].T
+        reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
+        near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + pairs @ reach)[:, None]
+        found = (values > near).any(axis=1).astype(np.int64)
+        found[(values < -near).all(axis=1)] = 0 if self.status == "empty" else -1
+        for k in np.flatnonzero(found == 0):
+            found[k] = self.exact.side(pairs[k].tolist())
+        return found
 
     def _from_walk(self, sites: Ints, rows: Array, points: Array, chains: Ints) -> tuple[tuple[Piece, ...], ...]:
         one, two = self.one, self.two
