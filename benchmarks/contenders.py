@@ -105,8 +105,7 @@ def kernel(pair: RandomPair) -> tuple[Work, int]:
     from fcdm_opt.curve import kernels
 
     one, two, (T, *_) = pair.movable.parts[0], pair.static.parts[0], pair.transforms
-    pose = np.concatenate([T[:3, :3].ravel(), pair.static.seed - (T[:3, :3] @ pair.movable.seed + T[:3, 3])])
-    walk, arguments = kernels.walk, (*one.packed, *two.packed, pose, DEFAULT.planarity)
+    walk, arguments = kernels.walk, (*one.packed, *two.packed, T, one.seed, two.seed, DEFAULT.planarity)
 
     def work() -> None:
         for _ in range(500):

@@ -10,7 +10,16 @@ from flint import fmpq, fmpz
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fcdm_opt.curve.exact.rationals import common_unit, coprime, length, multiple, normalised, over_length, quotient, rational
+from fcdm_opt.curve.exact.rationals import (
+    common_unit,
+    coprime,
+    length,
+    multiple,
+    normalised,
+    over_length,
+    quotient,
+    rational,
+)
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 WIDE = st.integers(-(2**3000), 2**3000)

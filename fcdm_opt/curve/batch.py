@@ -136,7 +136,9 @@ def decision_curves(
 
 
 def _poses(transforms: ArrayLike) -> Array:
-    poses = numbers(transforms, "transforms")
+    poses = np.ascontiguousarray(numbers(transforms, "transforms"))
+    if not poses.size:
+        poses = poses.reshape(0, 4, 4)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise InputError("transforms are an (N, 4, 4) array", key="transforms", found=f"shape {poses.shape}")
     bad = kernels.first_not_rigid(poses, DEFAULT.rigid)

@@ -85,42 +85,42 @@ def _element(part: ConvexPart, vertices: set[int]) -> tuple[Element, Vertices]:
     return part.elements["F"][face], part.loops[face]
 
 
-def supporting_contact(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array) -> Contact:
-    """Return the elements with which the parts support each other, within `tie`, along a direction from 1 to 2."""
-    tops = _top(one, normal @ pose[:9].reshape(3, 3)), _top(two, -normal)
+def supporting_contact(
+    one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, slack: float = DEFAULT.tie
+) -> Contact:
+    """Return the elements with which the parts support each other along a direction from 1 to 2.
+
+    `slack`: heights this near, relative to the part's size, count as equal.
+    """
+    tops = _top(one, normal @ pose[:9].reshape(3, 3), slack), _top(two, -normal, slack)
     return contact_between(one, two, pose, *tops)
 
 
 def touching_contact(
-    one: ConvexPart, two: ConvexPart, rows: Array, pose: Array, rho: Array, slack: float
-) -> tuple[Contact, Array]:
-    """Return how two touching parts touch, and a direction inside the cone of all in which they support each other.
+    one: ConvexPart, two: ConvexPart, normals: Array, pose: Array, slack: float = DEFAULT.tie
+) -> Contact:
+    """Return how two touching parts touch: what supports them in a direction between all facet directions there.
 
     Parameters
     ----------
     one, two : ConvexPart
-    rows : (k, 6) array
-        All facet directions of their Minkowski difference, see `kernels`.
+    normals : (k, 3) array
+        Facet directions of their Minkowski difference that are tight.
     pose : (12,) array
-    rho : (2,) array
-        Scale pair at which they touch.
     slack : float
-        Length within which a direction counts as tight.
+        See `supporting_contact`.
     """
-    tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
-    normals = rows[tight, :3]
     total = normals.sum(axis=0)
     length = np.linalg.norm(total)
     # opposite directions cancel where there is contact on both sides
-    inner = total / length if length > DEFAULT.nominal else normals[0]
-    return supporting_contact(one, two, inner, pose), inner
+    return supporting_contact(one, two, total / length if length > DEFAULT.nominal else normals[0], pose, slack)
 
 
-def _top(part: ConvexPart, n: Array) -> list[int]:
-    """Return the vertices on which n.x is largest, within `tie` of the part's size."""
+def _top(part: ConvexPart, n: Array, slack: float) -> list[int]:
+    """Return the vertices on which n.x is largest."""
     local = part.vertices - part.seed
     heights = local @ n
-    top: list[int] = np.flatnonzero(heights >= heights.max() - DEFAULT.tie * np.abs(local).max()).tolist()
+    top: list[int] = np.flatnonzero(heights >= heights.max() - slack * np.abs(local).max()).tolist()
     return top
 
 
@@ -199,5 +199,6 @@ def _common_point(X: Array, Y: Array) -> Array:
     ones = np.concatenate([np.ones(len(X)), np.zeros(len(Y))])
     system = np.vstack([np.column_stack([X.T, -Y.T]) / scale, ones, 1.0 - ones])
     weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
-    point: Array = (weights[: len(X)] @ X + weights[len(X) :] @ Y) / weights[: len(X)].sum() / 2.0
+    first, second = weights[: len(X)], weights[len(X) :]
+    point: Array = (first @ X / first.sum() + second @ Y / second.sum()) / 2.0
     return point

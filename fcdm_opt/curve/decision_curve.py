@@ -193,7 +193,7 @@ class DecisionCurve:
                 span = _clipped(piece, self.box)
                 if span is not None:
                     count += 1
-                    if run and not same_pair(run[-1].end, piece.end_at(span[0])):
+                    if run and not same_pair(run[-1].end, span[0]):
                         branches.append(Branch(tuple(run)))
                         run = []
                     run.append(self._segment(stretch, span, count))
@@ -238,9 +238,8 @@ class DecisionCurve:
         middle = np.mean(self.box, axis=1)
         return "apart" if self.gap(middle) >= 0 else "overlapping"
 
-    def _segment(self, run: Run, span: tuple[float, float], index: int) -> Segment:
-        piece = run.whole
-        start, end = (frozen(piece.end_at(s)) for s in span)
+    def _segment(self, run: Run, span: tuple[Array, Array], index: int) -> Segment:
+        piece, (start, end) = run.whole, span
         return Segment(piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run)
 
     def _switching_point(self, run: Run, successor: Run, index: int) -> SwitchingPoint:
@@ -366,7 +365,7 @@ class DecisionCurve:
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
         flat = pairs.reshape(-1, 2)
         least = np.full(len(flat), np.inf)
-        positive = (flat > 0).all(axis=1)
+        positive = np.asarray((flat > 0).all(axis=1))
         for region, rows in zip(self.regions, self._rows, strict=True):
             gaps = (rows[:, 5] - flat @ rows[:, 3:5].T).max(axis=-1)
             sides = np.sign(gaps)
@@ -465,16 +464,21 @@ def _is_point(piece: Piece) -> bool:
     return bool(size < np.inf and np.abs(piece.end - piece.start).sum() <= DEFAULT.point * size)
 
 
-def _clipped(piece: Piece, box: Box) -> tuple[float, float] | None:
-    """Return the stretch of a piece inside the box, None if there is none of positive length."""
-    lo, hi = piece.lo, piece.hi
-    for x, t, (low, high) in zip(piece.base, piece.travel, box, strict=True):
-        if abs(t) <= np.finfo(float).tiny:
-            if not low <= x <= high:
-                return None
-            continue
-        s, e = sorted(((low - x) / t, (high - x) / t))
-        lo, hi = max(lo, s), min(hi, e)
-    endless = np.isinf(lo) or np.isinf(hi)
-    rounding = DEFAULT.point * (np.abs(piece.base).sum() + abs(lo) + abs(hi))
-    return (lo, hi) if hi > lo and (endless or hi - lo > rounding) else None
+def _clipped(piece: Piece, box: Box) -> tuple[Array, Array] | None:
+    """Return the ends of the stretch of a piece inside the box, None if there is none of positive length."""
+    limits = np.array(box, dtype=np.float64).ravel()
+
+    def left(start: Array, end: Array, endless: bool) -> tuple[Array, Array] | None:
+        some, *ends = kernels.clip(start, end, endless, piece.line, limits, DEFAULT.point)
+        return (frozen(ends[:2]), frozen(ends[2:])) if some else None
+
+    if np.isfinite(piece.lo) and np.isfinite(piece.hi):
+        return left(piece.start, piece.end, False)
+    if np.isfinite(piece.lo):
+        return left(piece.start, piece.travel, True)
+    anchor = piece.end if np.isfinite(piece.hi) else piece.base
+    before = left(anchor, -piece.travel, True)
+    after = None if np.isfinite(piece.hi) else left(anchor, piece.travel, True)
+    if before and after:
+        return before[1], after[1]
+    return (before[1], before[0]) if before else after

@@ -49,8 +49,7 @@ def overlap_interval(region: Region, base: Array, travel: Array) -> tuple[float,
     """Return the open interval of s in which base + s travel lies inside the open region (lo >= hi if none)."""
     if region.status != "bounded":
         return (-np.inf, np.inf) if region.status == "full" else (0.0, 0.0)
-    lines = np.array([piece.line for piece in region.pieces])
-    lines /= np.hypot(lines[:, 0], lines[:, 1])[:, None]
+    lines = region.unit_lines
     value, slope = lines[:, :2] @ base - lines[:, 2], lines[:, :2] @ travel
     flat = np.abs(slope) <= DEFAULT.tie
     if np.any(value[flat] <= DEFAULT.line * (np.abs(base).sum() + np.abs(lines[flat, 2]))):
@@ -63,11 +62,13 @@ def overlap_interval(region: Region, base: Array, travel: Array) -> tuple[float,
 def _outside_others(regions: Sequence[Region], own: int) -> list[Piece]:
     """Return what remains of a region's boundary outside the other open regions."""
     left = []
+    others = [region for k, region in enumerate(regions) if k != own and region.status != "empty"]
     for piece in regions[own].pieces:
         spans = [(piece.lo, piece.hi)]
-        for other, region in enumerate(regions):
-            if other != own:
-                spans = _minus(spans, *overlap_interval(region, piece.base, piece.travel), _scale(piece))
+        for region in others:
+            if not spans:
+                break
+            spans = _minus(spans, *overlap_interval(region, piece.base, piece.travel), _scale(piece))
         left += [piece if span == (piece.lo, piece.hi) else piece.cut(*span) for span in spans]
     return left
 

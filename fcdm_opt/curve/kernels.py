@@ -20,7 +20,8 @@ import numpy as np
 from numba.core import event
 
 F1V2, V1F2, E1E2 = 0, 1, 2
-WALKED, UNDECIDED, CROWDED = 0, 1, 2  # how a walk ended: done, left to exact arithmetic, no room for the answer
+# how a walk ended: done, left to exact arithmetic, no room for the answer, no overlap at any scale pair
+WALKED, UNDECIDED, CROWDED, EMPTY = 0, 1, 2, 4
 OVERLAPPING = 3  # in a batch: a curve that is walked, but not in the box, in which the bodies overlap
 FAR, AXIS_1, AXIS_2 = 0, 1, 2  # how a chain ends: at infinity, where rho_1 = 0, where rho_2 = 0
 _INF = np.inf
@@ -31,9 +32,13 @@ UNIT = 2.0**-53
 TRIPLE = 64.0 * UNIT  # triple products of vertices and d: 1 + 1 + 12 + 2.8 + 11.2 + 3 = 31 at most, doubled
 SPOKE = 72.0 * UNIT  # face normals times ways between vertices: 2 (11.2 + 3 + 1) + 2 = 32.4 and twice the face's own
 FINE = 2e-14  # no line has a direction known less well: edges are crossed in twice the precision, faces left to exact
+SLIGHT = 1e-2  # lines shorter than this, relative to the sizes, and corners of shorter edges lose digits
+TRIALS = 100  # steps of the search for a direction that separates at every scale
+LOST = 2.0**-40  # an offset that cancels to less than this is known to too few digits
 # Places in a frame, see `_set_frame`.
 R, D, COFACTORS, D_OWN = 0, 9, 12, 21
 RADIUS_1, RADIUS_2, OFFSET_BOUND, APEX_BOUND_1, APEX_BOUND_2, RAY_BOUND_1, RAY_BOUND_2, SPOKE_BOUND = range(24, 32)
+SIZE, FRAME = 32, 33
 
 
 class _Announcement(event.Listener):
@@ -202,7 +207,7 @@ def _fine_cross(reals1, ints1, reals2, ints2, frame, a, b, u, v):
 
 @step
 def _set_pose(transform, seed1, seed2, pose):
-    """Fill the pose (R row by row, d = s_2 - moved s_1) of a 4 x 4 transform; d is right to 12 roundings."""
+    """Fill the pose (R row by row, d = s_2 - moved s_1) of a 4 x 4 transform; tell if d is right to 12 roundings."""
     size = 0.0
     for i in range(3):
         row = transform[i, 0], transform[i, 1], transform[i, 2]
@@ -210,13 +215,14 @@ def _set_pose(transform, seed1, seed2, pose):
         pose[9 + i] = seed2[i] - transform[i, 3] - _dot(row, seed1)
         size += np.abs(seed1[i]) + np.abs(seed2[i]) + np.abs(transform[i, 3])
     if size <= 2.0 * (np.abs(pose[9]) + np.abs(pose[10]) + np.abs(pose[11])):
-        return
+        return True
     for i in range(3):  # most of it cancels: far from the origin
         row = transform[i, 0], transform[i, 1], transform[i, 2]
         high, low = _fine_dot(row, (seed1[0], seed1[1], seed1[2]), (0.0, 0.0, 0.0))
         s, e = _two_sum(seed2[i], -transform[i, 3])
         t, f = _two_sum(s, -high)
         pose[9 + i] = t + (e + f - low)
+    return np.abs(pose[9]) + np.abs(pose[10]) + np.abs(pose[11]) > LOST * size
 
 
 @kernel
@@ -267,7 +273,7 @@ def _side(ints, h):
 
 @step
 def _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame):
-    """Fill `frame`: R (9), d (3), cofactors of R (9), R^T d (3), both radii, then error bounds.
+    """Fill `frame`: R (9), d (3), cofactors of R (9), R^T d (3), both radii, then error bounds, and the size.
 
     Of triple products: a vertex of each part with d (OFFSET); two vertices of part 1 (2) with one of the other part
     (APEX) and with d (RAY). SPOKE_BOUND, per unit of radius, is that of a face normal times the way between two
@@ -287,6 +293,7 @@ def _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame):
     frame[APEX_BOUND_1], frame[APEX_BOUND_2] = TRIPLE * r1 * r1 * r2, TRIPLE * r1 * r2 * r2
     frame[RAY_BOUND_1], frame[RAY_BOUND_2] = TRIPLE * r1 * r1 * length, TRIPLE * r2 * r2 * length
     frame[SPOKE_BOUND] = SPOKE + planarity
+    frame[SIZE] = max(r1, r2, length)
 
 
 @step
@@ -508,11 +515,30 @@ def _corner(reals1, ints1, reals2, ints2, frame, forward, kind, h, apex, before,
         det, bound, other = _dot(w, _turned(frame, R, _at(reals1, apex))), frame[APEX_BOUND_2], frame[RAY_BOUND_2]
     top = _dot(w, _entry(frame, D))
     if forward * det < -bound and forward * top < -other:
-        own, opposite = -forward * (after - before) / det, top / det
+        if forward * det > -SLIGHT / TRIPLE * bound or forward * top > -SLIGHT / TRIPLE * other:
+            det, top, span = _fine_corner(reals1, ints1, reals2, ints2, frame, forward, kind, a, b, apex)
+        else:
+            span = after - before
+        own, opposite = -forward * span / det, top / det
         if kind == F1V2:
             return 1, own, opposite
         return 1, opposite, own
     return (0 if forward * det > bound or forward * top > other else -1), 0.0, 0.0
+
+
+@step
+def _fine_corner(reals1, ints1, reals2, ints2, frame, forward, kind, a, b, apex):
+    """Return determinant, numerator and span of q.x of `_corner`, with the edge from the vertices as they are."""
+    if kind == F1V2:
+        edge, _ = _fine_difference(reals1, ints1, a, b)
+        w = _turned(frame, COFACTORS, _cross(_at(reals1, a), edge))
+        det = -_dot(w, _at(reals2, apex))
+    else:
+        edge, _ = _fine_difference(reals2, ints2, a, b)
+        w = _cross(_at(reals2, a), edge)
+        det = _dot(w, _turned(frame, R, _at(reals1, apex)))
+    span = _dot(_track(reals1, reals2, frame, forward, kind, apex), edge)
+    return det, _dot(w, _entry(frame, D)), span
 
 
 @step
@@ -704,6 +730,7 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
         if k == 0:
             points[0, 0] = level / one if kind == F1V2 else 0.0
             points[0, 1] = level / two if kind == V1F2 else 0.0
+        fine = fine and max(np.abs(one), np.abs(two), np.abs(level)) > SLIGHT * frame[SIZE]
         real = -1
         if h >= 0:
             real, x1, x2 = _corner(reals1, ints1, reals2, ints2, frame, forward, meets, h, vertex, before, after)
@@ -777,11 +804,47 @@ def _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains):
         far2_joined = far2_joined or (start > 0 and end == AXIS_2)
         used += count
         made += 1
-    return (WALKED if made > 0 else UNDECIDED), used, made
+    if made == 0:
+        return (EMPTY if _excluded(reals1, ints1, reals2, ints2, frame) else UNDECIDED), 0, 0
+    return WALKED, used, made
+
+
+@step
+def _excluded(reals1, ints1, reals2, ints2, frame):
+    """Search a direction with a < 0, b < 0 and c > 0 for certain: it separates the parts at every scale pair.
+
+    The perceptron's rule: turn away from whatever lies farthest ahead.
+    """
+    d = _entry(frame, D)
+    length = _length(d)
+    n = _times(1.0 / length, d)
+    for _ in range(TRIALS):
+        unit = 1.0 / _length(n)
+        inward = _turned_back(frame, R, n)
+        i, _ = _summit(reals1, ints1, inward)
+        j, _ = _summit(reals2, ints2, _times(-1.0, n))
+        x, y = _at(reals1, i), _at(reals2, j)
+        first, second, third = _dot(inward, x) * unit, -_dot(n, y) * unit, -_dot(n, d) * unit
+        if (
+            first < -frame[RADIUS_1] * SPOKE
+            and second < -frame[RADIUS_2] * SPOKE
+            and third < -length * SPOKE
+        ):
+            return True
+        first, second, third = first / _length(x), second / _length(y), third / length
+        if first >= second and first >= third:
+            n = _minus(n, _times(1.0 / _length(x), _turned(frame, R, x)))
+        elif second >= third:
+            n = _minus(n, _times(-1.0 / _length(y), y))
+        else:
+            n = _minus(n, _times(-1.0 / length, d))
+        if not _length(n) > 0.0:
+            return False
+    return False
 
 
 @kernel
-def walk(reals1, ints1, reals2, ints2, pose, planarity):
+def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     """Walk the overlay of the two Gauss maps along the boundary of the pair's overlap region in the open quadrant.
 
     Chains start where the seed ray of either body enters or leaves the other part. Return (state, sites, rows, points,
@@ -790,54 +853,87 @@ def walk(reals1, ints1, reals2, ints2, pose, planarity):
     chains (k, 4) = first segment, segments, direction (+1 walked with the overlap region on the left, -1 on the
     right), whether it runs to infinity; chain c has points from its first segment + c on, one more than segments.
 
-    State UNDECIDED: a sign within its error bound, two features within `planarity`, or no seed ray hits (then the
-    boundary is empty, a closed polygon, or runs from infinity to infinity).
+    State EMPTY: no seed ray hits, and some direction separates the parts at every scale pair. UNDECIDED: a sign within
+    its error bound, two features within `planarity`, a line or direction known to too few digits, or no seed ray hits
+    and no such direction was found (then the boundary is empty, a closed polygon, or runs from infinity to infinity).
     """
-    frame = np.empty(32)
+    frame, pose, chains = np.empty(FRAME), np.empty(12), np.empty((4, 4), np.int64)
+    known = _set_pose(transform, seed1, seed2, pose)
     _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
-    chains = np.empty((4, 4), np.int64)
     capacity = 32
     while True:
         sites, rows, points = np.empty((capacity, 6), np.int64), np.empty((capacity, 6)), np.empty((capacity + 4, 2))
         state, used, made = _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains)
         if state != CROWDED:
+            if not known:
+                state = UNDECIDED
             return state, sites[:used], rows[:used], points[: used + made], chains[:made]
         capacity *= 4
 
 
 @step
-def _clip(start, end, endless, box):
-    """Return (lo, hi): the stretch start + t (end - start), 0 <= t <= 1, inside a box; lo >= hi if there is none.
+def _clip(start, end, endless, line, box, least):
+    """Return (whether anything is left, x, y of its start, x, y of its end): what a box leaves of a stretch of a line.
 
-    Where it is endless, `end` is the direction from `start`, and t has no limit.
+    From `start` to `end`, or without end in the direction `end` where it is endless; stretches shorter than `least`
+    relative to their scale pairs are dropped. Ends on a border are exactly there, and on the line a x + b y = c.
     """
-    lo, hi = 0.0, (_INF if endless else 1.0)
-    if not endless:  # most are inside, or on the far side of one border
-        if (
-            min(start[0], end[0]) >= box[0]
-            and max(start[0], end[0]) <= box[1]
-            and min(start[1], end[1]) >= box[2]
-            and max(start[1], end[1]) <= box[3]
-        ):
-            return lo, hi
-        if (
-            max(start[0], end[0]) < box[0]
-            or min(start[0], end[0]) > box[1]
-            or max(start[1], end[1]) < box[2]
-            or min(start[1], end[1]) > box[3]
-        ):
-            return 0.0, 0.0
-    for axis in range(2):
+    lo, hi, lo_border, hi_border = 0.0, (_INF if endless else 1.0), -1, -1
+    inside = not endless and (
+        min(start[0], end[0]) >= box[0]
+        and max(start[0], end[0]) <= box[1]
+        and min(start[1], end[1]) >= box[2]
+        and max(start[1], end[1]) <= box[3]
+    )
+    for axis in range(0 if inside else 2):
         step = end[axis] if endless else end[axis] - start[axis]
         low, high = box[2 * axis] - start[axis], box[2 * axis + 1] - start[axis]
-        if step == 0.0:
+        if step == 0.0 or line[1 - axis] == 0.0:  # along the other axis
             if low > 0.0 or high < 0.0:
-                return 0.0, 0.0
-        elif step > 0.0:
-            lo, hi = max(lo, low / step), min(hi, high / step)
-        else:
-            lo, hi = max(lo, high / step), min(hi, low / step)
-    return lo, hi
+                return False, 0.0, 0.0, 0.0, 0.0
+            continue
+        first, second = (2 * axis, 2 * axis + 1) if step > 0.0 else (2 * axis + 1, 2 * axis)
+        into, out = (low / step, high / step) if step > 0.0 else (high / step, low / step)
+        if into > lo:
+            lo, lo_border = into, first
+        if out < hi:
+            hi, hi_border = out, second
+    size = np.abs(start[0]) + np.abs(start[1])
+    length = 1.0
+    if not endless:
+        size = max(size, np.abs(end[0]) + np.abs(end[1]))
+        length = np.abs(end[0] - start[0]) + np.abs(end[1] - start[1])
+    if not (hi - lo) * length > least * size:
+        return False, 0.0, 0.0, 0.0, 0.0
+    x, y = start[0], start[1]
+    u, v = end[0], end[1]
+    if endless and hi_border < 0:
+        u, v = x + _far(end[0]), y + _far(end[1])
+    if lo_border >= 0:
+        x, y = _on_border(line, box, lo_border)
+    if hi_border >= 0:
+        u, v = _on_border(line, box, hi_border)
+    return True, x, y, u, v
+
+
+@step
+def _far(direction):
+    """Return where a coordinate ends up in a direction."""
+    return 0.0 if direction == 0.0 else (_INF if direction > 0.0 else -_INF)
+
+
+@step
+def _on_border(line, box, border):
+    """Return the point of a line on one of a box's borders."""
+    if border < 2:
+        return box[border], (line[2] - line[0] * box[border]) / line[1]
+    return (line[2] - line[1] * box[border]) / line[0], box[border]
+
+
+@kernel
+def clip(start, end, endless, line, box, least):
+    """Return what `_clip` does, for callers from Python."""
+    return _clip(start, end, endless, line, box, least)
 
 
 @kernel
@@ -852,7 +948,7 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     """
     total = len(transforms)
     states, counts = np.empty(total, np.int64), np.zeros(total, np.int64)
-    frame, pose, chains = np.empty(32), np.empty(12), np.empty((4, 4), np.int64)
+    frame, pose, chains = np.empty(FRAME), np.empty(12), np.empty((4, 4), np.int64)
     room = 32
     sites, rows, points = np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2))
     capacity, kept = 4 * total + room, 0
@@ -860,13 +956,15 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     ends = np.empty((capacity, 2, 2))
     item = 0
     while item < total:
-        _place(transforms, item, seeds, pose)
+        known = _place(transforms, item, seeds, pose)
         _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
         state, used, made = _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains)
         if state == CROWDED:
             room *= 4
             sites, rows, points = np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2))
             continue
+        if not known:
+            state = UNDECIDED
         if kept + used > capacity:
             more = 2 * capacity + used
             more_sites, more_rows = np.empty((more, 3), np.int64), np.empty((more, 6))
@@ -886,8 +984,8 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
 
 @step
 def _place(transforms, item, seeds, pose):
-    """Fill the pose of one of many transforms."""
-    _set_pose(transforms[item], seeds[0], seeds[1], pose)
+    """Fill the pose of one of many transforms; tell whether it is known well."""
+    return _set_pose(transforms[item], seeds[0], seeds[1], pose)
 
 
 @step
@@ -906,29 +1004,16 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
             k = index if forward > 0 else count - 1 - index
             start, end = points[first + best + k], points[first + best + k + 1]
             away = endless > 0 and k == count - 1
-            lo, hi = _clip(start, end, away, box)
-            size = np.abs(start[0]) + np.abs(start[1])
-            length = 1.0
-            if not away:
-                size = max(size, np.abs(end[0]) + np.abs(end[1]))
-                length = np.abs(end[0] - start[0]) + np.abs(end[1] - start[1])
-            if not (hi - lo) * length > least * size:
+            left, x, y, u, v = _clip(start, end, away, rows[first + k, 3:], box, least)
+            if not left:
                 continue
             for entry in range(6):
                 all_rows[kept, entry] = rows[first + k, entry]
             for entry in range(3):
                 all_sites[kept, entry] = sites[first + k, entry]
-            for side in range(2):
-                t = lo if (side == 0) == (forward > 0) else hi
-                for axis in range(2):
-                    if t == 0.0:
-                        ends[kept, side, axis] = start[axis]
-                    elif away:
-                        ends[kept, side, axis] = start[axis] + t * end[axis] if end[axis] != 0.0 else start[axis]
-                    elif t == 1.0:
-                        ends[kept, side, axis] = end[axis]
-                    else:
-                        ends[kept, side, axis] = start[axis] + t * (end[axis] - start[axis])
+            side = 0 if forward > 0 else 1
+            ends[kept, side, 0], ends[kept, side, 1] = x, y
+            ends[kept, 1 - side, 0], ends[kept, 1 - side, 1] = u, v
             kept += 1
     return kept - before
 
@@ -971,7 +1056,7 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
     a and b are the parts' supports, so that every row is a constraint that holds. Arcs of the Gauss maps that may or
     may not meet are left out: they would meet in the direction of a face, or beside one that is listed.
     """
-    frame = np.empty(32)
+    frame = np.empty(FRAME)
     _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
     n1, f1, n2, f2 = ints1[0], ints1[1], ints2[0], ints2[1]
     capacity = f1 + f2 + 2 * (ints1[2] + ints2[2])
@@ -1057,7 +1142,7 @@ def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
     `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
     facet.
     """
-    frame, row = np.empty(32), np.full(6, np.nan)
+    frame, row = np.empty(FRAME), np.full(6, np.nan)
     _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
     _track_row(reals1, ints1, reals2, ints2, frame, site[0], site[1], site[2], sign, row)
     return row

@@ -140,10 +140,12 @@ class Region:
 
         return exact_curve(self.one, self.two, self.transform)
 
-    @property
+    @cached_property
     def status(self) -> Literal["bounded", "empty", "full"]:
         """Whether the region has a boundary, is empty, or is the whole quadrant."""
-        return "bounded" if self._walked else self.exact.status
+        if self._walked:
+            return "bounded" if len(self._walked[3]) else "empty"
+        return self.exact.status
 
     @cached_property
     def lines(self) -> Array:
@@ -151,6 +153,11 @@ class Region:
         if self._walked:
             return self._walked[1][:, 3:]
         return np.array([piece.line for piece in self.exact.pieces]).reshape(-1, 3)
+
+    @cached_property
+    def unit_lines(self) -> Array:
+        """The same lines with (a, b) of unit length."""
+        return self.lines / np.hypot(self.lines[:, 0], self.lines[:, 1])[:, None]
 
     @cached_property
     def chains(self) -> tuple[tuple[Piece, ...], ...]:
@@ -170,6 +177,8 @@ class Region:
         pairs : (n, 2) array
             Scale pairs, all positive.
         """
+        if self._walked and self.status == "empty":
+            return np.ones(len(pairs), np.int64)
         lines = self.lines
         values = lines[:, 2] - pairs @ lines[:, :2].T
         reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
@@ -216,7 +225,7 @@ class Region:
                 own = chain.corners[k]
                 corner = contact_between(one, two, self.pose, own.one, own.two)
                 if flush or rounded[(k + 1) % len(rounded)][1]:
-                    corner = self._touching(own.rho) or corner
+                    corner = self._flush(corner, own.rho)
             row = np.concatenate([exact.normal, exact.line])
             site = self._site(exact, contact)
             if exact.starts_far:
@@ -241,17 +250,26 @@ class Region:
             if near.sum() > len(tight):
                 # the middle, or a point as far on as (1, 1) where one end is at infinity
                 share = 1.0 if piece.starts_far or piece.ends_far else 0.5
-                return self._touching(share * (piece.start + piece.end)) or strict, True
+                return self._flush(strict, share * (piece.start + piece.end)), True
         return strict, False
 
-    def _touching(self, rho: Array) -> Contact | None:
-        """Return the contact at a scale pair on the curve, features within `tie` taken as one."""
+    def _flush(self, strict: Contact, rho: Array) -> Contact:
+        """Return the contact at a scale pair on the curve, features within `planarity` taken as one.
+
+        Of two faces within `planarity` of each other it stays the one that exact numbers name.
+        """
         rows = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
-        scales = np.abs(rows[:, 5]) + np.abs(rows[:, 3:5]) @ np.abs(rho)
-        near = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= DEFAULT.tie * scales
-        if not near.any():
-            return None
-        return touching_contact(self.one, self.two, rows[near], self.pose, rho, np.inf)[0]
+        reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
+        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ reach)
+        tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
+        if not tight.any():
+            return strict
+        found = touching_contact(self.one, self.two, rows[tight, :3], self.pose, DEFAULT.planarity)
+        first, second = (
+            exact if min(len(exact), len(own)) > 2 else own
+            for own, exact in ((found.one, strict.one), (found.two, strict.two))
+        )
+        return contact_between(self.one, self.two, self.pose, first, second)
 
     def _site(self, piece: ExactPiece, contact: Contact) -> tuple[int, int, int]:
         """Return a facet of the Minkowski difference that an exact piece lies on, from what its direction supports."""
@@ -281,8 +299,8 @@ def pair_region(
     parts : tuple of int
         Indices of the parts in their bodies, kept in the pieces.
     """
-    state, *walked = kernels.walk(*one.packed, *two.packed, pose, DEFAULT.planarity)
-    if state == kernels.WALKED:
+    state, *walked = kernels.walk(*one.packed, *two.packed, transform, one.seed, two.seed, DEFAULT.planarity)
+    if state in (kernels.WALKED, kernels.EMPTY):
         return Region(one, two, transform, pose, parts, "float", tuple(walked))
     return Region(one, two, transform, pose, parts, "exact", None)
 

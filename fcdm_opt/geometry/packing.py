@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 HEADER = 10
 _UNIT = 2.0**-53
 _MOST_CELLS = 16  # along an edge of the cube: a start within a few steps of the answer is all that is wanted
-_FEW = 250  # points that every direction is compared with; from the best of them it climbs to the best of all
+_FEW = 250  # points that every direction is compared with; from the best of them it climbs on
+_ROUNDS, _NEIGHBOURS = 100, 50  # of that climb: the grid is where kernels start to climb, not where they end
 
 
 def packed(part: ConvexPart) -> tuple[Array, Ints]:
@@ -84,7 +85,7 @@ def _directions(cells: int) -> Array:
 
 
 def _extreme(directions: Array, points: Array, start: Ints, reach: Ints, following: Ints) -> Ints:
-    """Return the point with the largest product with each direction.
+    """Return a point with the largest product with each direction, or one not far from it.
 
     Points are the vertices of a convex polyhedron; `start` is a half-edge of each, `reach` and `following` lead from a
     half-edge to the neighbour across it and to the next one around the same point.
@@ -92,17 +93,19 @@ def _extreme(directions: Array, points: Array, start: Ints, reach: Ints, followi
     some = np.linspace(0, len(points) - 1, min(len(points), _FEW)).astype(np.int64)
     here = some[(directions @ points[some].T).argmax(axis=1)]
     height = (directions * points[here]).sum(axis=1)
-    while len(points) > len(some):
+    for _ in range(_ROUNDS if len(points) > len(some) else 0):
         best, where = height.copy(), here.copy()
         first = h = start[here]
         around = np.ones(len(here), dtype=bool)
-        while around.any():
+        for _ in range(_NEIGHBOURS):
             other = reach[h]
             value = (directions * points[other]).sum(axis=1)
             higher = value > best
             best[higher], where[higher] = value[higher], other[higher]
             h = following[h]
             around &= h != first
+            if not around.any():
+                break
         if not (best > height).any():
             break
         here, height = where, best
@@ -127,7 +130,7 @@ def _face_normals(part: ConvexPart) -> tuple[Array, Array]:
     else:
         slim = triangles
     for k in slim.tolist():
-        normals[k], errors[k] = _rounded_normal(part.vertices[list(loops[k])]), 4 * _UNIT
+        normals[k], errors[k] = _rounded_normal(part.vertices[list(loops[k])]), 5 * _UNIT
     for k in np.flatnonzero(sizes > 3).tolist():
         normals[k], errors[k] = _polygon_normal(part.vertices[list(loops[k])], part.normals[k])
     return normals, errors
@@ -146,7 +149,7 @@ def _cross(u: list[int], v: list[int]) -> list[int]:
 
 
 def _rounded_unit(n: list[int]) -> Array:
-    """Return the unit vector of an integer direction; entries are rounded before they are normalised."""
+    """Return the unit vector of an integer direction, to 5 roundings: entries, norm, quotient."""
     top = max(abs(x) for x in n)
     rounded = np.array([x / top for x in n])
     unit: Array = rounded / np.sqrt((rounded**2).sum())
@@ -164,11 +167,11 @@ def _polygon_normal(polygon: Array, drawn: Array) -> tuple[Array, float]:
     corner = int(np.argmax(np.linalg.norm(np.cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]), axis=1))) + 1
     n = _cross(exact[corner], exact[corner + 1])
     if not any(n[0] * x + n[1] * y + n[2] * z for x, y, z in exact):
-        return _rounded_unit(n), 4 * _UNIT
+        return _rounded_unit(n), 5 * _UNIT
     spokes = polygon - polygon[0]
     reach = float(np.sqrt((spokes**2).sum(axis=1)).max())
-    # a facet on three of the corners tilts by at most twice the spread over that triangle's least height, and the
-    # smallest triangle of a convex polygon has consecutive corners
+    # A facet on three of the corners tilts by at most the spread, 2 height, over that triangle's least height, which is
+    # least / reach; the smallest triangle of a convex polygon has consecutive corners. Doubled.
     height = float(np.abs(spokes @ drawn).max()) + 8 * _UNIT * reach
     before, after = np.roll(polygon, 1, axis=0) - polygon, np.roll(polygon, -1, axis=0) - polygon
     least = float(np.linalg.norm(np.cross(before, after), axis=1).min())

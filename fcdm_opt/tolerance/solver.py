@@ -129,5 +129,6 @@ def _touching_features(task: Task, q: Array, slack: float) -> tuple[Feature, ...
         _, rows, separations = task.separations((i, j), pose)
         if abs(separations.max()) <= slack:
             one, two = task.movable.parts[i], task.static.parts[j]
-            found.append(touching_contact(one, two, rows, pose, task.target, slack)[0].feature)
+            tight = np.abs(separations) <= slack
+            found.append(touching_contact(one, two, rows[tight, :3], pose).feature)
     return tuple(dict.fromkeys(found))
