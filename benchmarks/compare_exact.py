@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from multiprocessing import get_context
 from pathlib import Path
@@ -31,9 +31,10 @@ from curve_checks import ODD_BOX, SEED_PAIRS
 from oracles import Vec, box_lines, clipped, dot, feature_label, plane_point, root
 from strategies import random_pair
 
-from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, decision_curve
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.exact import exact_curve
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.bodies import Body
 
 REACHES = (2, 3, 10, 1000)
@@ -272,12 +273,14 @@ def _compare_rho2(value: float, rho1: float, truth: Reference, tally: Tally, whe
         tally.error("rho2", float(abs(Fraction(value) - expected) / expected), 1.0, f"{where}: rho1 = {rho1!r}")
 
 
-def run(seed: int, numbers: range, oracle: float) -> Tally:
+def run(seed: int, numbers: range, oracle: float, generic: bool) -> Tally:
     """Draw and compare some pairs; a share of them with both references."""
     tally, step = Tally(), max(1, round(1 / oracle)) if oracle > 0 else sys.maxsize
     for k in numbers:
         rng = np.random.default_rng([seed, k])
         reach, seeds = REACHES[k % len(REACHES)], SEED_PAIRS[k // len(REACHES) % len(SEED_PAIRS)]
+        if generic:
+            reach, seeds = REACHES[-1], SEED_PAIRS[0]
         one, two = random_pair(rng, reach, seeds)
         verticals = rng.uniform(*ODD_BOX[0], VERTICALS).tolist()
         where = f"pair {k} (reach {reach}, seeds {seeds[0]} and {seeds[1]})"
@@ -325,20 +328,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("count", type=int)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--oracle", type=float, default=0.01, help="share of pairs also compared with tests/oracles.py")
+    parser.add_argument("--generic", action="store_true", help="large coordinates and seeds inside only: few ties")
     parser.add_argument("--json", type=Path, help="write all counts there")
     given = parser.parse_args(arguments)
     start = time.perf_counter()
     chunks = [range(k, min(k + CHUNK, given.count)) for k in range(0, given.count, CHUNK)]
     tally = Tally()
     with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-        jobs = [pool.submit(run, given.seed, chunk, given.oracle) for chunk in chunks]
+        jobs = [pool.submit(run, given.seed, chunk, given.oracle, given.generic) for chunk in chunks]
         for done, job in enumerate(jobs):
             tally.add(job.result())
             if sys.stderr.isatty():
                 print(f"\r{done + 1} of {len(jobs)}", end="", file=sys.stderr, flush=True)
     print(report(tally, given.seed, time.perf_counter() - start))
     if given.json is not None:
-        given.json.write_text(json.dumps(asdict(tally), indent=1) + "\n")
+        given.json.write_text(json.dumps(vars(tally), indent=1) + "\n")
     return 1 if tally.disagreements or tally.pairs != given.count else 0
 
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.batch import DecisionCurves, decision_curves
-    from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, SwitchingPoint, decision_curve
+    from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
     from fcdm_opt.curve.features import Feature
+    from fcdm_opt.curve.segments import Segment, SwitchingPoint
     from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.motion import Motion, Rotation, Screw, Translation
@@ -61,10 +62,10 @@ _HOME = {
     "Problem": "tolerance.problem",
     "Rotation": "motion",
     "Screw": "motion",
-    "Segment": "curve.decision_curve",
+    "Segment": "curve.segments",
     "Solution": "tolerance.solution",
     "Status": "tolerance.solution",
-    "SwitchingPoint": "curve.decision_curve",
+    "SwitchingPoint": "curve.segments",
     "Translation": "motion",
     "UnsolvedError": "errors",
     "decision_curve": "curve.decision_curve",

@@ -21,10 +21,10 @@ class Tolerances:
     partition
         Parts overlap when a ball larger than this fits inside both: ten times the LP solver's own tolerance.
     tie
-        Directions, lines or lengths that differ by less are one where a contact is labelled that exact numbers place
-        within `planarity` of another.
+        Directions and lengths that differ by less are taken as one by what has no exact path yet: unions, contact sets,
+        the solver's flush contacts.
     line
-        A contact line's side of a scale pair is decided to within this; pieces shorter than it are dropped.
+        Where regions of several part pairs are joined, stretches shorter than this are dropped.
     sign
         A scale pair's side of a contact line is taken from floats where it is off the line by more than this, times
         the bodies' scaled sizes and their offset, and from rational arithmetic elsewhere; lines are right to 1e-13.

@@ -11,8 +11,9 @@ from oracles import plane_point
 from strategies import generators, random_pair, random_pose, random_union, runs
 
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
-from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, decision_curve, relative_pose
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
+from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.bodies import Body
 
 SLACK = 1e-9

@@ -14,7 +14,8 @@ from degenerate import BLOCK, SLAB, TILT, fewer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, SwitchingPoint, decision_curve
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+from fcdm_opt.curve.segments import Segment, SwitchingPoint
 from fcdm_opt.geometry.bodies import Body
 
 CONFIGURATIONS = {"F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"}

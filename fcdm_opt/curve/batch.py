@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.decision_curve import DEFAULT_BOX, Box, DecisionCurve, Segment, checked_bodies, checked_box
+from fcdm_opt.curve.decision_curve import DEFAULT_BOX, DecisionCurve, checked_bodies, checked_box
+from fcdm_opt.curve.segments import Box, Segment
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
@@ -41,7 +42,8 @@ class DecisionCurves:
         Start and end of every segment inside the box, overlap on the left.
     features : (M, 3) int array
         What touches: kind (0 face of body 1 and vertex of body 2, 1 vertex and face, 2 edge and edge) and the 0-based
-        indices of the elements in their parts. `feature` names them.
+        indices of the elements in their parts; of a contact in more than a point, one of the facets that it lies on.
+        `curves[k].segments` name them.
     parts : (M, 2) int array
         The part pair, 0-based.
     lines : (M, 3) array

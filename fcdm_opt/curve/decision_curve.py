@@ -12,131 +12,14 @@ from numpy.typing import ArrayLike
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Contact, contact_set
 from fcdm_opt.curve.envelope import Run, boundary, overlap_interval
-from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair
+from fcdm_opt.curve.segments import Box, Branch, Segment, SwitchingPoint, clipped, in_box, is_point
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
 
-Box = tuple[tuple[float, float], tuple[float, float]]
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """One straight piece of the curve: one contact feature.
-
-    Attributes
-    ----------
-    feature : Feature
-    line : (3,) array
-        (a, b, c) of the contact line a rho_1 + b rho_2 = c, in lengths (unit normal); overlap on the side of (a, b).
-    normal : (3,) array
-        Unit direction from body 1 to body 2, world frame.
-    start, end : (2,) arrays
-        Ends inside the box, in the order of the chain: overlap on the left.
-    parts : tuple of int
-        The part pair, 0-based.
-    snug : bool
-        Overlap on both sides: a fit without play.
-    index : int
-        1-based number in the box; 0 outside it.
-    run : Run
-        The unclipped stretch, and the pieces of the part pairs in it.
-    """
-
-    feature: Feature
-    line: Array
-    normal: Array
-    start: Array
-    end: Array
-    parts: tuple[int, int]
-    snug: bool
-    index: int
-    run: Run
-
-    @property
-    def configuration(self) -> str:
-        """Which of the seven contact configurations it is, see `Contact.configuration`."""
-        return self.run.whole.contact.configuration
-
-    def piece_at(self, rho: Array) -> Piece:
-        """Return the piece of the part pair that touches at a scale pair of the segment."""
-        return self.run.at(rho)
-
-
-@dataclass(frozen=True, eq=False)
-class SwitchingPoint:
-    """Where two segments meet.
-
-    Attributes
-    ----------
-    rho : (2,) array
-    features : tuple of two Feature
-        Of the segments before and after it.
-    lines : (2, 3) array
-        Their contact lines.
-    pieces : tuple of two Piece
-        Their unclipped pieces.
-    touching : tuple of Contact
-        What touches there: one contact (for instance V1E2) where the two segments' merge, or two at once.
-    contact_sets : tuple of (k, 3) arrays
-        What the bodies share in each contact: a point, a segment's ends or a polygon's corners, world frame.
-    index : int
-        1-based number in the box; 0 outside it.
-    """
-
-    rho: Array
-    features: tuple[Feature, Feature]
-    lines: Array
-    pieces: tuple[Piece, Piece]
-    touching: tuple[Contact, ...]
-    contact_sets: tuple[Array, ...]
-    index: int
-
-    @property
-    def contact_features(self) -> tuple[Feature, ...]:
-        """One feature (for instance V1E2) where the two contacts merge, or both where they are two at once."""
-        return tuple(contact.feature for contact in self.touching)
-
-    @property
-    def contacts(self) -> Array:
-        """Contact points, one a contact, (k, 3), world frame."""
-        return frozen([own.mean(axis=0) for own in self.contact_sets])
-
-    @property
-    def configurations(self) -> tuple[str, ...]:
-        """Which of the seven contact configurations each contact is, see `Contact.configuration`."""
-        return tuple(contact.configuration for contact in self.touching)
-
-    @property
-    def kind(self) -> str:
-        """For instance "V1E2", or "V1F2 & V1F2" for two contacts at once."""
-        return " & ".join(feature.kind for feature in self.contact_features)
-
-    @property
-    def label(self) -> str:
-        """The contact features' labels."""
-        return " & ".join(feature.label for feature in self.contact_features)
-
-
-@dataclass(frozen=True, eq=False)
-class Branch:
-    """A connected chain of the curve inside the box.
-
-    Attributes
-    ----------
-    segments : tuple of Segment
-    """
-
-    segments: tuple[Segment, ...]
-
-    @property
-    def is_function(self) -> bool:
-        """Whether rho_2 is a function of rho_1 along it."""
-        runs = [segment.end[0] - segment.start[0] for segment in self.segments]
-        return all(run > 0 for run in runs) or all(run < 0 for run in runs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,12 +68,12 @@ class DecisionCurve:
         points: list[SwitchingPoint] = []
         count = 0
         for whole in self.chains:
-            chain = [stretch for stretch in whole if not _is_point(stretch.whole)] or list(whole)
+            chain = [stretch for stretch in whole if not is_point(stretch.whole)] or list(whole)
             run: list[Segment] = []
             first = len(branches)
             for k, stretch in enumerate(chain):
                 piece = stretch.whole
-                span = _clipped(piece, self.box)
+                span = clipped(piece, self.box)
                 if span is not None:
                     count += 1
                     if run and not same_pair(run[-1].end, span[0]):
@@ -199,7 +82,7 @@ class DecisionCurve:
                     run.append(self._segment(stretch, span, count))
                 successor = chain[(k + 1) % len(chain)]
                 meets = len(chain) > 1 and np.isfinite(piece.hi) and same_pair(piece.end, successor.whole.start)
-                if meets and _inside(piece.end, self.box):
+                if meets and in_box(piece.end, self.box):
                     points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
@@ -315,7 +198,10 @@ class DecisionCurve:
 
     def crossings(self, rho1: float) -> Array:
         """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
-        return self._crossings(np.array([float(rho1), 0.0]), np.array([0.0, 1.0]), self.box[1])
+        value = numbers(rho1, "rho1")
+        if value.shape != () or not np.isfinite(value):
+            raise InputError("a scale is a finite number", key="rho1", found=rho1)
+        return self._crossings(np.array([float(value), 0.0]), np.array([0.0, 1.0]), self.box[1])
 
     def _crossings(self, base: Array, travel: Array, span: tuple[float, float]) -> Array:
         """Return the parameters at which a line meets the boundary of the union of the open overlap regions."""
@@ -336,8 +222,8 @@ class DecisionCurve:
 
     def rho2(self, rho1: ArrayLike) -> Array:
         """Return the least contact scale rho_2 in the box for each rho_1, nan where there is none."""
-        values = np.asarray(rho1, dtype=np.float64)
-        found = [self.crossings(x) for x in values.ravel()]
+        values = numbers(rho1, "rho1")
+        found = [self.crossings(x) for x in values.ravel().tolist()]
         return np.array([s[0] if s.size else np.nan for s in found]).reshape(values.shape)
 
     @cached_property
@@ -430,12 +316,11 @@ def checked_box(box: Sequence[Sequence[float]]) -> Box:
     if box is DEFAULT_BOX:
         return DEFAULT_BOX
     limits = numbers(box, "box")
-    if limits.shape != (2, 2) or not (
-        np.isfinite(limits).all() and (limits[:, 0] >= 0).all() and (limits[:, 0] < limits[:, 1]).all()
-    ):
-        raise InputError(
-            "the box is not two ranges", key="box", found=box, allowed="((lo, hi), (lo, hi)) with 0 <= lo < hi"
-        )
+    if limits.shape != (2, 2):
+        raise InputError("the box is not two ranges", key="box", found=box, allowed="((lo, hi), (lo, hi))")
+    for name, (low, high) in zip(("rho_1", "rho_2"), limits.tolist(), strict=True):
+        if not 0 <= low < high < np.inf:
+            raise InputError(f"no range of {name}", key="box", found=(low, high), allowed="0 <= lo < hi, finite")
     (a, b), (c, d) = limits.tolist()
     return (a, b), (c, d)
 
@@ -451,34 +336,3 @@ def _pair(rho: ArrayLike) -> Array:
     if point.shape != (2,) or not np.isfinite(point).all():
         raise InputError("a scale pair is two finite numbers", key="rho", found=rho)
     return point
-
-
-def _inside(point: Array, box: Box) -> bool:
-    slack = DEFAULT.line * np.abs(point)
-    return all(lo - e <= x <= hi + e for x, (lo, hi), e in zip(point, box, slack, strict=True))
-
-
-def _is_point(piece: Piece) -> bool:
-    """Tell whether a piece is too short for floats to tell its ends apart."""
-    size = np.abs(piece.start).sum() + np.abs(piece.end).sum()
-    return bool(size < np.inf and np.abs(piece.end - piece.start).sum() <= DEFAULT.point * size)
-
-
-def _clipped(piece: Piece, box: Box) -> tuple[Array, Array] | None:
-    """Return the ends of the stretch of a piece inside the box, None if there is none of positive length."""
-    limits = np.array(box, dtype=np.float64).ravel()
-
-    def left(start: Array, end: Array, endless: bool) -> tuple[Array, Array] | None:
-        some, *ends = kernels.clip(start, end, endless, piece.line, limits, DEFAULT.point)
-        return (frozen(ends[:2]), frozen(ends[2:])) if some else None
-
-    if np.isfinite(piece.lo) and np.isfinite(piece.hi):
-        return left(piece.start, piece.end, False)
-    if np.isfinite(piece.lo):
-        return left(piece.start, piece.travel, True)
-    anchor = piece.end if np.isfinite(piece.hi) else piece.base
-    before = left(anchor, -piece.travel, True)
-    after = None if np.isfinite(piece.hi) else left(anchor, piece.travel, True)
-    if before and after:
-        return before[1], after[1]
-    return (before[1], before[0]) if before else after

@@ -3,6 +3,7 @@
 arrays           array types and checks
 hull             face loops and edges of one convex part
 elements         the body's own vertices, edges and faces, for labels
+packing          a convex part as flat arrays for the kernels, with error bounds
 bodies           convex parts, and bodies made of them
 collision        signed distance by a collision library, confirmed by explicit vertices
 """

@@ -20,7 +20,8 @@ from fcdm_opt.motion import Motion, Screw
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
-    from fcdm_opt.curve.decision_curve import DecisionCurve, Segment, SwitchingPoint
+    from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.curve.segments import Segment, SwitchingPoint
 
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = ("beyond", "at", "touch", "clear")
@@ -322,7 +323,7 @@ class Problem:
     @cached_property
     def nominal_pair(self) -> Array:
         """Nominal scales, (2,): those of the switching point where it is one."""
-        from fcdm_opt.curve.decision_curve import SwitchingPoint
+        from fcdm_opt.curve.segments import SwitchingPoint
 
         contact = self.nominal_contact
         return frozen(contact.rho if isinstance(contact, SwitchingPoint) else self._asked_pair)
@@ -344,7 +345,7 @@ class Problem:
 
     @property
     def _at_switching_point(self) -> bool:
-        from fcdm_opt.curve.decision_curve import SwitchingPoint
+        from fcdm_opt.curve.segments import SwitchingPoint
 
         return isinstance(self.nominal_contact, SwitchingPoint)
 

@@ -9,8 +9,8 @@ from time import perf_counter
 import numpy as np
 
 from fcdm_opt.curve.contact import touching_contact
-from fcdm_opt.curve.decision_curve import Segment
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.segments import Segment
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance import models

@@ -13,9 +13,10 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
 from fcdm_opt.curve.contact import supporting_contact
-from fcdm_opt.curve.decision_curve import SwitchingPoint, relative_pose
+from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece
+from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
