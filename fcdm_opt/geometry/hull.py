@@ -12,9 +12,8 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.corners import SMALLEST, needless, units
 from fcdm_opt.tolerances import DEFAULT
-
-SMALLEST = 1e-50  # extent of a part: its volume stays above what floats can hold
 
 
 class Hull(NamedTuple):
@@ -88,7 +87,7 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     triangles, normals = _triangulated(local, np.arange(len(points)), frame, key)
     if np.bincount(triangles.ravel(), minlength=len(points)).min() == 0:
         triangles = _first_equals(points)[triangles]
-    while (dropped := _needless(local, triangles, normals)).size:
+    while (dropped := needless(local, triangles, normals)).size:
         kept = np.setdiff1d(triangles, dropped)
         triangles, normals = _triangulated(local, kept, frame, key)
     corners, sizes = _faces(local, triangles, key)
@@ -140,12 +139,6 @@ def _cross(u: Array, v: Array) -> Array:
     return u[:, one] * v[:, two] - u[:, two] * v[:, one]
 
 
-def _units(vectors: Array) -> Array:
-    """Return rows at unit length; zero stays zero."""
-    units: Array = vectors / np.maximum(np.sqrt((vectors**2).sum(axis=1)), SMALLEST)[:, None]
-    return units
-
-
 def _triangulated(local: Array, kept: Ints, frame: Array, key: str) -> tuple[Ints, Array]:
     """Return Qhull's triangles, counter-clockwise seen from outside, and the outward unit normals of their facets."""
     from scipy.spatial import ConvexHull, QhullError
@@ -157,7 +150,7 @@ def _triangulated(local: Array, kept: Ints, frame: Array, key: str) -> tuple[Int
         if 4 <= len(apart) < len(kept):
             return _triangulated(local, apart, frame, key)
         raise InputError(f"no convex hull: {str(reason).splitlines()[0]}", key=key) from reason
-    normals = _units(hull.equations[:, :3] @ frame.T)
+    normals = units(hull.equations[:, :3] @ frame.T)
     triangles = kept[hull.simplices]
     a, b, c = local[triangles.T]
     turned = (_cross(b - a, c - a) * normals).sum(axis=1) < 0
@@ -175,77 +168,6 @@ def _apart(points: Array) -> Ints:
     for one, two in sorted(cKDTree(points[first]).query_pairs(DEFAULT.planarity)):
         dropped[two] |= not dropped[one]
     return first[~dropped]
-
-
-# ------------------------------------------------------------------------------------------------ corners that are none
-
-
-def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:
-    """Return corners within `planarity` of the hull of the others, no two of them neighbours; late ones first."""
-    count = len(local)
-    origin, end = triangles.T.ravel(), triangles[:, [1, 2, 0]].T.ravel()
-    sums = _units(np.column_stack([np.bincount(origin, np.tile(n, 3), count) for n in normals.T]))
-    # one plane across the mean normal proves nearly every corner: of all other points a neighbour is the highest
-    steps = local[origin] - local[end]
-    margin = np.full(count, np.inf)
-    np.minimum.at(margin, origin, (sums[origin] * steps).sum(axis=1))
-    np.minimum.at(margin, end, -(sums[end] * steps).sum(axis=1))
-    doubtful = np.flatnonzero(margin <= DEFAULT.planarity)
-    if not doubtful.size:
-        return doubtful
-    both = np.concatenate([np.column_stack([origin, end]), np.column_stack([end, origin])])
-    both = both[np.argsort(both[:, 0], kind="stable")]
-    first = np.searchsorted(both[:, 0], np.arange(count + 1))
-    dropped = np.zeros(count, bool)
-    for vertex in doubtful[::-1]:
-        around = np.unique(both[first[vertex] : first[vertex + 1], 1])
-        if not dropped[around].any() and _near_hull(local[around] - local[vertex]):
-            dropped[vertex] = True
-    return np.flatnonzero(dropped)
-
-
-def _near_hull(points: Array) -> bool:
-    """Tell whether the origin lies within `planarity` of the hull of points.
-
-    Wolfe's least-norm point, left as soon as a point of the hull is near enough or a plane keeps the hull away.
-    """
-    first = int((points**2).sum(axis=1).argmin())
-    chosen, weights, nearest = [first], np.ones(1), points[first]
-    tried = np.arange(len(points)) == first
-    for _ in range(4 * len(points)):
-        if np.linalg.norm(weights @ points[chosen]) <= DEFAULT.planarity:
-            return True
-        length = max(np.sqrt(nearest @ nearest), SMALLEST)
-        heights = points @ nearest / length
-        lowest = int(np.where(tried, np.inf, heights).argmin())
-        if heights.min() > DEFAULT.planarity or tried[lowest] or heights[lowest] >= length:
-            return False
-        members, *place = _least_norm(points, [*chosen, lowest], np.append(weights, 0.0))
-        tried[lowest] = True
-        if lowest in members:  # else rounding chose a point that is no help
-            chosen, (weights, nearest) = members, place
-            tried[:] = False
-            tried[chosen] = True
-    return False
-
-
-def _least_norm(points: Array, chosen: list[int], weights: Array) -> tuple[list[int], Array, Array]:
-    """Return the members, weights and place of the least-norm point of a corral's hull, from weights in it."""
-    while True:
-        corral = points[chosen]
-        spans = (corral[1:] - corral[0]).T
-        tail = np.linalg.lstsq(spans, -corral[0])[0]
-        aim = np.concatenate([[1 - tail.sum()], tail])
-        if aim.min() > 0:
-            break
-        step = np.where(aim <= 0, weights / np.maximum(weights - aim, SMALLEST), np.inf)
-        weights = weights + step.min() * (aim - weights)
-        gone = int(step.argmin())
-        chosen, weights = [*chosen[:gone], *chosen[gone + 1 :]], np.delete(weights, gone)
-    nearest, basis = corral[0], np.linalg.qr(spans)[0]
-    for _ in range(2):  # again: what rounding left along the corral would tilt a short vector
-        nearest = nearest - basis @ (basis.T @ nearest)
-    return chosen, aim, nearest
 
 
 # ---------------------------------------------------------------------------------------------------------------- faces
@@ -324,7 +246,7 @@ def _is_flat(local: Array, triangles: Ints, sides: _Sides) -> Array:
     """
     up, down = sides.pairs.T
     base = local[sides.origin[up]]
-    along = _units(local[sides.end[up]] - base)
+    along = units(local[sides.end[up]] - base)
     corners = np.roll(triangles, -2, axis=1).ravel()  # the corner opposite each side
     c, d = local[corners[up]] - base, local[corners[down]] - base
     c, d = c - (c * along).sum(axis=1)[:, None] * along, d - (d * along).sum(axis=1)[:, None] * along
@@ -349,7 +271,7 @@ def _joined(count: int, pairs: Ints) -> Ints:
 def _bent(corners: Array, areas: Array, group: Ints) -> Ints:
     """Return the groups with a corner further than `planarity` from their mean plane: smooth surfaces."""
     count = len(group)
-    normals = _units(np.column_stack([np.bincount(group, x, count) for x in areas.T]))
+    normals = units(np.column_stack([np.bincount(group, x, count) for x in areas.T]))
     heights = (corners * normals[group][:, None]).sum(axis=2)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, group, heights.min(axis=1))
