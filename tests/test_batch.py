@@ -262,10 +262,15 @@ def test_transforms_are_n_matrices(poses):
         fo.decision_curves(CUBE.body(), OCTAHEDRON.body(), poses)
 
 
-@pytest.mark.parametrize("threads", [0, -1, 1.5, True, "2", None])
+@pytest.mark.parametrize("threads", [0, -1, 1.5, True, "2"])
 def test_threads_are_a_positive_number(threads):
     with pytest.raises(InputError, match="threads"):
         fo.decision_curves(CUBE.body(), OCTAHEDRON.body(), np.eye(4)[None], threads=threads)
+
+
+def test_threads_may_be_as_many_as_there_are_cores():
+    curves = fo.decision_curves(CUBE.body(), OCTAHEDRON.shifted((6, 1, 2)).body(), np.eye(4)[None], threads=None)
+    assert curves.status.tolist() == ["contact"]
 
 
 @pytest.mark.parametrize("box", [((3, 1), (1, 3)), ((1, 1), (1, 3)), ((1, math.nan), (1, 3)), (1, 3)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -82,7 +83,7 @@ def decision_curves(
     transforms: ArrayLike,
     *,
     box: Sequence[Sequence[float]] = DEFAULT_BOX,
-    threads: int = 1,
+    threads: int | None = 1,
 ) -> DecisionCurves:
     """Return the decision curves of two bodies at many poses of body 1.
 
@@ -95,8 +96,8 @@ def decision_curves(
         Rigid pose changes of body 1 with its seed, world frame.
     box : ((lo, hi), (lo, hi))
         Range of rho_1 and rho_2 that is listed.
-    threads : int
-        Threads that share the loop.
+    threads : int or None
+        Threads that share the loop; None: one a core.
 
     Raises
     ------
@@ -106,8 +107,10 @@ def decision_curves(
     checked_bodies(movable, static)
     limits = checked_box(box)
     poses = _poses(transforms)
+    if threads is None:
+        threads = os.cpu_count() or 1
     if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise InputError("threads are a positive number", key="threads", found=threads)
+        raise InputError("threads are a positive number, or None", key="threads", found=threads)
     total = len(poses)
     convex = len(movable.parts) == len(static.parts) == 1
     if convex:
