@@ -217,8 +217,7 @@ def test_no_poses_at_all_are_no_error():
 def test_the_region_of_a_pair_stands_alone():
     one, two = (Body.convex(UNIT_BOX * 2 - 1 + shift).parts[0] for shift in (0, 4))
     T = np.eye(4)
-    pose = kernels.relative_pose(T, one.seed, two.seed)
-    made = pair_region(one, two, T, pose)
+    made = pair_region(one, two, T)
     assert made.status == "bounded"
     assert made.exact.pieces[0].exact_line[2] == 4 * made.exact.pieces[0].exact_line[0]
     assert plane_point((2, 2, 1)) == (2, 2)

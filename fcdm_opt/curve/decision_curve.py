@@ -52,7 +52,7 @@ class DecisionCurve:
     def regions(self) -> tuple[Region, ...]:
         """Overlap regions of all part pairs."""
         return tuple(
-            pair_region(one, two, self.transform, self.pose, (i, j))
+            pair_region(one, two, self.transform, (i, j))
             for i, one in enumerate(self.movable.parts)
             for j, two in enumerate(self.static.parts)
         )
@@ -116,6 +116,10 @@ class DecisionCurve:
     @cached_property
     def status(self) -> str:
         """Return "contact", or "apart" or "overlapping" in the whole box."""
+        if len(self.regions) == 1:  # without building any segment
+            state = self.regions[0].state(np.array(self.box, dtype=np.float64).ravel())
+            if state in _STATUS:
+                return _STATUS[state]
         if self.segments:
             return "contact"
         middle = np.mean(self.box, axis=1)
@@ -302,6 +306,9 @@ def decision_curve(
     """
     checked_bodies(movable, static)
     return DecisionCurve(movable, static, rigid_transform(transform), checked_box(box))
+
+
+_STATUS = {kernels.CONTACT: "contact", kernels.WALKED: "apart", kernels.OVERLAPPING: "overlapping"}
 
 
 def checked_bodies(movable: Body, static: Body) -> None:

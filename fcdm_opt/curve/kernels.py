@@ -22,7 +22,7 @@ from numba.core import event
 F1V2, V1F2, E1E2 = 0, 1, 2
 # how a walk ended: done, left to exact arithmetic, no room for the answer, no overlap at any scale pair
 WALKED, UNDECIDED, CROWDED, EMPTY = 0, 1, 2, 4
-OVERLAPPING = 3  # in a batch: a curve that is walked, but not in the box, in which the bodies overlap
+CONTACT, OVERLAPPING = 5, 3  # in a box: the curve passes it; it does not, and the bodies overlap (WALKED: are apart)
 FAR, AXIS_1, AXIS_2 = 0, 1, 2  # how a chain ends: at infinity, where rho_1 = 0, where rho_2 = 0
 _INF = np.inf
 UNIT = 2.0**-53
@@ -928,6 +928,24 @@ def _on_border(line, box, border):
     if border < 2:
         return box[border], (line[2] - line[0] * box[border]) / line[1]
     return (line[2] - line[1] * box[border]) / line[0], box[border]
+
+
+@kernel
+def state_in_box(rows, points, chains, box, least, sure):
+    """Return CONTACT where a walked curve passes a box; else WALKED where the bodies are apart in it, or OVERLAPPING.
+
+    UNDECIDED where the box's middle is within `sure` of a line, relatively.
+    """
+    used = len(rows)
+    for chain in range(len(chains)):
+        first, count, endless = chains[chain, 0], chains[chain, 1], chains[chain, 3]
+        for k in range(count):
+            start, end = points[first + chain + k], points[first + chain + k + 1]
+            if _clip(start, end, endless > 0 and k == count - 1, rows[first + k, 3:], box, least)[0]:
+                return CONTACT
+    if len(chains) == 0:
+        return WALKED
+    return _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
 
 
 @kernel

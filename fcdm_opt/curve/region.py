@@ -117,8 +117,6 @@ class Region:
     one, two : ConvexPart
     transform : (4, 4) array
         Pose change of body 1.
-    pose : (12,) array
-        R, row by row, and d = s_2 - s_1 (moved).
     parts : tuple of int
         Indices of the parts in their bodies, kept in the pieces.
     path : "float" or "exact"
@@ -128,10 +126,15 @@ class Region:
     one: ConvexPart
     two: ConvexPart
     transform: Array
-    pose: Array
     parts: tuple[int, int]
     path: Literal["float", "exact"]
     _walked: tuple[Ints, Array, Array, Ints] | None
+
+    @cached_property
+    def pose(self) -> Array:
+        """R, row by row, and d = s_2 - s_1 (moved), (12,)."""
+        pose: Array = kernels.relative_pose(self.transform, self.one.seed, self.two.seed)
+        return pose
 
     @cached_property
     def exact(self) -> ExactCurve:
@@ -163,6 +166,14 @@ class Region:
     def chains(self) -> tuple[tuple[Piece, ...], ...]:
         """The boundary, overlap on the left."""
         return self._from_walk(*self._walked) if self._walked else tuple(map(self._from_exact, self.exact.chains))
+
+    def state(self, limits: Array) -> int:
+        """Return CONTACT, WALKED (apart) or OVERLAPPING in a box, UNDECIDED where floats cannot tell; see `kernels`."""
+        if self._walked is None:
+            return kernels.UNDECIDED
+        _, rows, points, chains = self._walked
+        state: int = kernels.state_in_box(rows, points, chains, limits, DEFAULT.point, DEFAULT.sign)
+        return state
 
     @property
     def pieces(self) -> list[Piece]:
@@ -283,9 +294,7 @@ class Region:
         return kernels.V1F2, next((v for v in contact.one if v in tight1), tight1[0]), _face(two, tight2)
 
 
-def pair_region(
-    one: ConvexPart, two: ConvexPart, transform: Array, pose: Array, parts: tuple[int, int] = (0, 0)
-) -> Region:
+def pair_region(one: ConvexPart, two: ConvexPart, transform: Array, parts: tuple[int, int] = (0, 0)) -> Region:
     """Return the overlap region of a pair of convex parts.
 
     Parameters
@@ -294,15 +303,13 @@ def pair_region(
         Of body 1 and body 2.
     transform : (4, 4) array
         Pose change of body 1, world frame.
-    pose : (12,) array
-        The same as the kernels take it: rotation, row by row, then d = s_2 - s_1 (moved).
     parts : tuple of int
         Indices of the parts in their bodies, kept in the pieces.
     """
     state, *walked = kernels.walk(*one.packed, *two.packed, transform, one.seed, two.seed, DEFAULT.planarity)
     if state in (kernels.WALKED, kernels.EMPTY):
-        return Region(one, two, transform, pose, parts, "float", tuple(walked))
-    return Region(one, two, transform, pose, parts, "exact", None)
+        return Region(one, two, transform, parts, "float", tuple(walked))
+    return Region(one, two, transform, parts, "exact", None)
 
 
 def _piece(

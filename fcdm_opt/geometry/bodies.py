@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
+from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, frozen, numbers
 from fcdm_opt.geometry.elements import Element, own_elements
 from fcdm_opt.geometry.hull import SMALLEST, convex_hull, unit_normals
 from fcdm_opt.geometry.packing import packed
@@ -255,13 +255,16 @@ def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> A
     """Return a checked rigid 4x4 transform (identity for None); raise `InputError` otherwise."""
     if transform is None:
         return IDENTITY
-    T = numbers(transform, key)
+    plain = type(transform) is np.ndarray and transform.dtype == np.float64
+    T = np.array(transform, order="C") if plain else numbers(transform, key)
     if T.shape != (4, 4):
         raise InputError("a transform is a 4x4 matrix", key=key, found=f"shape {T.shape}")
     # plain floats: numpy takes longer for sixteen numbers
     (a, b, c, x), (d, e, f, y), (g, h, i, z), last = T.tolist()
     if not isfinite(sum((a, b, c, d, e, f, g, h, i, x, y, z, *last))):
         raise InputError("a transform is a finite 4x4 matrix", key=key, found=T.tolist())
+    if max(abs(x), abs(y), abs(z)) > LARGEST:
+        raise InputError("a translation too large to calculate with", key=key, found=[x, y, z], allowed=f"{LARGEST:g}")
     error = max(
         abs(a * a + b * b + c * c - 1.0),
         abs(d * d + e * e + f * f - 1.0),
