@@ -100,6 +100,17 @@ def batch_of_one_pose(pair: RandomPair) -> tuple[Work, int]:
     return partial(fo.decision_curves, pair.movable, pair.static, transforms, box=BOX, threads=1), len(transforms)
 
 
+def kernel_of_all_poses(pair: RandomPair) -> tuple[Work, int]:
+    """Call the compiled walk of all poses once: whole curves, proved and clipped, next to no Python."""
+    from fcdm_opt.curve import kernels
+
+    one, two = pair.movable.parts[0], pair.static.parts[0]
+    seeds, limits = np.array([one.seed, two.seed]), np.array(BOX, dtype=np.float64).ravel()
+    bounds = DEFAULT.planarity, DEFAULT.point, DEFAULT.sign
+    walk = partial(kernels.walk_many, *one.packed, *two.packed, pair.transforms, seeds, limits, *bounds)
+    return walk, len(pair.transforms)
+
+
 def kernel(pair: RandomPair) -> tuple[Work, int]:
     """Call the compiled walk of one pose, again and again: the whole curve, unclipped, and the call from Python."""
     from fcdm_opt.curve import kernels
@@ -152,9 +163,11 @@ CONTENDERS = (
     Contender("coal distance, 1e-12", COAL, partial(coal_distance, tolerance=TIGHT)),
     Contender("coal collide", COAL, partial(coal_collide, tolerance=None)),
     Contender("coal collide, 1e-12", COAL, partial(coal_collide, tolerance=TIGHT)),
-    Contender("decision_curves, 1 thread", CURVE, partial(batch, threads=1), families=BOTH, target=_whole_curve),
+    Contender("kernel", CURVE, kernel_of_all_poses, families=BOTH, target=_whole_curve),
+    Contender("decision_curves, 1 thread", CURVE, partial(batch, threads=1), families=BOTH),
+    Contender("decision_curves, 1 thread, 50,000 poses", CURVE, partial(batch, threads=1, repeats=100), sizes=(12,)),
     Contender("decision_curves, 2 threads", CURVE, partial(batch, threads=2, repeats=10)),
-    Contender("decision_curves, one pose", CURVE, batch_of_one_pose, poses="one", target=_whole_curve),
+    Contender("decision_curves, one pose", CURVE, batch_of_one_pose, poses="one"),
     Contender("kernel, one pose a call", CURVE, kernel, families=BOTH, poses="one"),
     Contender("decision_curve", CURVE, partial(curve_object, wanted="status"), target=_from_python),
     Contender("decision_curve, all segments", CURVE, partial(curve_object, wanted="segments")),

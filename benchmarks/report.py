@@ -87,10 +87,10 @@ class Results:
 
     def _growth(self, family: str) -> str:
         """Growth of the time with the number of vertices: the exponent between neighbouring sizes."""
-        mine = [t for t in self.timings if t.name == "decision_curves, 1 thread" and t.family == family]
+        mine = [t for t in self.timings if t.name == "kernel" and t.family == family]
         found = sorted((t.vertices, t.median) for t in mine)
         steps = [f"{n} to {m}: {np.log(t / s) / np.log(m / n):.2f}" for (n, s), (m, t) in pairwise(found)]
-        what = "Exponent of growth of `decision_curves` with the vertices (1: linear)"
+        what = "Exponent of growth of `kernel` with the vertices (1: linear)"
         return f"{what}, {family} hulls: {', '.join(steps) or 'not measured'}."
 
     def _signs(self) -> str:

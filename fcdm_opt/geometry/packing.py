@@ -54,7 +54,7 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     faces[half[:, 1]], vertices[half[:, 0]] = np.arange(2 * m), np.arange(2 * m)
     levels = (normals * local[table[faces, 0]]).sum(axis=1)
     inside = bool((levels > radius * (2 * errors + 16 * _UNIT)).all())
-    cells = int(np.clip(np.ceil(np.sqrt(n / 6)), 2, _MOST_CELLS))
+    cells = int(np.clip(np.ceil(2 * np.sqrt(n / 6)), 4, _MOST_CELLS))
     towards = _directions(cells)
     supports = _extreme(towards, local, vertices, table[:, 1], table[np.arange(2 * m) ^ 1, 3])
     # the ray's exit is the extreme vertex of the polar dual
