@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cases import CUBE, DEFAULT_BOX, box_shape, exact, shape, union
 from curve_checks import ODD_BOX, curve_of
+from degenerate import turned
 
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.errors import InputError
@@ -25,14 +26,6 @@ WHOLE = box_shape((0, 0, 0), (2, 1, 1), SEED)  # one solid, in one part and in t
 CUT = union(box_shape((0, 0, 0), (1, 1, 1)), box_shape((1, 0, 0), (2, 1, 1)), seed=WHOLE.seed)
 TIP = shape([(1, "0.25", 3), (3, -1, 4), (3, 2, 4), (-1, "0.5", 5)], ("1.5", "0.5", 4))
 EVERY_CUT = pytest.mark.parametrize("bar", [WHOLE, CUT], ids=["whole", "cut"])
-
-
-def turned(axis: int, angle: float) -> np.ndarray:
-    T = np.eye(4)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    T[i, i] = T[j, j] = math.cos(angle)
-    T[i, j], T[j, i] = -math.sin(angle), math.sin(angle)
-    return T
 
 
 def outside_by(curve: DecisionCurve, points: np.ndarray, rho: np.ndarray) -> float:

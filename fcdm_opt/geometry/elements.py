@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
-from fcdm_opt.geometry.hull import Hull, unit_normal
+from fcdm_opt.geometry.hull import Hull, unit_normals
 from fcdm_opt.tolerances import DEFAULT
 
 Faces = tuple[tuple[int, ...], ...]
@@ -79,8 +79,6 @@ class _Named(Sequence[Element]):
         if not isinstance(other, _Named | tuple):
             return NotImplemented
         return tuple(self) == tuple(other)
-
-    __hash__ = None  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _Named, (self._kind, self._labels)
@@ -153,7 +151,7 @@ def _labels(used: Ints, loops: Faces) -> Faces:
 
 
 def _plane(points: Array, loop: tuple[int, ...]) -> tuple[Array, float]:
-    normal = unit_normal(points[list(loop)])
+    normal = unit_normals(points[list(loop)])
     return normal, float(normal @ points[loop[0]])
 
 

@@ -50,11 +50,6 @@ def unit_normals(polygons: Array) -> Array:
     return normals
 
 
-def unit_normal(polygon: Array) -> Array:
-    """Return the unit normal of one polygon, (n, 3)."""
-    return unit_normals(polygon)
-
-
 def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     """Return the hull of points, coplanar facets merged.
 

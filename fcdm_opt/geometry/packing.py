@@ -8,15 +8,14 @@ Reals, (2 n + f + 1, 4), relative to the seed in the body's axes:
                       1 where the seed is inside for certain, 0
     row n + f + 1 + k what rounding took from vertex k, 0
 
-Ints, 1-D, behind a header of ten: n, f, m, and the offsets of the tables
+Ints, 1-D, behind a header of nine: n, f, m, the offsets of the five tables below, and the cells along an edge of the
+cube that its last two speak of
 
     half-edges        (2 m, 4): origin, end, face on the left, next of that face; 2 k and 2 k + 1 run along edge k
     vertex starts     (n): a half-edge that leaves each vertex
     face starts       (f): a half-edge of each face
     support grid      (6 cells^2): the vertex extreme in the direction of each cell of a cube about the seed
     exit grid         (6 cells^2): the face that a ray from the seed in that direction leaves through, if it is inside
-
-and, last, the number of cells along an edge of that cube.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from fcdm_opt.geometry.bodies import ConvexPart
 
-HEADER = 10
+HEADER = 9
 _UNIT = 2.0**-53
 _MOST_CELLS = 16  # along an edge of the cube: a start within a few steps of the answer is all that is wanted
 _FEW = 250  # points that every direction is compared with; from the best of them it climbs on
@@ -66,7 +65,7 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     reals[:n, :3], reals[n : n + f, :3], reals[n : n + f, 3] = local, normals, errors
     reals[n + f, :3] = radius, _is_convex(part, normals, errors), inside
     reals[n + f + 1 :, :3] = lost
-    header = [n, f, m, *offsets[:5].tolist(), cells, 0]
+    header = [n, f, m, *offsets[:5].tolist(), cells]
     return frozen(reals), frozen(np.concatenate([header, *tables]), np.int64)
 
 
