@@ -1,0 +1,301 @@
+"""Closed surfaces from drawn faces: every edge is run along both ways equally often.
+
+What is repaired is what can be read in one way only: faces that are there twice, or twice and opposed (a fin); a corner
+that lies on the edge of the face beside it (a T-junction); faces that are wound against all others around them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.polygons import Polygon, by_size, widths
+
+SHOWN = 3  # places that a message names
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Polygons on their way to a closed surface.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+        Scaled by a power of two to a size near 1.
+    unit : int
+        That power: a point as given is 2^unit times the one here.
+    polygons : tuple of tuples of int
+        Rows of `points`.
+    numbers : tuple of int
+        Their places among the faces as given.
+    repairs : tuple of str
+        What was repaired so far.
+    """
+
+    points: Array
+    unit: int
+    polygons: tuple[Polygon, ...]
+    numbers: tuple[int, ...]
+    repairs: tuple[str, ...] = ()
+
+    def kept(self, places: Sequence[int], *repairs: str) -> Faces:
+        """Return these faces only, with a remark on why the others were left out."""
+        polygons, numbers = tuple(self.polygons[k] for k in places), tuple(self.numbers[k] for k in places)
+        return replace(self, polygons=polygons, numbers=numbers, repairs=self.repairs + repairs)
+
+    def named(self, places: Sequence[int]) -> str:
+        """Return a few of the faces by their 1-based numbers, and how many more there are."""
+        return listed([f"{self.numbers[k] + 1}" for k in places], "face", "faces")
+
+    def at(self, point: Array) -> str:
+        """Return a place in coordinates as given."""
+        return f"({', '.join(f'{x:.6g}' for x in np.ldexp(point, self.unit).tolist())})"
+
+    def vertex(self, row: int) -> str:
+        """Return a vertex with its label and its place."""
+        return f"vertex {row + 1} {self.at(self.points[row])}"
+
+
+def listed(names: Sequence[str], one: str, many: str) -> str:
+    """Return "face 3", "faces 3, 5 and 7" or "1200 faces, the first 3, 5 and 7"."""
+    if len(names) == 1:
+        return f"{one} {names[0]}"
+    few = ", ".join(names[: SHOWN - 1]) + f" and {names[SHOWN - 1]}" if len(names) >= SHOWN else " and ".join(names)
+    return f"{many} {few}" if len(names) <= SHOWN else f"{len(names)} {many}, the first {few}"
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """Directed sides of polygons: `origin`, `end`, the polygon's place `face`, and the number of its `edge`."""
+
+    origin: Ints
+    end: Ints
+    face: Ints
+    edge: Ints
+
+    @classmethod
+    def of(cls, polygons: Sequence[Polygon]) -> Sides:
+        """Return the sides of polygons, one after another."""
+        sizes = np.fromiter(map(len, polygons), np.int64, len(polygons))
+        origin = np.fromiter((v for own in polygons for v in own), np.int64, int(sizes.sum()))
+        after = np.arange(1, len(origin) + 1)
+        last = np.cumsum(sizes) - 1
+        after[last] = last - sizes + 1
+        end = origin[after]
+        low, high = np.minimum(origin, end), np.maximum(origin, end)
+        edge = np.unique(low * (origin.max(initial=0) + 1) + high, return_inverse=True)[1]
+        return cls(origin, end, np.repeat(np.arange(len(polygons)), sizes), edge)
+
+    @property
+    def counts(self) -> Ints:
+        """How many sides each edge has."""
+        return np.bincount(self.edge)
+
+    @property
+    def odd(self) -> Ints:
+        """Sides of edges that have an odd number of them: the surface ends there."""
+        return np.flatnonzero(self.counts[self.edge] % 2)
+
+    @property
+    def unequal(self) -> Ints:
+        """Sides of edges that are run along more often one way than the other."""
+        ways = np.where(self.origin < self.end, 1, -1)
+        return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
+
+
+def closed(faces: Faces, slack: float, key: str) -> Faces:
+    """Return faces that make a closed, consistently wound surface.
+
+    Parameters
+    ----------
+    faces : Faces
+    slack : float
+        Length below which points count as one.
+    key : str
+        Names the body in messages.
+
+    Raises
+    ------
+    InputError
+        Where no certain repair closes the surface; names edges and faces.
+    """
+    faces = _with_area(faces, slack)
+    for reading in (_without_fins, _without_copies):
+        read = _joined(reading(faces), slack)
+        if read.polygons and not Sides.of(read.polygons).odd.size:
+            return _wound(read, key)
+    raise _open(_joined(_without_fins(faces), slack), faces, key)
+
+
+def _with_area(faces: Faces, slack: float) -> Faces:
+    """Leave out faces that lie on a line."""
+    flat = [np.empty(0, np.int64)]
+    for places, corners in by_size(faces.polygons):
+        flat.append(places[widths(faces.points[corners]) <= slack])
+    gone = np.sort(np.concatenate(flat))
+    if not gone.size:
+        return faces
+    kept = np.setdiff1d(np.arange(len(faces.polygons)), gone)
+    return faces.kept(kept.tolist(), f"left out as having no area: {faces.named(gone.tolist())}")
+
+
+def _without_fins(faces: Faces) -> Faces:
+    """Leave out faces that others cover, opposed, and copies."""
+    return _distinct(faces, fins=True)
+
+
+def _without_copies(faces: Faces) -> Faces:
+    """Leave out all but one of faces with the same corners, whichever way they are wound."""
+    return _distinct(faces, fins=False)
+
+
+def _distinct(faces: Faces, *, fins: bool) -> Faces:
+    groups: dict[Polygon, tuple[list[int], list[int]]] = {}
+    for place, polygon in enumerate(faces.polygons):
+        least = polygon.index(min(polygon))
+        turned = polygon[least:] + polygon[:least]
+        back = turned[:1] + turned[:0:-1]
+        groups.setdefault(min(turned, back), ([], []))[turned > back].append(place)
+    if len(groups) == len(faces.polygons):
+        return faces
+    kept, opposed, copies = [], list[int](), list[int]()
+    for one, two in groups.values():
+        if fins and len(one) == len(two):
+            opposed += sorted(one + two)
+            continue
+        first, *more = one + two if len(one) > len(two) or (len(one) == len(two) and one < two) else two + one
+        kept.append(first)
+        copies += more
+    remarks = []
+    if opposed:
+        remarks.append(f"left out as covering each other, with nothing between: {faces.named(opposed)}")
+    if copies:
+        remarks.append(f"left out as repeating others: {faces.named(sorted(copies))}")
+    return faces.kept(sorted(kept), *remarks)
+
+
+def _joined(faces: Faces, slack: float) -> Faces:
+    """Make vertices at which the surface is open corners of the faces on whose open edges they lie."""
+    sides = Sides.of(faces.polygons)
+    open_ = sides.odd
+    if not open_.size:
+        return faces
+    from scipy.spatial import cKDTree
+
+    points = faces.points
+    ends = np.unique([sides.origin[open_], sides.end[open_]])
+    _, first = np.unique(sides.edge[open_], return_index=True)
+    first = open_[first]
+    a, b = points[sides.origin[first]], points[sides.end[first]]
+    halves = (b - a) / 2
+    near = cKDTree(points[ends] - points[0]).query_ball_point(a - points[0] + halves, norms(halves) + slack)
+    on: dict[tuple[int, int], list[int]] = {}
+    for k, own in enumerate(near):
+        origin, end = int(sides.origin[first[k]]), int(sides.end[first[k]])
+        others = ends[own]
+        others = others[(others != origin) & (others != end)]
+        if not others.size:
+            continue
+        along = 2 * halves[k] / norms(2 * halves[k])
+        spokes = points[others] - points[origin]
+        steps = spokes @ along
+        close = norms(spokes - steps[:, None] * along) <= 2 * slack
+        if close.any():
+            row = others[close][np.argsort(steps[close])].tolist()
+            on[origin, end], on[end, origin] = row, row[::-1]
+    if not on:
+        return faces
+    polygons, changed = list(faces.polygons), []
+    for place in np.unique(sides.face[open_]).tolist():
+        polygon = polygons[place]
+        longer = []
+        for k, end in enumerate(polygon):
+            longer += [v for v in on.get((polygon[k - 1], end), ()) if v not in polygon]
+            longer.append(end)
+        if len(longer) > len(polygon):
+            polygons[place] = tuple(longer)
+            changed.append(place)
+    remark = f"given the vertices that lie on their edges as corners: {faces.named(changed)}"
+    return replace(faces, polygons=tuple(polygons), repairs=(*faces.repairs, remark))
+
+
+def _open(faces: Faces, given: Faces, key: str) -> InputError:
+    """Say where a surface is open."""
+    sides = Sides.of(faces.polygons)
+    counts = sides.counts
+    if not faces.polygons:
+        return InputError("no surface is left", key=key, found="; ".join(faces.repairs) or "no faces")
+    open_ = sides.odd
+    _, first = np.unique(sides.edge[open_], return_index=True)
+    first = np.sort(open_[first])
+    places = []
+    for side in first[:SHOWN].tolist():
+        own = faces.named(np.unique(sides.face[sides.edge == sides.edge[side]]).tolist())
+        places.append(f"from {faces.vertex(int(sides.origin[side]))} to {faces.vertex(int(sides.end[side]))} of {own}")
+    many = int((counts[sides.edge[first]] > 1).sum())
+    edges = "1 edge" if len(first) == 1 else f"{len(first)} edges"
+    what = f"the surface is not closed: {edges} with a face on one side only"
+    if many:
+        what = f"the surface is not closed: {edges} with an odd number of faces, {many} of them with three or more"
+    remarks = faces.repairs[len(given.repairs) :]
+    tried = f" (tried: {'; '.join(remarks)})" if remarks else ""
+    return InputError(f"{what}: {'; '.join(places)}{'; ...' if len(first) > SHOWN else ''}{tried}", key=key)
+
+
+def _wound(faces: Faces, key: str) -> Faces:
+    """Turn faces that are wound against those around them."""
+    sides = Sides.of(faces.polygons)
+    if not sides.unequal.size:
+        return faces
+    turned = _against(sides, len(faces.polygons), faces, key)
+    polygons = tuple(
+        reverse(polygon) if turn else polygon for polygon, turn in zip(faces.polygons, turned, strict=True)
+    )
+    wrong = Sides.of(polygons).unequal
+    if wrong.size:
+        side = int(wrong[0])
+        a, b = faces.vertex(int(sides.origin[side])), faces.vertex(int(sides.end[side]))
+        where = faces.named(np.unique(sides.face[sides.edge == sides.edge[side]]).tolist())
+        what = f"the faces cannot be told apart into inside and outside at the edge from {a} to {b} of {where}"
+        raise InputError(what, key=key, allowed="as many faces one way round along an edge as the other way")
+    remark = f"turned to the winding of those around them: {faces.named(np.flatnonzero(turned).tolist())}"
+    return replace(faces, polygons=polygons, repairs=(*faces.repairs, remark))
+
+
+def _against(sides: Sides, count: int, faces: Faces, key: str) -> Ints:
+    """Return which faces are wound against most of those that they are connected with by edges of two faces."""
+    order = np.argsort(sides.edge, kind="stable")
+    order = order[sides.counts[sides.edge[order]] == 2].reshape(-1, 2)
+    same = sides.origin[order[:, 0]] == sides.origin[order[:, 1]]
+    beside: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
+    for (one, two), turn in zip(sides.face[order].tolist(), same.tolist(), strict=True):
+        beside[one].append((two, turn))
+        beside[two].append((one, turn))
+    turned = np.full(count, -1)
+    for start in range(count):
+        if turned[start] >= 0:
+            continue
+        turned[start], patch, stack = 0, [start], [start]
+        while stack:
+            one = stack.pop()
+            for two, turn in beside[one]:
+                if turned[two] < 0:
+                    turned[two] = turned[one] ^ turn
+                    patch.append(two)
+                    stack.append(two)
+                elif turned[two] != turned[one] ^ turn:
+                    what = f"the surface has one side only: no winding fits both {faces.named([one])} and"
+                    raise InputError(f"{what} {faces.named([two])}", key=key)
+        if 2 * turned[patch].sum() > len(patch):
+            turned[patch] ^= 1
+    return turned
+
+
+def reverse(polygon: Polygon) -> Polygon:
+    """Return a polygon wound the other way, its first corner first."""
+    return polygon[:1] + polygon[:0:-1]

@@ -1,0 +1,245 @@
+"""Where triangles of one surface cross or overlap, other than at the corners and edges that they share.
+
+Boxes find pairs that may meet; a plane between two triangles, off them by more than rounding, proves that they do not;
+the few pairs left are intersected in rational numbers. Triangles with one corner in common are cones there: arcs on a
+sphere about it. Two that share a side meet beyond it only where folded flat. A single point in common is a touch, no
+crossing: around it the surface stays on one side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.measures import cross, norms
+
+ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
+BLOCK = 1 << 18  # pairs looked at together
+
+
+class Crossing(NamedTuple):
+    """Two triangles that meet where they should not, and a point that both have."""
+
+    one: int
+    two: int
+    place: tuple[float, float, float]
+
+
+def first_crossing(points: Array, triangles: Ints, slack: float) -> Crossing | None:
+    """Return a pair of triangles that cross or overlap by more than `slack`, or None.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    triangles : (t, 3) int array
+        Of some height each, and no two with the same corners.
+    slack : float
+        Length up to which what two triangles have in common counts as a point.
+    """
+    unclear = (pairs for find in (_folded, _crossing_cones, _crossing_apart) for pairs in find(points, triangles))
+    for one, two in unclear:
+        for i, j in zip(one.tolist(), two.tolist(), strict=True):
+            place = _meeting(points[triangles[i]], points[triangles[j]], slack)
+            if place is not None:
+                return Crossing(i, j, place)
+    return None
+
+
+# ------------------------------------------------------------------------------------------- pairs that are unclear
+
+
+def _folded(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield neighbours across an edge that may lie on each other."""
+    origin, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    third = triangles[:, [2, 0, 1]].ravel()
+    low, high = np.minimum(origin, end), np.maximum(origin, end)
+    name = low * len(points) + high
+    order = np.argsort(name, kind="stable")
+    for step in range(1, len(order)):  # the next side of the same edge, the one after that, ...
+        same = np.flatnonzero(name[order[step:]] == name[order[:-step]])
+        if not same.size:
+            return
+        one, two = order[same], order[same + step]
+        base = points[low[one]]
+        along, a, b = points[high[one]] - base, points[third[one]] - base, points[third[two]] - base
+        along /= norms(along)[:, None]
+        up, down = cross(along, a), cross(along, b)  # as long as the heights over the edge
+        tall, deep = norms(up), norms(down)
+        slope = ROUNDING * (norms(a) / tall + norms(b) / deep)
+        cosine = (up * down).sum(axis=1) / (tall * deep)
+        sine = norms(cross(up, down)) / (tall * deep)
+        doubtful = ~((cosine < -slope) | (sine > slope))
+        yield one[doubtful] // 3, two[doubtful] // 3
+
+
+def _crossing_cones(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield triangles with one common corner that may meet beyond it."""
+    apex = triangles.ravel()
+    sides = triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    rays = points[sides] - points[apex][:, None]
+    rays /= norms(rays)[:, :, None]
+    bulge = 1 - norms(rays.sum(axis=1)) / 2 + ROUNDING  # of the arc over its chord
+    place = np.zeros((len(apex), 3))
+    place[:, 0] = 4.0 * apex  # arcs about different points are far apart
+    pad = bulge[:, None] + ROUNDING * 4.0 * len(points)
+    for one, two in _overlapping(place + rays.min(axis=1) - pad, place + rays.max(axis=1) + pad, np.arange(len(apex))):
+        shared = (apex[one] != apex[two]) | (sides[one][:, :, None] == sides[two][:, None, :]).any(axis=(1, 2))
+        one, two = one[~shared], two[~shared]
+        open_ = np.ones(len(one), bool)
+        corners = np.concatenate([rays[one], -rays[two]], axis=1)  # a plane between: all four on one side of it
+        for count in (1, 2, 3):
+            for chosen in combinations(range(4), count):
+                rows = np.flatnonzero(open_)
+                four = corners[rows]
+                if count == 3:
+                    a, b, c = (four[:, k] for k in chosen)
+                    normal = cross(b - a, c - a)
+                    normal *= np.sign((normal * a).sum(axis=1))[:, None]
+                else:
+                    normal = four[:, chosen].sum(axis=1)
+                least = (four * normal[:, None]).sum(axis=2).min(axis=1)
+                open_[rows[least > ROUNDING * norms(normal)]] = False
+        yield one[open_] // 3, two[open_] // 3
+
+
+def _crossing_apart(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield triangles without a common corner that may meet."""
+    corners = points[triangles] - points[triangles[0, 0]]
+    edges = (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
+    frame = np.linalg.eigh(edges.T @ edges)[1]  # slender triangles lie along it
+    both = np.concatenate([corners, corners @ frame], axis=2)
+    pad = ROUNDING * np.abs(corners).max()
+    fans = np.take_along_axis(triangles, np.bincount(triangles.ravel())[triangles].argmax(axis=1)[:, None], axis=1)
+    for one, two in _overlapping(both.min(axis=1) - pad, both.max(axis=1) + pad, fans.ravel()):
+        for column in triangles.T:
+            for other in triangles.T:
+                apart = column[one] != other[two]
+                one, two = one[apart], two[apart]
+        for axes in (_plane_axes, _edge_axes, _side_axes):
+            first, second = points[triangles[one]], points[triangles[two]]
+            base = first[:, :1]
+            left = _not_separated(first - base, second - base, axes)
+            one, two = one[left], two[left]
+        yield one, two
+
+
+def _plane_axes(one: Array, two: Array) -> Iterator[Array]:
+    for own in (one, two):
+        yield cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
+
+
+def _edge_axes(one: Array, two: Array) -> Iterator[Array]:
+    for i in range(3):
+        for j in range(3):
+            yield cross(one[:, i] - one[:, i - 1], two[:, j] - two[:, j - 1])
+
+
+def _side_axes(one: Array, two: Array) -> Iterator[Array]:
+    for own, normal in zip((one, two), _plane_axes(one, two), strict=True):
+        for i in range(3):
+            yield cross(normal, own[:, i] - own[:, i - 1])
+
+
+def _not_separated(one: Array, two: Array, axes: Any) -> Ints:
+    """Return the pairs that no plane across one of the axes keeps apart by more than rounding."""
+    reach = np.sqrt(np.maximum((one**2).sum(axis=2).max(axis=1), (two**2).sum(axis=2).max(axis=1)))
+    left = np.ones(len(one), bool)
+    for axis in axes(one, two):
+        here, there = (one * axis[:, None]).sum(axis=2), (two * axis[:, None]).sum(axis=2)
+        gap = np.maximum(there.min(axis=1) - here.max(axis=1), here.min(axis=1) - there.max(axis=1))
+        left &= ~(gap > ROUNDING * reach * norms(axis))
+    return np.flatnonzero(left)
+
+
+def _overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield all pairs of overlapping boxes of different groups, a block at a time: down a balanced tree of boxes."""
+    depth = max(1, len(low) - 1).bit_length()
+    spare = (1 << depth) - len(low)  # boxes that overlap none
+    low, high = (np.pad(side, ((0, spare), (0, 0)), constant_values=x) for side, x in ((low, np.inf), (high, -np.inf)))
+    groups = np.pad(groups, (0, spare), constant_values=-1)
+    middle = np.where(low <= high, low, 0) + np.where(low <= high, high, 0)
+    order, levels = np.arange(len(low)), []
+    for level in range(depth + 1):
+        nodes = order.reshape(1 << level, -1)
+        own, places = groups[nodes], middle[nodes]
+        alone = np.where((own == own[:, :1]).all(axis=1), own[:, 0], -1 - np.arange(len(own)))
+        levels.append((low[nodes].min(axis=1).T.copy(), high[nodes].max(axis=1).T.copy(), alone))
+        widest = (places.max(axis=1) - places.min(axis=1)).argmax(axis=1)[:, None]
+        order = np.take_along_axis(nodes, np.argsort(middle[nodes, widest], axis=1), axis=1).ravel()
+    stack = [(0, np.zeros(1, np.int64), np.zeros(1, np.int64))]
+    while stack:
+        level, one, two = stack.pop()
+        *boxes, alone = levels[level]
+        differ = (alone[one] != alone[two]) | ((one == two) & (alone[one] < 0))
+        one, two = one[differ], two[differ]
+        for lows, highs in zip(*boxes, strict=True):
+            meet = (lows[one] <= highs[two]) & (lows[two] <= highs[one])
+            one, two = one[meet], two[meet]
+        if level == depth:
+            yield order[one], order[two]
+            continue
+        for start in range(0, len(one), BLOCK):
+            own, other = 2 * one[start : start + BLOCK], 2 * two[start : start + BLOCK]
+            apart = own != other  # of a node with itself, three pairs of halves are enough
+            halves = (own, own, own + 1, own[apart] + 1), (other, other + 1, other + 1, other[apart])
+            stack.append((level + 1, np.concatenate(halves[0]), np.concatenate(halves[1])))
+
+
+# ---------------------------------------------------------------------------------------------- in rational numbers
+
+
+def _meeting(one: Array, two: Array, slack: float) -> tuple[float, float, float] | None:
+    """Return a point at which two triangles meet beyond what they share, None if there is none off it by `slack`."""
+    from flint import fmpq
+
+    first, second = ([tuple(fmpq(*x.as_integer_ratio()) for x in row) for row in own.tolist()] for own in (one, two))
+    shared = [point for point in first if point in second]
+    common = _intersection(first, second)
+    found = [point for point in common if point not in shared]
+    if not found:
+        return None
+    zero = [*shared, *found][0]
+    local = np.array([[float(x - o) for x, o in zip(point, zero, strict=True)] for point in common])
+    if len(shared) == 2:
+        along = np.array([float(x - o) for x, o in zip(shared[1], zero, strict=True)])
+        local = np.cross(local, along / norms(along))
+    if norms(local).max() <= slack:
+        return None
+    x, y, z = (float(sum(values) / len(found)) for values in zip(*found, strict=True))
+    return x, y, z
+
+
+def _intersection(one: list[Any], two: list[Any]) -> list[Any]:
+    """Return the corners of the intersection of two triangles, exactly: the first is clipped by the second."""
+    a, b, c = two
+    normal = _cross(_minus(b, a), _minus(c, a))
+    planes = [(normal, a), (tuple(-x for x in normal), a)]
+    planes += [(_cross(normal, _minus(q, p)), p) for p, q in ((a, b), (b, c), (c, a))]
+    polygon = one
+    for inward, origin in planes:
+        sides = [_dot(inward, _minus(point, origin)) for point in polygon]
+        kept = []
+        for k, (point, side) in enumerate(zip(polygon, sides, strict=True)):
+            if side * sides[k - 1] < 0:
+                share = side / (side - sides[k - 1])
+                kept.append(tuple(x + share * (y - x) for x, y in zip(point, polygon[k - 1], strict=True)))
+            if side >= 0:
+                kept.append(point)
+        polygon = kept
+    return list(dict.fromkeys(polygon))
+
+
+def _dot(u: Any, v: Any) -> Any:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def _minus(u: Any, v: Any) -> Any:
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+def _cross(u: Any, v: Any) -> Any:
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]

@@ -1,0 +1,268 @@
+"""Vertices and faces from mesh files, with nothing merged or dropped on the way.
+
+Points that are the same in the file are the same here, digit for digit; `mesh.checked_mesh` makes them one and judges
+the surface. Only where a file's digits are too few for its faces to be plane, its vertices are moved. trimesh reads
+STL, PLY and GLB, through those of its functions that give the raw arrays. OBJ and OFF are read here: trimesh would cut
+their polygons into fans, wrong unless convex, and number an OBJ file's vertices anew.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import LARGEST, Array
+from fcdm_opt.geometry.flattening import flattened
+from fcdm_opt.geometry.polygons import Polygon
+from fcdm_opt.tolerances import DEFAULT
+
+NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
+Drawn = tuple[Array, list[Polygon]]
+
+
+def read_mesh(path: str | Path, *, unit: str, file_unit: str | None = None) -> Drawn:
+    """Return vertices and faces from a mesh or STEP file: the first two of what `drawn_mesh` returns."""
+    return drawn_mesh(path, unit=unit, file_unit=file_unit)[:2]
+
+
+def drawn_mesh(
+    path: str | Path, *, unit: str, file_unit: str | None = None
+) -> tuple[Array, list[Polygon], tuple[str, ...]]:
+    """Return vertices, faces and remarks from a mesh or STEP file.
+
+    Parameters
+    ----------
+    path : path
+        Its suffix says what it is, see `mesh_formats`.
+    unit : {"m", "cm", "mm", "um", "in", "ft"}
+        Unit of the coordinates returned.
+    file_unit : as `unit`, optional
+        Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`. GLB files are in metres
+        and STEP files name their unit: there it is an error.
+
+    Returns
+    -------
+    vertices : (n, 3) array
+        In the order of the file.
+    faces : list of tuples of int
+        Rows of `vertices`; the polygons of OBJ, PLY and OFF files as they are, else triangles. All objects of a file
+        are one mesh, those of a GLB scene where the scene places them.
+    remarks : tuple of str
+        What was done to the vertices.
+
+    Raises
+    ------
+    InputError
+        Names the file and what is wrong with it, or what to install (STEP).
+
+    Notes
+    -----
+    Plane faces of a STEP file are exact to double precision; curved ones are approximated by triangles with corners on
+    the surface, as far off it between them as `Tolerances.tessellation` and `Tolerances.tessellation_turn` say.
+    Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a plane are made
+    plane to double precision, see `flattening`.
+    """
+    path = Path(path)
+    for key, value in (("unit", unit), ("file_unit", file_unit)):
+        if value not in NANOMETRES and (key == "unit" or value is not None):
+            raise InputError("unknown unit", file=path, key=key, found=value, allowed=", ".join(NANOMETRES))
+    suffix = path.suffix.lower()
+    if suffix not in _READERS:
+        raise InputError("unknown kind of file", file=path, found=suffix, allowed=", ".join(mesh_formats))
+    reader, own_unit = _READERS[suffix]
+    if own_unit is not None and file_unit is not None:
+        what = f"a {suffix[1:].upper()} file says itself what its lengths are"
+        raise InputError(what, file=path, key="file_unit", found=file_unit, allowed="none")
+    try:
+        data = path.read_bytes()
+    except OSError as reason:
+        raise InputError(f"cannot be read: {reason.strerror or reason}", file=path) from reason
+    if not data.strip():
+        raise InputError("the file is empty", file=path)
+    try:
+        vertices, faces = reader(data)
+    except InputError as reason:
+        raise reason.within(file=path) from reason.__cause__
+    except Exception as reason:
+        kind = "STEP" if suffix in (".step", ".stp") else suffix[1:].upper()
+        raise InputError(f"not a complete {kind} file: {str(reason) or type(reason).__name__}", file=path) from reason
+    if not len(faces):
+        raise InputError("no faces in the file", file=path)
+    scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
+    vertices, remarks = _plane(vertices, faces, single=own_unit is not None)
+    return vertices * scale.numerator / scale.denominator, faces, remarks
+
+
+def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...]]:
+    """Return vertices moved within their digits such that faces are plane, see `flattening`, and a remark if so."""
+    size = float(np.abs(vertices).max(initial=0.0))
+    if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
+        return vertices, ()  # `checked_mesh` says what is wrong
+    with np.errstate(over="ignore"):
+        single = single or bool((vertices == vertices.astype(np.float32)).all())
+    digits = float(np.finfo(np.float32).eps) if single else DEFAULT.drawn
+    moved = flattened(vertices, faces, digits * size, joined=single)
+    step = float(np.abs(moved - vertices).max()) / size if size else 0.0
+    return moved, (f"vertices moved by {step:.1g} of the size, to make plane faces plane",) if step else ()
+
+
+# ----------------------------------------------------------------------------------------------------- through trimesh
+
+
+def _quietly(load: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+    """Call a loader; a warning that it passed over something becomes an error, others are dropped."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", message=".*could not be read to its end")
+        return load(*arguments, **options)
+
+
+def _stl(data: bytes) -> Drawn:
+    from trimesh.exchange.stl import load_stl
+
+    is_text = b"\0" not in data
+    if is_text:
+        lower = data.lower()
+        if not lower.lstrip().startswith(b"solid") or b"facet" not in lower:
+            raise ValueError("neither binary nor text of that kind")
+        if lower.count(b"endsolid") == 0:
+            raise ValueError("its text ends without 'endsolid'")
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    elif len(data) < 84 or len(data) != (size := 84 + 50 * int.from_bytes(data[80:84], "little")):
+        found = f"{len(data)} bytes" + (f" where its header promises {size}" if len(data) >= 84 else "")
+        raise ValueError(found)
+    loaded = _quietly(load_stl, io.BytesIO(data))
+    solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
+    vertices, faces = _together([(solid["vertices"], solid["faces"]) for solid in solids])
+    if is_text and len(faces) != lower.count(b"endfacet"):
+        raise ValueError(f"{lower.count(b'endfacet')} facets with {len(vertices)} corners")
+    return vertices, faces
+
+
+def _ply(data: bytes) -> Drawn:
+    from trimesh.exchange.ply import load_ply
+
+    loaded = _quietly(load_ply, io.BytesIO(data))
+    if "vertices" not in loaded:
+        return np.empty((0, 3)), []
+    elements = loaded["metadata"]["_ply_raw"]
+    keys = "vertex_index", "vertex_indices"
+    face = elements.get("face", {}).get("data")
+    lists: Any = ()
+    if isinstance(face, dict):
+        lists = next((face[key] for key in keys if key in face), ())
+    elif isinstance(face, np.ndarray) and face.dtype.names:
+        lists = next((face[key]["f1"] for key in keys if key in face.dtype.names), ())
+    vertices, faces = np.array(loaded["vertices"], float), [tuple(map(int, own)) for own in lists]
+    for name, found in (("vertex", vertices), ("face", faces)):
+        if len(found) != (count := elements.get(name, {}).get("length", 0)):
+            raise ValueError(f"{len(found)} of {count} elements '{name}'")
+    return vertices, faces
+
+
+def _glb(data: bytes) -> Drawn:
+    return _together([(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces) for mesh, T in scene(data)])
+
+
+def scene(data: bytes) -> list[tuple[Any, Array]]:
+    """Return the meshes of a GLB file and the 4x4 transform that places each."""
+    from trimesh import Trimesh, load_scene
+
+    loaded = _quietly(load_scene, io.BytesIO(data), file_type="glb", process=False)
+    placed = [(loaded.geometry[name], T) for T, name in map(loaded.graph.get, loaded.graph.nodes_geometry)]
+    return [(mesh, T) for mesh, T in placed if isinstance(mesh, Trimesh)]
+
+
+def _step(data: bytes) -> Drawn:
+    from fcdm_opt.geometry.step import read_step
+
+    return _together(read_step(data))
+
+
+def _together(meshes: Sequence[tuple[Any, Any]]) -> Drawn:
+    """Return several meshes as one."""
+    vertices, faces, count = [np.empty((0, 3))], list[Polygon](), 0
+    for own, rows in meshes:
+        vertices.append(np.asarray(own, float))
+        faces += [tuple(row) for row in (np.asarray(rows, np.int64) + count).tolist()]
+        count += len(own)
+    return np.concatenate(vertices), faces
+
+
+# ---------------------------------------------------------------------------------------------------------------- text
+
+
+def _lines(data: bytes) -> list[tuple[int, list[str]]]:
+    """Return the words of each line that has some, with the line's number; comments are left out."""
+    if b"\0" in data:
+        raise ValueError("not text")
+    text = data.decode("utf-8-sig", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
+    words = ((k + 1, line.partition("#")[0].split()) for k, line in enumerate(text.splitlines()))
+    return [(k, own) for k, own in words if own]
+
+
+def _obj(data: bytes) -> Drawn:
+    vertices, faces = list[list[float]](), list[Polygon]()
+    for line, (word, *rest) in _lines(data):
+        try:
+            if word == "v":
+                x, y, z = map(float, rest[:3])
+                vertices.append([x, y, z])
+            elif word == "f":
+                rows = [int(corner.partition("/")[0]) for corner in rest]
+                # counted from 1, or backwards from the last vertex so far
+                own = tuple(row - 1 if row > 0 else len(vertices) + row for row in rows)
+                if 0 in rows or min(own) < 0:
+                    raise ValueError
+                faces.append(own)
+        except ValueError as reason:
+            raise ValueError(f"line {line}: {' '.join([word, *rest])[:60]!r}") from reason
+    if faces and max(map(max, faces)) >= len(vertices):
+        raise ValueError(f"a face names vertex {max(map(max, faces)) + 1} of {len(vertices)}")
+    return np.array(vertices).reshape(-1, 3), faces
+
+
+def _off(data: bytes) -> Drawn:
+    (_, (kind, *counts)), *lines = _lines(data)
+    if kind not in ("OFF", "COFF", "NOFF", "CNOFF", "STOFF") or counts[:1] == ["BINARY"]:
+        raise ValueError(f"it begins with {kind[:20]!r}")
+    if not counts:
+        (_, counts), *lines = lines
+    many, polygons = int(counts[0]), int(counts[1])
+    if len(lines) < many + polygons:
+        raise ValueError(f"{len(lines)} lines for {many} vertices and {polygons} faces")
+    vertices, faces = list[list[float]](), list[Polygon]()
+    for k, (line, words) in enumerate(lines[: many + polygons]):
+        try:
+            if k < many:
+                x, y, z = map(float, words[:3])
+                vertices.append([x, y, z])
+                continue
+            size = int(words[0])
+            own = tuple(map(int, words[1 : size + 1]))
+            if len(own) != size or not all(0 <= v < many for v in own):
+                raise ValueError
+            faces.append(own)
+        except ValueError as reason:
+            raise ValueError(f"line {line}: {' '.join(words)[:60]!r}") from reason
+    return np.array(vertices).reshape(-1, 3), faces
+
+
+# how to read a kind of file, and the unit it comes in
+_READERS: dict[str, tuple[Callable[[bytes], Drawn], str | None]] = {
+    ".stl": (_stl, None),
+    ".obj": (_obj, None),
+    ".ply": (_ply, None),
+    ".off": (_off, None),
+    ".glb": (_glb, "m"),
+    ".step": (_step, "m"),
+    ".stp": (_step, "m"),
+}
+mesh_formats = tuple(_READERS)

@@ -1,0 +1,123 @@
+"""Plane faces made plane again, where the few digits of a file bent them.
+
+A slanted face of four or more corners is plane only as far as the digits go that its file holds, 7 in single
+precision: taken as it is, it has folds of 1e-8, and its solid is not convex where it was drawn so. Corners are moved,
+by no more than those digits leave open, onto the planes of their faces; one of up to three faces is then on them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.polygons import Polygon, by_size
+from fcdm_opt.tolerances import DEFAULT
+
+ROUNDS = 100  # two are enough unless more than three faces meet at a corner
+
+
+def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined: bool) -> Array:
+    """Return vertices with faces plane to double precision; equal points stay equal, and plane faces as they are.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+    faces : sequence of tuples of int
+        Rows of `vertices`. One of four or more corners is drawn as plane, and made so if it is within `slack`.
+    slack : float
+        Length by which rounding moved the vertices at most.
+    joined : bool
+        Whether triangles that lie in one plane within `slack` are one face, too.
+    """
+    distinct, same = np.unique(vertices, axis=0, return_inverse=True)
+    same = same.reshape(-1)
+    groups, triangles = list[Ints](), np.empty((0, 3), np.int64)
+    for _, corners in by_size(faces):
+        if corners.shape[1] == 3:
+            triangles = same[corners]
+        else:
+            groups += list(map(np.unique, same[corners]))
+    if joined:
+        groups += _connected(distinct, triangles, slack)
+    groups = _together(distinct, [own for own in groups if len(own) > 3], slack)
+    if not groups:
+        return vertices
+    place = distinct.copy()
+    corner, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(own) for own in groups])
+    order = np.argsort(corner, kind="stable")
+    corner, owner = corner[order], owner[order]
+    moved, starts, counts = np.unique(corner, return_index=True, return_counts=True)
+    enough = DEFAULT.normal * float(np.abs(distinct).max())
+    for _ in range(ROUNDS):
+        normals, levels, _ = _fitted(place, groups)
+        misses = levels[owner] - (normals[owner] * place[corner]).sum(axis=1)
+        if np.abs(misses).max() <= enough:
+            break
+        for count in np.unique(counts):
+            own = counts == count
+            rows = starts[own][:, None] + np.arange(count)
+            onto = np.linalg.pinv(normals[owner[rows]], rcond=DEFAULT.sharp)  # the shortest step onto all its planes
+            place[moved[own]] += (onto @ misses[rows][:, :, None])[:, :, 0]
+    far = norms(place - distinct) > slack / DEFAULT.sharp
+    place[far] = distinct[far]
+    return place[same]
+
+
+def _fitted(points: Array, groups: Sequence[Ints]) -> tuple[Array, Array, Array]:
+    """Return unit normals and levels of the planes nearest to groups of points, and how far the points are off."""
+    normals, levels, off = np.empty((len(groups), 3)), np.empty(len(groups)), np.empty(len(groups))
+    for places, corners in by_size(groups):
+        middle = points[corners].mean(axis=1)
+        local = points[corners] - middle[:, None]
+        normals[places] = np.linalg.svd(local, full_matrices=False)[2][:, 2]
+        levels[places] = (normals[places] * middle).sum(axis=1)
+        off[places] = np.abs((local * normals[places, None]).sum(axis=2)).max(axis=1)
+    return normals, levels, off
+
+
+def _together(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
+    """Leave out groups of points that lie in no plane within the slack, join those that lie in one; largest first."""
+    groups = sorted(groups, key=lambda own: -float(np.ptp(points[own], axis=0).max()))
+    normals, levels, off = _fitted(points, groups)
+    near = np.flatnonzero(off <= 4 * slack)
+    if not near.size:
+        return []
+    bend = 4 * float(off[near].max())  # exact files keep the finest steps
+    normals, levels, groups = normals[near], levels[near], [groups[k] for k in near]
+    corners, starts = np.concatenate(groups), np.cumsum([0, *map(len, groups)])[:-1]
+    free, joined = np.ones(len(groups), bool), []
+    for k in range(len(groups)):
+        if free[k]:
+            heights = np.abs(points[corners] @ normals[k] - levels[k])
+            own = free & (np.maximum.reduceat(heights, starts) <= bend)
+            own[k] = True
+            free &= ~own
+            joined.append(np.unique(np.concatenate([groups[j] for j in np.flatnonzero(own)])))
+    return joined
+
+
+def _connected(points: Array, triangles: Ints, slack: float) -> list[Ints]:
+    """Return the corners of each group of triangles that lie in one plane and are connected by edges of two."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(triangles):
+        return []
+    origin, end, third = triangles.ravel(), triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
+    name = np.minimum(origin, end) * len(points) + np.maximum(origin, end)
+    edge, counts = np.unique(name, return_inverse=True, return_counts=True)[1:]
+    order = np.argsort(edge, kind="stable")
+    one, two = order[counts[edge[order]] == 2].reshape(-1, 2).T
+    base, along = points[origin[one]], points[end[one]] - points[origin[one]]
+    along /= np.maximum(norms(along), np.finfo(float).tiny)[:, None]
+    up, down = cross(along, points[third[one]] - base), cross(along, points[third[two]] - base)
+    # how far the lower triangle's corner is off the plane of the higher one, on the other side of the edge
+    folds = norms(cross(up, down)) / np.maximum(np.maximum(norms(up), norms(down)), np.finfo(float).tiny)
+    flat = (folds <= 4 * slack) & ((up * down).sum(axis=1) <= 0)
+    links = coo_array((np.ones(flat.sum()), (one[flat] // 3, two[flat] // 3)), shape=(len(triangles), len(triangles)))
+    group = connected_components(links, directed=False)[1]
+    order = np.argsort(group, kind="stable")
+    return [np.unique(triangles[own]) for own in np.split(order, np.flatnonzero(np.diff(group[order])) + 1)]

@@ -1,0 +1,83 @@
+"""What triangles enclose: volume, centroid, and how often they wind round a point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array
+
+if TYPE_CHECKING:
+    from flint import fmpq
+
+BLOCK = 1 << 18  # pairs of points and triangles looked at together
+
+
+def cross(u: Array, v: Array) -> Array:
+    """Return cross products of vectors, (..., 3); quicker than numpy's."""
+    a, b, c, x, y, z = u[..., 0], u[..., 1], u[..., 2], v[..., 0], v[..., 1], v[..., 2]
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+
+
+def norms(vectors: Array) -> Array:
+    """Return the lengths of vectors, (..., 3)."""
+    lengths: Array = np.sqrt((vectors**2).sum(axis=-1))
+    return lengths
+
+
+def volume_and_centroid(corners: Array) -> tuple[float, Array, float]:
+    """Return volume, centroid and a bound of the volume's rounding, by signed tetrahedra about the mean corner.
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) array
+        Corners of the triangles of a closed surface.
+    """
+    first = corners[0, 0]
+    local = corners - first  # exact far from the origin, where a mean is not
+    middle = local.mean(axis=(0, 1))
+    a, b, c = (local - middle).transpose(1, 0, 2)
+    volumes = (a * cross(b, c)).sum(axis=1) / 6
+    volume = float(volumes.sum())
+    rounding = 8 * float(np.finfo(float).eps) * float((norms(a) * norms(b) * norms(c)).sum())
+    offset = volumes @ (a + b + c) / 4 / volume if volume else np.zeros(3)
+    return volume, first + (middle + offset), rounding
+
+
+def exact_volume(corners: Array) -> fmpq:
+    """Return the volume that triangles, (t, 3, 3), enclose, exactly that of their float corners."""
+    from flint import fmpq, fmpz
+
+    largest = int(np.frexp(corners[corners != 0])[1].min(initial=0)) - 53  # every entry is a multiple of 2 to this
+    number: dict[float, fmpz] = {}
+    for x in np.unique(corners).tolist():
+        top, bottom = x.as_integer_ratio()
+        shift = -largest - (bottom.bit_length() - 1)
+        number[x] = fmpz(top << shift if shift >= 0 else top >> -shift)
+    total = fmpz(0)
+    for a, b, c in corners.tolist():
+        (p, q, r), (u, v, w), (x, y, z) = ([number[value] for value in row] for row in (a, b, c))
+        total += p * (v * z - w * y) + q * (w * x - u * z) + r * (u * y - v * x)
+    return fmpq(total, 6) * fmpq(2) ** (3 * largest)
+
+
+def winding_numbers(points: Array, corners: Array) -> Array:
+    """Return how often triangles, (t, 3, 3), counter-clockwise seen from outside, wind round each point, (m,).
+
+    Of a closed surface: 1 inside, 0 outside. By solid angles (van Oosterom and Strackee 1983), not reliable nearer to
+    a triangle than rounding.
+    """
+    total = np.zeros(len(points))
+    step = max(1, BLOCK // max(1, len(points)))
+    for start in range(0, len(corners), step):
+        for first in range(0, len(points), BLOCK):
+            own = slice(first, first + BLOCK)
+            spokes = corners[None, start : start + step] - points[own, None, None]
+            lengths = norms(spokes)
+            a, b, c = spokes[:, :, 0], spokes[:, :, 1], spokes[:, :, 2]
+            la, lb, lc = lengths[:, :, 0], lengths[:, :, 1], lengths[:, :, 2]
+            top = (a * cross(b, c)).sum(axis=2)
+            bottom = la * lb * lc + (a * b).sum(axis=2) * lc + (b * c).sum(axis=2) * la + (c * a).sum(axis=2) * lb
+            total[own] += np.arctan2(top, bottom).sum(axis=1)
+    return total / (2 * np.pi)

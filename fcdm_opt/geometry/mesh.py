@@ -1,0 +1,295 @@
+"""Meshes: closed surfaces of solids, checked before anything is built on them.
+
+What is wrong in one way only is repaired and reported; anything else is refused with what is wrong and where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
+from fcdm_opt.geometry.closing import Faces, Sides, closed, reverse
+from fcdm_opt.geometry.corners import SMALLEST
+from fcdm_opt.geometry.crossings import first_crossing
+from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
+from fcdm_opt.geometry.polygons import Polygon, triangulated
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from flint import fmpq
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """The closed surface of a solid; make one with `checked_mesh`.
+
+    Attributes
+    ----------
+    vertices : (n, 3) array
+        Distinct points, numbered as given: a point given again is left out, one that no face uses keeps its number.
+    faces : tuple of tuples of int
+        Rows of `vertices` of each face, counter-clockwise seen from outside, in the order given. A face may be any
+        planar polygon without holes.
+    triangles : (t, 3) int array
+        Triangles of the faces, without new vertices; every edge is run along both ways equally often.
+    triangle_faces : (t,) int array
+        The face that each triangle is from.
+    repairs : tuple of str
+        What was wrong in one way only, and was put right.
+    name : str
+        Used in messages.
+    """
+
+    vertices: Array
+    faces: tuple[Polygon, ...]
+    triangles: Ints
+    triangle_faces: Ints
+    repairs: tuple[str, ...]
+    name: str
+
+    @cached_property
+    def _volume_and_centroid(self) -> tuple[float, Array, float]:
+        return volume_and_centroid(self.vertices[self.triangles])
+
+    @property
+    def volume(self) -> float:
+        """Volume, by signed tetrahedra about the mean corner of the triangles."""
+        return self._volume_and_centroid[0]
+
+    @property
+    def centroid(self) -> Array:
+        """Centroid of the volume, (3,)."""
+        return frozen(self._volume_and_centroid[1])
+
+    @cached_property
+    def exact_volume(self) -> fmpq:
+        """Volume of the solid that the triangles with their float corners enclose, exactly."""
+        return exact_volume(self.vertices[self.triangles])
+
+    def contains(self, points: ArrayLike) -> Any:
+        """Tell which points, (..., 3), lie inside: the surface winds round them. Nearer to it than rounding, either."""
+        asked = numbers(points, "points")
+        inside = winding_numbers(asked.reshape(-1, 3), self.vertices[self.triangles]) > 0.5
+        return inside.reshape(asked.shape[:-1])
+
+
+def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike, *, name: str = "body") -> Mesh:
+    """Return the closed surface of a solid from vertices and faces.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+        Points nearer than `Tolerances.weld` of the mesh's size are one, the first given.
+    faces : (t, 3) int array, or rows of `vertices`
+        Of each face, 0-based, in order around it: three or more. Polygons must be planar and may be non-convex.
+    name : str
+        Used in messages.
+
+    Returns
+    -------
+    Mesh
+        With every certain repair in `repairs`: copies of faces, faces without area or with nothing between them left
+        out; vertices on the edge of a face made corners of it; windings made consistent and outward.
+
+    Raises
+    ------
+    InputError
+        For a surface that is open, that crosses or touches itself along more than shared edges, or of which it is not
+        certain what is inside. Names faces and vertices (1-based) and a place.
+    """
+    key = f"body '{name}'"
+    points = _points(vertices, key)
+    polygons = _polygons(faces, len(points), key)
+    # powers of two change no digit; sizes near 1 keep all products far from what floats cannot hold
+    used = points[np.unique([v for polygon in polygons for v in polygon])]
+    size = float(np.abs(used - used[0]).max())
+    if size <= SMALLEST:
+        raise InputError("all points of the faces coincide up to rounding", key=key, found=used[0].tolist())
+    unit = int(np.frexp(size)[1])
+    scaled = np.ldexp(points, -unit)
+    slack = max(DEFAULT.weld * float(np.ldexp(size, -unit)), 4 * float(np.spacing(np.abs(used).max() * 2.0**-unit)))
+    kept, owners, repairs = _welded(scaled, slack)
+    surface = closed(Faces(scaled[kept], unit, *_shortened(polygons, owners, key), repairs), slack, key)
+    triangles, owner = triangulated(surface.points, surface.polygons, surface.numbers, slack, key)
+    crossing = first_crossing(surface.points, triangles, slack)
+    if crossing is not None:
+        one, two = sorted(surface.numbers[owner[k]] for k in (crossing.one, crossing.two))
+        what = f"faces {one + 1} and {two + 1} cross, overlap, or touch along a line that is no edge of both"
+        raise InputError(f"{what}, at {surface.at(np.array(crossing.place))}", key=key)
+    turned, remarks = _outward(surface, triangles, owner, slack, key)
+    outlines = tuple(reverse(own) if turn else own for own, turn in zip(surface.polygons, turned, strict=True))
+    triangles = np.where(turned[owner][:, None], triangles[:, ::-1], triangles)
+    return Mesh(
+        vertices=frozen(points[kept]),
+        faces=outlines,
+        triangles=frozen(triangles, np.int64),
+        triangle_faces=frozen(owner, np.int64),
+        repairs=surface.repairs + remarks,
+        name=name,
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- input checks
+
+
+def _points(vertices: Any, key: str) -> Array:
+    points = numbers(vertices, f"{key}: vertices")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")
+    if len(points) < 4:
+        raise InputError("a solid needs at least 4 vertices", key=key, found=len(points))
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise InputError(f"vertex {bad[0] + 1} is not finite", key=key, found=points[bad[0]].tolist())
+    return points + 0.0  # no negative zeros
+
+
+def _polygons(faces: Any, count: int, key: str) -> list[Polygon]:
+    """Return faces as tuples of rows, each checked."""
+    if isinstance(faces, np.ndarray) and faces.dtype.kind in "iu" and faces.ndim == 2:
+        polygons = [tuple(own) for own in faces.tolist()]
+    else:
+        try:
+            polygons = [tuple(own) for own in faces]
+        except TypeError as reason:
+            raise InputError("faces are lists of rows of the vertices", key=f"{key}: faces", found=faces) from reason
+        for k, own in enumerate(polygons):
+            for v in own:
+                if isinstance(v, bool | np.bool) or not isinstance(v, int | np.integer):
+                    raise InputError("not a row of the vertices", key=f"{key}: face {k + 1}", found=v)
+        polygons = [tuple(map(int, own)) for own in polygons]
+    if not polygons:
+        raise InputError("a solid needs faces", key=f"{key}: faces", found=0)
+    for k, own in enumerate(polygons):
+        if len(own) < 3:
+            raise InputError("a face needs at least 3 corners", key=f"{key}: face {k + 1}", found=len(own))
+        wrong = next((v for v in own if not 0 <= v < count), None)
+        if wrong is not None:
+            what = "not a row of the vertices"
+            raise InputError(what, key=f"{key}: face {k + 1}", found=wrong, allowed=f"0 to {count - 1}")
+    return polygons
+
+
+def _welded(points: Array, slack: float) -> tuple[Ints, Ints, tuple[str, ...]]:
+    """Return the rows of distinct points, the place among them of each point, and a remark on unequal ones made one."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    distinct, inverse = np.sort(first), np.empty(len(first), np.int64)
+    inverse[np.argsort(first)] = np.arange(len(first))
+    owners = inverse[same.ravel()]
+    pairs = cKDTree(points[distinct] - points[0]).query_pairs(slack, output_type="ndarray")
+    if not len(pairs):
+        return distinct, owners, ()
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(distinct), len(distinct)))
+    group = connected_components(links, directed=False)[1]
+    _, least, group = np.unique(group, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(least))
+    remark = f"made one with others nearer than {DEFAULT.weld:g} of the size: {len(distinct) - len(least)} vertices"
+    return distinct[np.sort(least)], rank[group][owners], (remark,)
+
+
+def _shortened(polygons: list[Polygon], owners: Ints, key: str) -> tuple[tuple[Polygon, ...], tuple[int, ...]]:
+    """Return polygons of distinct points, and their numbers: sides of no length are left out."""
+    short, place = [], owners.tolist()
+    for k, polygon in enumerate(polygons):
+        own = tuple(place[v] for v in polygon)
+        if 2 < len(set(own)) < len(own):
+            own = tuple(v for i, v in enumerate(own) if v != own[i - 1])
+            if len(set(own)) < len(own):
+                again = next(v for i, v in enumerate(own) if v in own[:i])
+                what = f"the outline comes back to vertex {again + 1}"
+                raise InputError(what, key=f"{key}: face {k + 1}", found=tuple(v + 1 for v in own))
+        short.append(own)
+    return tuple(short), tuple(range(len(short)))
+
+
+# ------------------------------------------------------------------------------------------------------------ shells
+
+
+def _outward(surface: Faces, triangles: Ints, owner: Ints, slack: float, key: str) -> tuple[Array, tuple[str, ...]]:
+    """Return which faces must be turned for the surface to be wound outwards, and remarks."""
+    shell = _shells(surface)
+    corners = [surface.points[triangles[shell[owner] == k]] for k in range(shell.max() + 1)]
+    signs = []
+    for k, own in enumerate(corners):
+        volume, _, rounding = volume_and_centroid(own)
+        if abs(volume) <= rounding:
+            volume = float(exact_volume(own))
+        area = float(norms(cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])).sum()) / 2
+        if abs(volume) <= slack * area:
+            faces = surface.named(np.flatnonzero(shell == k).tolist())
+            raise InputError(f"a surface encloses no volume: {faces}", key=key)
+        signs.append(int(np.sign(volume)))
+    lows, highs = (np.array([f(own, axis=(0, 1)) for own in corners]) for f in (np.min, np.max))
+    depth, around = np.zeros(len(corners), np.int64), {}
+    for k in range(len(corners)):
+        boxes = np.flatnonzero((lows <= lows[k]).all(axis=1) & (highs >= highs[k]).all(axis=1))
+        around[k] = [j for j in boxes.tolist() if j != k and _is_inside(corners[k], corners[j])]
+        depth[k] = len(around[k])
+    turned = np.zeros(len(corners), bool)
+    for k in np.argsort(depth, kind="stable").tolist():
+        if not around[k]:
+            turned[k] = signs[k] < 0
+            continue
+        parent = max(around[k], key=lambda j: depth[j])
+        if signs[k] == signs[parent]:
+            inner, outer = (surface.named(np.flatnonzero(shell == j).tolist()) for j in (k, parent))
+            what = f"one closed surface lies inside another and is wound the same way: {inner}, inside {outer}"
+            raise InputError(what, key=key, allowed="a cavity is wound the other way, two solids must not overlap")
+        turned[k] = turned[parent]
+    if not turned.any():
+        return np.zeros(len(surface.polygons), bool), ()
+    wrong = turned[shell]
+    return wrong, (f"turned, being wound inwards: {surface.named(np.flatnonzero(wrong).tolist())}",)
+
+
+def _shells(surface: Faces) -> Ints:
+    """Return for each face the number of its closed surface: those that edges of two faces connect, if they are closed.
+
+    Others, cut open by edges of more faces, are taken together across those.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    sides = Sides.of(surface.polygons)
+    count = len(surface.polygons)
+    order = np.argsort(sides.edge, kind="stable")
+    next_, before = order[1:], order[:-1]
+    linked = sides.edge[next_] == sides.edge[before]
+    next_, before = next_[linked], before[linked]
+    plain = sides.counts[sides.edge[next_]] == 2
+
+    def groups(links: Any) -> Ints:
+        pairs = sides.face[next_[links]], sides.face[before[links]]
+        graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
+        found: Ints = connected_components(graph, directed=False)[1]
+        return found
+
+    group = groups(plain)
+    ways = np.where(sides.origin < sides.end, 1, -1)
+    own = np.unique(group[sides.face] * (sides.edge.max() + 1) + sides.edge, return_inverse=True)[1]
+    open_ = np.zeros(group.max() + 1, bool)
+    open_[group[sides.face[np.bincount(own, ways)[own] != 0]]] = True
+    if not open_.any():
+        return group
+    cut = open_[group]
+    return groups(plain | (cut[sides.face[next_]] & cut[sides.face[before]]))
+
+
+def _is_inside(inner: Array, outer: Array) -> bool:
+    """Tell whether one closed surface lies inside another that it does not cross, by its large triangles' middles."""
+    sizes = np.ptp(inner, axis=1).max(axis=1)
+    middles = inner[np.argsort(-sizes)[:8]].mean(axis=1)
+    turns = np.abs(winding_numbers(middles, outer))
+    clearest = np.abs(turns - np.round(turns)).argmin()
+    return bool(turns[clearest] > 0.5)

@@ -1,0 +1,160 @@
+"""Triangles of planar polygons, convex or not, without new corners.
+
+Lengths here are in the mesh's own unit; `slack` is the length below which its points count as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints
+
+Polygon = tuple[int, ...]
+
+
+def by_size(polygons: Sequence[Polygon] | Sequence[Ints]) -> Iterator[tuple[Ints, Ints]]:
+    """Yield the places of the polygons with 3 corners, with 4, ... and their corners, (m,) and (m, k)."""
+    sizes = np.fromiter(map(len, polygons), np.int64, len(polygons))
+    for size in np.unique(sizes):
+        places = np.flatnonzero(sizes == size)
+        yield places, np.array([polygons[k] for k in places.tolist()], np.int64)
+
+
+def widths(corners: Array) -> Array:
+    """Return how far polygons, (m, k, 3), reach from the line through two far corners of theirs."""
+    spokes = corners - corners[:, :1]
+    lengths = np.sqrt((spokes**2).sum(axis=2))
+    far = lengths.argmax(axis=1)
+    rows = np.arange(len(corners))
+    along = spokes[rows, far] / np.maximum(lengths[rows, far], np.finfo(float).tiny)[:, None]
+    off: Array = np.sqrt((np.cross(spokes, along[:, None]) ** 2).sum(axis=2)).max(axis=1)
+    return off
+
+
+def heights(triangles: Array) -> Array:
+    """Return the least heights of triangles, (m, 3, 3): over their longest sides."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    u, v, w = b - a, c - b, a - c
+    longest = np.sqrt(np.max([(x**2).sum(axis=1) for x in (u, v, w)], axis=0))
+    # of the two shorter sides, which lose least
+    twice = np.min([np.sqrt((np.cross(x, y) ** 2).sum(axis=1)) for x, y in ((u, v), (v, w), (w, u))], axis=0)
+    least: Array = twice / np.maximum(longest, np.finfo(float).tiny)
+    return least
+
+
+def triangulated(
+    points: Array, polygons: Sequence[Polygon], numbers: Sequence[int], slack: float, key: str
+) -> tuple[Ints, Ints]:
+    """Return triangles of polygons, (t, 3), and the polygon each is from, (t,).
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    polygons : sequence of tuples of int
+        Rows of `points`; no polygon lies on one line.
+    numbers : sequence of int
+        How messages number the polygons.
+    slack : float
+        Length up to which a polygon may be out of plane, and a corner in line.
+    key : str
+        Names the body in messages.
+
+    Raises
+    ------
+    InputError
+        For a polygon that is not planar or meets itself; names it.
+    """
+    triangles, owners = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
+    for places, corners in by_size(polygons):
+        if corners.shape[1] == 3:
+            triangles.append(corners)
+            owners.append(places)
+            continue
+        local = points[corners] - points[corners[:, :1]]
+        ahead = np.roll(local, -1, axis=1) - local
+        normals = np.cross(local, np.roll(local, -1, axis=1)).sum(axis=1)
+        lengths = np.sqrt((normals**2).sum(axis=1))
+        normals /= np.maximum(lengths, np.finfo(float).tiny)[:, None]
+        levels = (local * normals[:, None]).sum(axis=2)
+        middle = (levels.max(axis=1) + levels.min(axis=1)) / 2
+        off = np.abs(levels - middle[:, None])
+        bent = np.flatnonzero(off.max(axis=1) > slack)
+        if bent.size:
+            first = int(bent[0])
+            worst = int(off[first].argmax())
+            what = f"the corners lie in no plane: vertex {corners[first, worst] + 1} misses their mean plane"
+            raise InputError(
+                what,
+                key=f"{key}: face {numbers[places[first]] + 1}",
+                found=float(off[first, worst]),
+                allowed=f"at most {slack:.3g}; give its triangles instead",
+            )
+        turns = (np.cross(np.roll(ahead, 1, axis=1), ahead) * normals[:, None]).sum(axis=2)
+        dots = (np.roll(ahead, 1, axis=1) * ahead).sum(axis=2)
+        chords = np.sqrt(((ahead + np.roll(ahead, 1, axis=1)) ** 2).sum(axis=2))
+        once = np.arctan2(turns, dots).sum(axis=1) < 3 * np.pi  # a star turns left everywhere, but twice round
+        convex = (turns > slack * chords).all(axis=1) & once & (lengths > 0)
+        size = corners.shape[1]
+        fan = np.array([(0, k, k + 1) for k in range(1, size - 1)])
+        triangles.append(corners[convex][:, fan].reshape(-1, 3))
+        owners.append(np.repeat(places[convex], size - 2))
+        for k in np.flatnonzero(~convex).tolist():
+            ears = _ears(_in_plane(local[k], normals[k]), slack)
+            if ears is None:
+                what = "the outline crosses or touches itself"
+                found = tuple(int(v) + 1 for v in corners[k])
+                raise InputError(what, key=f"{key}: face {numbers[places[k]] + 1}", found=found)
+            triangles.append(corners[k][ears])
+            owners.append(np.full(len(ears), places[k]))
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate(triangles)[order], owner[order]
+
+
+def _in_plane(local: Array, normal: Array) -> Array:
+    """Return plane coordinates, (k, 2): counter-clockwise about the normal stays so."""
+    least = np.eye(3)[np.abs(normal).argmin()]
+    first = np.cross(normal, least)
+    first /= np.sqrt(first @ first)
+    flat: Array = local @ np.column_stack([first, np.cross(normal, first)])
+    return flat
+
+
+def _cross2(u: Array, v: Array) -> Array:
+    product: Array = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
+    return product
+
+
+def _ears(flat: Array, slack: float) -> Ints | None:
+    """Cut a polygon of the plane, counter-clockwise, into triangles of some height; None where it meets itself.
+
+    An ear has no other corner inside or on it, so that corners in line with their neighbours get a triangle each side.
+    """
+    left = np.arange(len(flat))
+    ears = []
+    while len(left) > 3:
+        u, v, w = flat[np.roll(left, 1)], flat[left], flat[np.roll(left, -1)]
+        longest = np.sqrt(np.max([((x - y) ** 2).sum(axis=1) for x, y in ((u, v), (v, w), (w, u))], axis=0))
+        height = _cross2(v - u, w - v) / np.maximum(longest, np.finfo(float).tiny)
+        for k in np.argsort(-height, kind="stable").tolist():
+            if height[k] <= slack:
+                return None
+            three = np.array([k - 1, k, (k + 1) % len(left)]) % len(left)
+            if not _covered(flat[left[three]], np.delete(flat[left], three, axis=0), slack):
+                ears.append(left[three])
+                left = np.delete(left, k)
+                break
+        else:
+            return None
+    return np.array([*ears, left])
+
+
+def _covered(triangle: Array, points: Array, slack: float) -> bool:
+    """Tell whether one of the points lies in or on a triangle."""
+    sides = np.roll(triangle, -1, axis=0) - triangle
+    lengths = np.sqrt((sides**2).sum(axis=1))
+    inward = _cross2(sides[:, None], points - triangle[:, None])
+    return bool((inward >= -slack * lengths[:, None]).all(axis=0).any())
