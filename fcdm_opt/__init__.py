@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from fcdm_opt.curve.segments import Segment, SwitchingPoint
     from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
     from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.geometry.conversion import as_body
     from fcdm_opt.motion import Motion, Rotation, Screw, Translation
     from fcdm_opt.tolerance.certificate import verify
     from fcdm_opt.tolerance.files import load_problems
+    from fcdm_opt.tolerance.keep_out import KeepOut
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solution import Certificate, Solution, Status
     from fcdm_opt.tolerance.solver import solve
@@ -32,6 +34,7 @@ __all__ = [
     "FcdmError",
     "Feature",
     "InputError",
+    "KeepOut",
     "Motion",
     "Problem",
     "Rotation",
@@ -43,6 +46,7 @@ __all__ = [
     "Translation",
     "UnsolvedError",
     "__version__",
+    "as_body",
     "decision_curve",
     "decision_curves",
     "load_problems",
@@ -58,6 +62,7 @@ _HOME = {
     "FcdmError": "errors",
     "Feature": "curve.features",
     "InputError": "errors",
+    "KeepOut": "tolerance.keep_out",
     "Motion": "motion",
     "Problem": "tolerance.problem",
     "Rotation": "motion",
@@ -68,6 +73,7 @@ _HOME = {
     "SwitchingPoint": "curve.segments",
     "Translation": "motion",
     "UnsolvedError": "errors",
+    "as_body": "geometry.conversion",
     "decision_curve": "curve.decision_curve",
     "decision_curves": "curve.batch",
     "load_problems": "tolerance.files",

@@ -14,6 +14,20 @@ class Tolerances:
     planarity
         Hull facets whose vertices lie within `planarity` times the part's size of one plane are one face. Drawn
         quads are not exactly planar in floats (about 1e-16); 1e-12 is far above that and far below any real facet.
+    weld
+        Vertices of a mesh nearer to each other than this times its size, or than four of its coordinates' last digits,
+        are one, and so are what is on an edge or in a plane: as `planarity`. Files in single precision give equal
+        points with equal digits; nothing drawn is finer.
+    drawn
+        Corners of a polygon in a file that are off its plane by at most this times their largest coordinate are so by
+        rounding to the file's digits, often 6 or 7: they are moved onto it. Polygons that are more bent are refused.
+    tessellation
+        Curved faces of a STEP file are cut into triangles that leave them by at most this times the length of their
+        edges: fine for a contact in 1e-3, and few enough to be decomposed.
+    tessellation_turn
+        Neighbouring triangles of a curved face turn by at most this, radians.
+    sharp
+        Planes of a STEP file that cross at a smaller angle than this, radians, do not fix a corner along their line.
     flatness
         A part whose thinnest extent is below `flatness` times its largest has no reliable inside and is refused.
     normal
@@ -25,6 +39,11 @@ class Tolerances:
         the solver's flush contacts.
     line
         Where regions of several part pairs are joined, stretches shorter than this are dropped.
+    prune
+        A part pair is left out of a part of the scale box where it is apart, or hidden, by more than this times the
+        bodies' extents and their offset: far above rounding, 1e-13, and above what joins pieces, `nominal`.
+    rim
+        The curve of unions is worked out in a box wider by this, so that what meets on the box's border is whole.
     sign
         A scale pair's side of a contact line is taken from floats where it is off the line by more than this, times
         the bodies' scaled sizes and their offset, and from rational arithmetic elsewhere; lines are right to 1e-13.
@@ -34,6 +53,9 @@ class Tolerances:
         A nominal pair this near a switching point is that switching point (design: 1e-9).
     snap
         A nominal pair this near the curve may be closed to it (design: 1e-6); a problem may choose another.
+    shared
+        A flush contact shares a segment longer, or a region wider, than this (relative to the smaller body), or it is
+        none: within `touch` a narrower one cannot be told from a contact at its border. The judge asks for half.
     touch
         A pair is touching when its gap is at most this (relative to the smaller body, see `Problem.contact_slack`).
     side
@@ -62,20 +84,30 @@ class Tolerances:
         Points of a motion's ray, ends included, at which the tracked contact must be real (design: 33).
     path_turn
         Most that a motion may turn between two of these points, radians: more points are looked at where it turns more.
+    scale_points
+        Scales of a keep-out's range, ends included, that the judge looks at one by one besides all of them at once.
     rigid
         How far a transform may be from orthogonal.
     """
 
     planarity: float = 1e-12
+    weld: float = 1e-12
+    drawn: float = 1e-6
+    tessellation: float = 1e-3
+    tessellation_turn: float = 0.2
+    sharp: float = 1e-3
     flatness: float = 1e-12
     normal: float = 4e-15
     partition: float = 1e-6
     tie: float = 1e-11
     line: float = 1e-12
+    prune: float = 1e-8
+    rim: float = 1e-6
     sign: float = 2e-13
     point: float = 1e-15
     nominal: float = 1e-9
     snap: float = 1e-6
+    shared: float = 1e-6
     touch: float = 1e-9
     side: float = 1e-6
     requirement: float = 1e-9
@@ -89,6 +121,7 @@ class Tolerances:
     seeds: float = 1e-9
     path_points: int = 33
     path_turn: float = 0.1
+    scale_points: int = 5
     rigid: float = 1e-9
 
 

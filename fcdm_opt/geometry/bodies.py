@@ -6,11 +6,12 @@ A part is the convex hull of its float vertices; a *face* is a maximal group of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations, islice
 from math import isfinite
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -18,9 +19,12 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, frozen, numbers
-from fcdm_opt.geometry.elements import Element, own_elements
+from fcdm_opt.geometry.decomposition import Method, decompose
+from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import SMALLEST, convex_hull, unit_normals
-from fcdm_opt.geometry.packing import packed
+from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt.geometry.packing import packed, packed_together
+from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
@@ -62,7 +66,7 @@ class ConvexPart(_Sealed):
     seed: Array
     loops: tuple[tuple[int, ...], ...]
     edges: Ints
-    elements: Mapping[str, Sequence[Element]] = field(repr=False)
+    elements: Elements = field(repr=False)
 
     @cached_property
     def normals(self) -> Array:
@@ -105,6 +109,31 @@ class ConvexPart(_Sealed):
             volume, middle = abs(volume) * float(stretch.prod()), middle @ (stretch[:, None] * axes)
         return volume, centre + middle
 
+    def element_at(self, kind: str, k: int, point: Array) -> Element:
+        """Return the body's own element that edge ("E") or face ("F") k of the part belongs to at a point of it.
+
+        It depends on the point where the part's edge or face lies on several of the body's: a bar of a cross has one
+        side, of which the other bar leaves two faces.
+        """
+        span = self.elements.spans.get((kind, k))
+        if span is None:
+            return self.elements[kind][k]
+        corners = self.edges[k, :2] if kind == "E" else list(self.loops[k])
+        return span.at(self.vertices[corners], point)
+
+    def carriers(self, element: Element) -> list[tuple[int, ...]]:
+        """Return the own vertices of each vertex, edge or face of the part that lies on an element of the body."""
+        kind, labels = element.kind, set(element.vertices)
+        ends = [tuple(edge) for edge in self.edges[:, :2].tolist()]
+        rows = {"V": [(v,) for v in range(len(self.vertices))], "E": ends, "F": list(self.loops)}[kind]
+        found = []
+        for k, (own, name) in enumerate(zip(rows, self.elements[kind], strict=True)):
+            span = self.elements.spans.get((kind, k))
+            names = span.elements if span else (name,)
+            if any(other.kind == kind and set(other.vertices) == labels for other in names):
+                found.append(own)
+        return found
+
     def placed(self, vertices: Array, seed: Array) -> ConvexPart:
         """Return the part with other coordinates but the same combinatorics."""
         return replace(self, vertices=frozen(vertices), seed=frozen(seed))
@@ -128,6 +157,10 @@ class Body(_Sealed):
         Faces of the body as sorted 1-based vertex labels.
     outlines : tuple of tuples of int
         The same faces with their corners in the order given, where faces were given.
+    deviation : (float, float)
+        Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most.
+    notes : tuple of str
+        How the body was decomposed and why, and what of its mesh was repaired.
     """
 
     name: str
@@ -136,6 +169,8 @@ class Body(_Sealed):
     parts: tuple[ConvexPart, ...]
     faces: tuple[tuple[int, ...], ...]
     outlines: tuple[tuple[int, ...], ...]
+    deviation: tuple[float, float] = (0.0, 0.0)
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def convex(cls, vertices: ArrayLike, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body") -> Body:
@@ -167,6 +202,7 @@ class Body(_Sealed):
         faces: Iterable[Iterable[int]] | None = None,
         seed: SeedRule | ArrayLike = "centroid",
         name: str = "body",
+        deviation: tuple[float, float] = (0.0, 0.0),
     ) -> Body:
         """Return a union of convex parts as one body.
 
@@ -185,6 +221,8 @@ class Body(_Sealed):
             As in `convex`; it may lie outside a part. "centroid" needs parts that do not overlap.
         name : str
             Used in messages and pictures.
+        deviation : (float, float)
+            Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most.
 
         Raises
         ------
@@ -201,28 +239,119 @@ class Body(_Sealed):
         for k, face in enumerate(given or ()):
             if len(face) < 3:
                 raise InputError("a face needs at least 3 corners", key=f"body '{name}': face {k + 1}", found=len(face))
-        return cls._made(points, [np.array(part, np.int64) for part in rows], given, seed, name)
+        body = cls._made(points, [np.array(part, np.int64) for part in rows], given, seed, name)
+        return replace(body, deviation=_deviation(deviation, name))
 
     @classmethod
-    def _made(cls, points: Array, rows: list[Ints], given: list[list[int]] | None, seed: Any, name: str) -> Body:
+    def from_mesh(
+        cls,
+        vertices: ArrayLike,
+        faces: Iterable[Sequence[int]] | ArrayLike,
+        *,
+        decomposition: Method = "auto",
+        seed: SeedRule | ArrayLike = "centroid",
+        name: str = "body",
+    ) -> Body:
+        """Return the solid inside a closed surface as one body.
+
+        Parameters
+        ----------
+        vertices, faces : arrays
+            See `checked_mesh`.
+        decomposition : {"auto", "exact", "coacd"}
+            See `decompose`; a convex solid is one part.
+        seed : {"centroid", "vertices", "box"} or (3,) array
+            As in `convex`.
+        name : str
+            Used in messages and pictures.
+
+        Raises
+        ------
+        InputError
+            For a surface that bounds no solid, see `checked_mesh`.
+        """
+        mesh = checked_mesh(vertices, faces, name=name)
+        origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
+        made = decompose(mesh, origin, method=decomposition)
+        body = cls._made(made.points, list(made.parts), None, origin, name, made.surface)
+        return replace(body, deviation=made.deviation, notes=(made.why, *mesh.repairs))
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | Path,
+        *,
+        unit: str,
+        file_unit: str | None = None,
+        decomposition: Method = "auto",
+        seed: SeedRule | ArrayLike = "centroid",
+        name: str | None = None,
+    ) -> Body:
+        """Return the solid in an STL, OBJ, PLY, OFF, GLB or STEP file as one body.
+
+        Parameters
+        ----------
+        path : path
+        unit : {"m", "cm", "mm", "um", "in", "ft"}
+            Unit of the body's coordinates.
+        file_unit : str, optional
+            Unit of the file's numbers, where the file cannot say it, see `read_mesh`; default `unit`.
+        decomposition : {"auto", "exact", "coacd"}
+            As in `from_mesh`.
+        seed : {"centroid", "vertices", "box"} or (3,) array
+            As in `convex`, in `unit`.
+        name : str, optional
+            Used in messages and pictures; default the file's name without suffix.
+
+        Raises
+        ------
+        InputError
+            For a file that cannot be read and a surface that bounds no solid; names the file.
+        """
+        from fcdm_opt.geometry.files import drawn_mesh
+
+        vertices, faces, remarks = drawn_mesh(path, unit=unit, file_unit=file_unit)
+        own = Path(path).stem if name is None else name
+        try:
+            body = cls.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=own)
+        except InputError as reason:
+            raise reason.within(file=path) from reason.__cause__
+        return replace(body, notes=(*body.notes, *remarks))
+
+    @classmethod
+    def _made(
+        cls,
+        points: Array,
+        rows: list[Ints],
+        given: list[list[int]] | None,
+        seed: Any,
+        name: str,
+        surface: Surface | None = None,
+    ) -> Body:
         if not rows:
             raise InputError("a body needs at least one part", key=f"body '{name}'")
         keys = [f"body '{name}'" + (f": part {k + 1}" if len(rows) > 1 else "") for k in range(len(rows))]
         hulls = [convex_hull(points[part], part, key) for part, key in zip(rows, keys, strict=True)]
-        faces, elements = own_elements(points, hulls, given, name)
+        faces, elements = own_elements(points, hulls, given, name, surface)
         unseeded = [
             ConvexPart(frozen(points[hull.used]), frozen(points[0]), hull.loops, frozen(hull.edges, np.int64), named)
             for hull, named in zip(hulls, elements, strict=True)
         ]
         origin = _seed(seed, points, unseeded, name)
         parts = tuple(replace(part, seed=origin) for part in unseeded)
-        outlines = faces if given is None else tuple(tuple(row + 1 for row in face) for face in given)
+        drawn = surface.outlines if surface is not None else given
+        outlines = faces if drawn is None else tuple(tuple(row + 1 for row in face) for face in drawn)
         return cls(name, frozen(points), origin, parts, faces, outlines)
 
     @cached_property
     def size(self) -> float:
         """Diagonal of the axis-aligned box as drawn: the length that relative tolerances refer to."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+    @cached_property
+    def packed(self) -> tuple[Array, Ints, Ints]:
+        """Arrays of all parts that the kernels take, see `packing.packed_together`."""
+        return packed_together(self.parts)
 
     def _mapped(self, rows: Any) -> Body:
         seed = frozen(rows(self.seed[None])[0])
@@ -346,6 +475,14 @@ def _numbered(groups: list[Array]) -> tuple[Array, list[list[int]]]:
         numbers = [number.setdefault(tuple(point), len(number)) for point in (group + 0.0).tolist()]
         rows.append(list(dict.fromkeys(numbers)))
     return np.array(list(number)), rows
+
+
+def _deviation(lengths: Any, name: str) -> tuple[float, float]:
+    key = f"body '{name}': deviation"
+    pair = numbers(lengths, key)
+    if pair.shape != (2,) or not (np.isfinite(pair) & (pair >= 0)).all():
+        raise InputError("a deviation is two lengths: outward, inward", key=key, found=lengths)
+    return float(pair[0]), float(pair[1])
 
 
 def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:

@@ -6,6 +6,7 @@ ways: `distances` asks coal (GJK and EPA); `separations` projects every vertex o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import product
 from typing import Any, NamedTuple
@@ -85,21 +86,50 @@ class ScaledPair:
             Length units: the Euclidean distance if apart, minus the penetration depth of the deepest part pair if
             overlapping; nan if coal cannot tell.
         """
-        return float(self.distances(rho, transform).min())
+        R, offset = self._place(rho, transform)
+        return self._least(lambda one, two: self._asked(one, two, R, offset), R, offset)
 
     def distances(self, rho: ArrayLike, transform: Array) -> Array:
         """Return the signed distance of every part pair, (parts 1, parts 2); see `signed_distance`."""
         R, offset = self._place(rho, transform)
-        values = np.empty([len(hulls) for hulls in self._hulls])
-        for i, one in enumerate(self._hulls[0]):
-            for j, two in enumerate(self._hulls[1]):
-                values[i, j] = self._distance(one, two, self._request, R, offset)
-                if np.isnan(values[i, j]):
-                    again = self._settings()
-                    again.gjk_initial_guess = self._coal.GJKInitialGuess.CachedGuess
-                    again.cached_gjk_guess = -_towards(one, two, self._scales(), R, offset)
-                    values[i, j] = self._distance(one, two, again, R, offset)
-        return values * self._unit
+        values = [[self._asked(one, two, R, offset) for two in self._hulls[1]] for one in self._hulls[0]]
+        return np.array(values) * self._unit
+
+    def separation(self, rho: ArrayLike, transform: Array) -> float:
+        """Return the least of `separations`, of pairs that the spheres about them leave in doubt; nan as there."""
+        R, offset = self._place(rho, transform)
+        scales = self._scales()
+        return self._least(lambda one, two: np.fmax.reduce(_gaps(one, two, scales, R, offset)[0]), R, offset)
+
+    def _least(self, value: Callable[[_Hull, _Hull], float], R: Array, offset: Array) -> float:
+        """Return the least value over the part pairs, nearest spheres first, as long as any can be less."""
+        scales = self._scales()
+        (one, radius), (two, other) = (
+            (scale * np.array([hull.middle for hull in hulls]), scale * np.array([hull.radius for hull in hulls]))
+            for scale, hulls in zip(scales, self._hulls, strict=True)
+        )
+        way = two[None] - (offset + one @ R.T)[:, None]
+        bounds = np.linalg.norm(way, axis=2) - radius[:, None] - other[None]
+        least = np.inf
+        for pair in np.argsort(bounds, axis=None):
+            i, j = np.unravel_index(pair, bounds.shape)
+            if bounds[i, j] > least:
+                break
+            found = float(value(self._hulls[0][i], self._hulls[1][j]))
+            if np.isnan(found):
+                return found
+            least = min(least, found)
+        return least * self._unit
+
+    def _asked(self, one: _Hull, two: _Hull, R: Array, offset: Array) -> float:
+        """Return coal's signed distance of two hulls, asked again with a hint where it cannot be believed; units."""
+        found = self._distance(one, two, self._request, R, offset)
+        if np.isnan(found):
+            again = self._settings()
+            again.gjk_initial_guess = self._coal.GJKInitialGuess.CachedGuess
+            again.cached_gjk_guess = -_towards(one, two, self._scales(), R, offset)
+            found = self._distance(one, two, again, R, offset)
+        return found
 
     def separations(self, rho: ArrayLike, transform: Array) -> Array:
         """Return each part pair's largest separation over face normals and edge x edge directions, (parts 1, parts 2).
@@ -131,6 +161,21 @@ class ScaledPair:
             second = [_scaled(x, seeds[1], scales[1]) for x in two.part.vertices.tolist()]
             least = min(least, max(_exact_gap(first, second, place) for place in places))
         return least
+
+    def gradients(self, rho: ArrayLike, transform: Array, slack: float) -> Array:
+        """Return how fast the separation of touching parts falls as the scales grow, (k, 2).
+
+        One row for each face normal and edge x edge direction along which a part pair that touches, to within `slack`,
+        is no more than `slack` away from touching.
+        """
+        R, offset = self._place(rho, transform)
+        found = [np.empty((0, 2))]
+        for one, two in product(*self._hulls):
+            gaps, n = _gaps(one, two, self._scales(), R, offset)
+            if abs(np.fmax.reduce(gaps)) * self._unit <= slack:
+                tight = n[gaps * self._unit >= -slack]
+                found.append(np.column_stack([(one.base @ R.T @ tight.T).max(0), -(two.base @ tight.T).min(0)]))
+        return np.vstack(found)
 
     def best_direction(self, rho: ArrayLike, transform: Array, parts: tuple[int, int]) -> Direction | None:
         """Return a direction in which two parts are farthest apart, or overlap least; None for very large parts."""
@@ -195,6 +240,8 @@ class _Hull:
         self.points = self.shape.points()
         rows = {tuple(point): k for k, point in enumerate(even.tolist())}
         self.base = (part.vertices - part.seed)[[rows[tuple(point)] for point in self.points.tolist()]]
+        self.middle = self.base.mean(axis=0)
+        self.radius = float(np.linalg.norm(self.base - self.middle, axis=1).max())
         self.offsets = (self.base @ part.normals.T).max(axis=0)
         self.edges = part.vertices[part.edges[:, 1]] - part.vertices[part.edges[:, 0]]
 

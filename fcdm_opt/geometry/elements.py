@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, NamedTuple, overload
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.hull import Hull, unit_normals
+from fcdm_opt.geometry.surface import FRACTIONS, Surface, label
+from fcdm_opt.geometry.union import surface_of_parts
 from fcdm_opt.tolerances import DEFAULT
 
 Faces = tuple[tuple[int, ...], ...]
@@ -31,11 +33,14 @@ class Elements(Mapping[str, Sequence[Element]]):
     ----------
     vertices, edges, faces : sequences of Element
         What the keys "V", "E" and "F" give.
+    spans : mapping
+        (kind, index) of an edge or face of the part that lies on several of the body's own -> `Span`.
     """
 
     vertices: Sequence[Element]
     edges: Sequence[Element]
     faces: Sequence[Element]
+    spans: Mapping[tuple[str, int], Span] = field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, kind: str) -> Sequence[Element]:
         """Return the elements of one kind."""
@@ -87,59 +92,172 @@ class _Named(Sequence[Element]):
         return f"<{len(self)} elements {self._kind}>"
 
 
+class Span(NamedTuple):
+    """The body's own elements that one edge or face of a part lies on, which of them depends on the place.
+
+    Attributes
+    ----------
+    corners : (n, 3) array
+        Of the part's edge or face, in the order of its ends or loop, as drawn.
+    elements : tuple of Element
+    regions : tuple of (k, c, 3) arrays
+        For each element, the segments (c = 2) or triangles (c = 3) that it is, as drawn.
+    """
+
+    corners: Array
+    elements: tuple[Element, ...]
+    regions: tuple[Array, ...]
+
+    def at(self, corners: Array, point: Array) -> Element:
+        """Return the element at a point of the part's edge or face.
+
+        Parameters
+        ----------
+        corners : (n, 3) array
+            The corners where they are now: moved and scaled together.
+        point : (3,) array
+            In the same place.
+        """
+        shares = np.linalg.lstsq((corners[1:] - corners[0]).T, point - corners[0])[0]
+        drawn = self.corners[0] + shares @ (self.corners[1:] - self.corners[0])
+        return self.elements[int(np.argmin([_distance(drawn, region) for region in self.regions]))]
+
+
 def own_elements(
-    points: Array, hulls: list[Hull], given: list[list[int]] | None, name: str
+    points: Array, hulls: list[Hull], given: list[list[int]] | None, name: str, surface: Surface | None = None
 ) -> tuple[Faces, list[Elements]]:
     """Return the body's faces and, for each part, the body's element that each vertex, edge, face belongs to.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    hulls : list of Hull
+        The parts.
+    given : lists of rows, optional
+        The body's faces.
+    name : str
+        Of the body.
+    surface : Surface, optional
+        The body's faces and edges, where they are known better than from the parts.
 
     Raises
     ------
     InputError
         Where a given face is no face of the body, or only a piece of one.
     """
-    if given is None and len(hulls) == 1:  # every face of the part is the body's own
+    if given is None and surface is None and len(hulls) == 1:  # every face of the part is the body's own
         (hull,) = hulls
         faces = _labels(hull.used, hull.loops)
         edges = np.sort(hull.used[hull.edges[:, :2]], axis=1) + 1
         return faces, [Elements(_Named("V", hull.used[:, None] + 1), _Named("E", edges), _Named("F", faces))]
-    size = float(np.abs(points - points.mean(axis=0)).max())
-    rows = [[tuple(hull.used[list(loop)].tolist()) for loop in hull.loops] for hull in hulls]
-    planes = [[_plane(points, loop) for loop in loops] for loops in rows]
-    if given is None:
-        groups = _faces_from_parts(rows, planes, size)
-        given = [sorted({v for part, face in group for v in rows[part][face]}) for group in groups]
-        owner = {place: k for k, group in enumerate(groups) for place in group}
-    else:
-        _check_faces(points, rows, planes, given, size, name)
-        owner = _owners(points, rows, planes, given, size)
-    faces = tuple(_label(face) for face in given)
-    around: dict[tuple[int, int], set[int]] = {}
-    corners: dict[int, set[int]] = {}
-    for (part, face), own in owner.items():
-        loop = rows[part][face]
-        for a, b in zip(loop, loop[1:] + loop[:1], strict=True):
-            around.setdefault((min(a, b), max(a, b)), set()).add(own)
-            corners.setdefault(a, set()).add(own)
+    if surface is None:
+        surface = surface_of_parts(points, hulls, given, name)
+    faces = tuple(label(face) for face in surface.faces)
+    return faces, _located(surface, points, hulls, faces)
+
+
+# ----------------------------------------------------------------------------------------- what lies on the true faces
+
+
+def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -> list[Elements]:
+    """Name each part's elements after those of the surface that they lie on."""
+    slack = DEFAULT.nominal
+    rows = np.unique(np.concatenate([hull.used for hull in hulls]))
+    flat = np.abs(surface.heights(points[rows])) <= slack
+    off, share = surface.along_edges(points[rows])
+    lengths = np.linalg.norm(np.diff(surface.points[surface.edges], axis=1)[:, 0], axis=1) / surface.size
+    collinear = off <= slack
+    within = collinear & (share >= -slack / lengths) & (share <= 1 + slack / lengths)
+    corners, hidden = set(surface.edges.ravel().tolist()), set(map(tuple, surface.hidden.tolist()))
+    edge_names = [Element("E", (a + 1, b + 1)) for a, b in np.sort(surface.edges, axis=1).tolist()]
+    face_names = [Element("F", face) for face in faces]
+    place = {row: k for k, row in enumerate(rows.tolist())}
+
+    def hits(candidates: Array, samples: Array) -> dict[int, int]:
+        found = {int(face): int(surface.lies_on(int(face), samples).sum()) for face in candidates}
+        return {face: count for face, count in found.items() if count}
+
+    def vertex(row: int) -> Element:
+        k = place[row]
+        if row in corners:
+            return Element("V", (row + 1,))
+        if within[k].any():
+            return edge_names[int(within[k].argmax())]
+        on = hits(np.flatnonzero(flat[k]), points[[row]])
+        return face_names[min(on)] if on else Element("V", (row + 1,))
+
+    def edge(a: int, b: int) -> tuple[Element, Span | None]:
+        i, j = place[a], place[b]
+        if (whole := within[i] & within[j]).any():
+            return edge_names[int(whole.argmax())], None
+        own = Element("E", (min(a, b) + 1, max(a, b) + 1))
+        if (min(a, b), max(a, b)) in hidden:
+            return own, None
+        ends = points[[a, b]]
+        low, high = np.minimum(share[i], share[j]), np.maximum(share[i], share[j])
+        common = (np.minimum(high, 1.0) - np.maximum(low, 0.0)) * lengths
+        along = np.flatnonzero(collinear[i] & collinear[j] & (common > slack))
+        along = along[np.argsort(-common[along], kind="stable")]
+        samples = ends[0] + FRACTIONS[:, None] * (ends[1] - ends[0])
+        if along.size:  # the faces beside a true edge are not what the part's edge lies on
+            places = surface.along_edges(samples)[1][:, along]
+            samples = samples[((places < 0) | (places > 1)).all(axis=1)]
+        on = hits(np.flatnonzero(flat[i] & flat[j]), samples)
+        order = sorted(on, key=lambda face: -on[face])
+        names = [edge_names[k] for k in along] + [face_names[face] for face in order]
+        regions = [surface.points[surface.edges[[k]]] for k in along] + [surface.polygons(face) for face in order]
+        return _first(own, names, regions, ends)
+
+    def face(loop: list[int]) -> tuple[Element, Span | None]:
+        outline = points[loop]
+        middle, normal = outline.mean(axis=0), unit_normals(outline)
+        on = flat[[place[row] for row in loop]].all(axis=0) & (surface.planes[0] @ normal > 0)
+        samples = middle + FRACTIONS[:, None, None] * (outline - middle)
+        candidates = hits(np.flatnonzero(on), samples.reshape(-1, 3))
+        order = sorted(candidates, key=lambda own: -candidates[own])
+        names = [face_names[own] for own in order]
+        return _first(Element("F", label(loop)), names, [surface.polygons(own) for own in order], outline)
+
+    named_vertices = {row: vertex(row) for row in rows.tolist()}
     elements = []
-    for part, hull in enumerate(hulls):
-        named_faces = tuple(
-            Element("F", faces[owner[part, f]] if (part, f) in owner else _label(loop))
-            for f, loop in enumerate(rows[part])
-        )
-        named_edges = []
-        for a, b in np.sort(hull.used[hull.edges[:, :2]], axis=1).tolist():
-            beside = around.get((a, b), set())
-            named_edges.append(Element("F", faces[min(beside)]) if len(beside) == 1 else Element("E", (a + 1, b + 1)))
-        named_vertices = tuple(
-            Element("F", faces[min(corners[v])]) if len(corners.get(v, ())) == 1 else Element("V", (v + 1,))
-            for v in hull.used.tolist()
-        )
-        elements.append(Elements(named_vertices, tuple(named_edges), named_faces))
-    return faces, elements
+    for hull in hulls:
+        spans: dict[tuple[str, int], Span] = {}
+        sides, ends = [], hull.used[hull.edges[:, :2]].tolist()
+        for k, (a, b) in enumerate(ends):
+            element, span = edge(a, b)
+            sides.append(element)
+            if span:
+                spans["E", k] = span
+        loops = []
+        for k, loop in enumerate(hull.loops):
+            element, span = face(hull.used[list(loop)].tolist())
+            loops.append(element)
+            if span:
+                spans["F", k] = span
+        named = tuple(named_vertices[row] for row in hull.used.tolist())
+        elements.append(Elements(named, tuple(sides), tuple(loops), spans))
+    return elements
 
 
-def _label(rows: Iterable[int]) -> tuple[int, ...]:
-    return tuple(sorted(v + 1 for v in rows))
+def _first(own: Element, names: list[Element], regions: list[Array], corners: Array) -> tuple[Element, Span | None]:
+    """Return the first of the names, and all of them where there are several; `own` where there is none."""
+    if len(names) < 2:
+        return (names or [own])[0], None
+    return names[0], Span(frozen(corners), tuple(names), tuple(frozen(region) for region in regions))
+
+
+def _distance(point: Array, region: Array) -> float:
+    """Return how far a point is from segments or triangles in whose line or plane it lies, at most."""
+    following = np.roll(region, -1, axis=1)
+    along = following - region
+    share = np.clip(((point - region) * along).sum(axis=2) / (along**2).sum(axis=2), 0, 1)
+    rim = np.linalg.norm(region + share[:, :, None] * along - point, axis=2).min()
+    if region.shape[1] == 3:
+        normal = np.cross(along[:, 0], along[:, 1])
+        inward = np.cross(normal[:, None], along)
+        if (((point - region) * inward).sum(axis=2) >= 0).all(axis=1).any():
+            return 0.0
+    return float(rim)
 
 
 def _labels(used: Ints, loops: Faces) -> Faces:
@@ -148,132 +266,3 @@ def _labels(used: Ints, loops: Faces) -> Faces:
         return tuple(map(tuple, (np.sort(used[np.array(loops)], axis=1) + 1).tolist()))
     names = (used + 1).tolist()
     return tuple(tuple(sorted([names[v] for v in loop])) for loop in loops)
-
-
-def _plane(points: Array, loop: tuple[int, ...]) -> tuple[Array, float]:
-    normal = unit_normals(points[list(loop)])
-    return normal, float(normal @ points[loop[0]])
-
-
-def _seams(rows: Any, planes: Any) -> set[tuple[int, int]]:
-    """Return the part faces that two parts turn to each other: the same outline, opposite normals."""
-    outlines: dict[frozenset[int], list[tuple[int, int]]] = {}
-    for part, loops in enumerate(rows):
-        for face, loop in enumerate(loops):
-            outlines.setdefault(frozenset(loop), []).append((part, face))
-    return {
-        (part, face)
-        for same in outlines.values()
-        if len(same) > 1
-        for part, face in same
-        if any(planes[part][face][0] @ planes[p][f][0] < 0 for p, f in same)
-    }
-
-
-def _faces_from_parts(rows: Any, planes: Any, size: float) -> list[list[tuple[int, int]]]:
-    """Group part faces in one plane that share vertices; drop seams."""
-    seams = _seams(rows, planes)
-    places = [(part, face) for part, loops in enumerate(rows) for face in range(len(loops))]
-    groups: dict[tuple[int, int], list[tuple[int, int]]] = {}  # by the last face that joined
-    touching: dict[int, set[tuple[int, int]]] = {}  # groups at each vertex
-    for part, face in places:
-        if (part, face) in seams:
-            continue
-        normal, level = planes[part][face]
-        beside = set().union(*(touching.setdefault(v, set()) for v in rows[part][face]))
-        joined = []
-        for group in beside:
-            p, f = groups[group][0]
-            other, height = planes[p][f]
-            if np.abs(normal - other).max() <= DEFAULT.nominal and abs(level - height) <= DEFAULT.nominal * size:
-                joined.append(group)
-        mine = [(part, face)]
-        for group in [group for group in groups if group in joined] if len(joined) > 1 else joined:
-            for p, f in groups[group]:
-                for v in rows[p][f]:
-                    touching[v].discard(group)
-                    touching[v].add((part, face))
-            mine = groups.pop(group) + mine
-        for v in rows[part][face]:
-            touching[v].add((part, face))
-        groups[part, face] = mine
-    return list(groups.values())
-
-
-def _owners(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float) -> dict[tuple[int, int], int]:
-    """Map each part face to the given face in its plane with which it shares most vertices, or in which it lies."""
-    owner = {}
-    same = {frozenset(own): k for k, own in reversed(list(enumerate(given)))}
-    for part, loops in enumerate(rows):
-        for face, loop in enumerate(loops):
-            if (exactly := same.get(frozenset(loop))) is not None:
-                owner[part, face] = exactly
-                continue
-            normal, level = planes[part][face]
-            shared = {
-                k: len(set(own) & set(loop))
-                for k, own in enumerate(given)
-                if np.abs(points[own] @ normal - level).max() <= DEFAULT.nominal * size
-            }
-            middle = points[list(loop)].mean(axis=0)
-            best = max(shared, key=lambda k: shared[k], default=None)
-            if best is not None and (shared[best] or _surrounds(points[given[best]], middle, normal)):
-                owner[part, face] = best
-    return owner
-
-
-def _surrounds(outline: Array, point: Array, normal: Array) -> bool:
-    """Tell whether a polygon, corners in order, goes round a point of its plane: its winding number is not zero."""
-    spokes = outline - point
-    ahead = np.roll(spokes, -1, axis=0)
-    turns = np.arctan2(np.cross(spokes, ahead) @ normal, (spokes * ahead).sum(axis=1))
-    return bool(abs(turns.sum()) > np.pi)
-
-
-def _check_faces(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float, name: str) -> None:
-    """Refuse given faces that are no face of the body."""
-    slack = DEFAULT.nominal * size
-    seams = _seams(rows, planes)
-    table = [
-        (loop, *planes[part][face])
-        for part, loops in enumerate(rows)
-        for face, loop in enumerate(loops)
-        if (part, face) not in seams
-    ]
-    known, earlier = {frozenset(loop) for loop, _, _ in table}, dict[frozenset[int], int]()
-    normals, levels = np.array([normal for _, normal, _ in table]), np.array([level for _, _, level in table])
-    for k, face in enumerate(given):
-        key, found, corners = f"body '{name}': face {k + 1}", tuple(v + 1 for v in face), points[face]
-        if (first := earlier.setdefault(frozenset(face), k)) != k:
-            raise InputError(f"the corners are those of face {first + 1}", key=key, found=found)
-        if frozenset(face) in known:
-            continue
-        if np.linalg.svd(corners - corners.mean(axis=0))[1][1] <= slack:
-            raise InputError("the corners lie on one line", key=key, found=found)
-        off = np.abs(corners @ normals.T - levels)
-        here = np.flatnonzero(off.max(axis=0) <= slack)
-        if not here.size:
-            nearest = int(off.max(axis=0).argmin())
-            worst = int(off[:, nearest].argmax())
-            what = (
-                "the corners lie in no plane of a face of the body: the nearest misses vertex "
-                f"{face[worst] + 1} by {off[worst, nearest]:.3g}"
-            )
-            raise InputError(what, key=key, found=found, allowed=f"at most {slack:.3g}")
-        loops = [table[c][0] for c in here]
-        for v in set(face).difference(*loops):
-            if not any(_covers(points[list(table[c][0])], points[v], normals[c], slack) for c in here):
-                raise InputError(f"vertex {v + 1} lies in the plane of the face, but not on it", key=key, found=found)
-        if len(rows) == 1:
-            own = max(loops, key=lambda loop: len(set(loop) & set(face)))
-            if missing := set(own) - set(face):
-                what = f"only a piece of a face of the body, whose corner at vertex {min(missing) + 1} is missing"
-                raise InputError(what, key=key, found=found, allowed=str(_label(own)))
-
-
-def _covers(loop: Array, point: Array, normal: Array, slack: float) -> bool:
-    """Tell whether a convex polygon, counter-clockwise about its normal, has a point of its plane on it."""
-    along = np.roll(loop, -1, axis=0) - loop
-    inward = np.cross(normal, along)
-    inward /= np.linalg.norm(inward, axis=1)[:, None]
-    return bool(((point - loop) * inward).sum(axis=1).min() >= -slack)

@@ -20,6 +20,7 @@ cube that its last two speak of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -67,6 +68,14 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     reals[n + f + 1 :, :3] = lost
     header = [n, f, m, *offsets[:5].tolist(), cells]
     return frozen(reals), frozen(np.concatenate([header, *tables]), np.int64)
+
+
+def packed_together(parts: Sequence[ConvexPart]) -> tuple[Array, Ints, Ints]:
+    """Return the arrays of several parts one after the other, and the first row and entry of each, (parts + 1, 2)."""
+    reals, ints = zip(*(part.packed for part in parts), strict=True)
+    sizes = [(len(own), len(table)) for own, table in zip(reals, ints, strict=True)]
+    places = np.concatenate([np.zeros((1, 2), np.int64), np.cumsum(sizes, axis=0)])
+    return frozen(np.concatenate(reals)), frozen(np.concatenate(ints), np.int64), frozen(places, np.int64)
 
 
 @lru_cache
@@ -169,9 +178,13 @@ def _polygon_normal(polygon: Array, drawn: Array) -> tuple[Array, float]:
         return _rounded_unit(n), 5 * _UNIT
     spokes = polygon - polygon[0]
     reach = float(np.sqrt((spokes**2).sum(axis=1)).max())
+    ratios = [float(x).as_integer_ratio() for x in drawn]
+    unit = max(down for _, down in ratios)
+    p, q, r = (up * (unit // down) for up, down in ratios)
+    size = max(abs(x) for point in exact for x in point)
+    height = max(abs(p * x + q * y + r * z) for x, y, z in exact) / (unit * size) * float(np.abs(spokes).max())
     # A facet on three of the corners tilts by at most the spread, 2 height, over that triangle's least height, which is
     # least / reach; the smallest triangle of a convex polygon has consecutive corners. Doubled.
-    height = float(np.abs(spokes @ drawn).max()) + 8 * _UNIT * reach
     before, after = np.roll(polygon, 1, axis=0) - polygon, np.roll(polygon, -1, axis=0) - polygon
     least = float(np.linalg.norm(np.cross(before, after), axis=1).min())
     return drawn, 8 * height * reach / least + 8 * _UNIT if least > 0 else np.inf

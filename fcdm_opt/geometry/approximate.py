@@ -1,0 +1,183 @@
+"""CoACD's approximate convex decomposition (Wei et al. 2022), and how far it is off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.hull import Hull, convex_hull, unit_normals
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.geometry.mesh import Mesh
+
+SEED = 0
+FINEST = 1e-3  # of the size: bounds of the deviation are not made better than this, or than
+SHARE = 0.1  # of themselves
+SPACING, NEAREST = 2e-2, 4  # of samples of a surface, of the size; how many of their triangles are looked at
+BLOCK = 1 << 22  # products of points and planes worked out at a time
+
+
+def approximate(mesh: Mesh) -> tuple[Array, tuple[Ints, ...], tuple[float, float]]:
+    """Return convex parts that are about the solid inside a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    points : (m, 3) array
+        The mesh's vertices first.
+    parts : tuple of int arrays
+        Rows of `points` whose hulls the parts are.
+    deviation : (float, float)
+        Upper bounds: of the distance of any point on a part's surface from the solid, and of the distance of any point on
+        the mesh from the parts. Larger than the truth by at most `FINEST` of the size or `SHARE` of themselves.
+
+    Raises
+    ------
+    InputError
+        Where CoACD is not installed.
+    """
+    try:
+        import coacd
+    except ImportError as reason:
+        what = f"CoACD cannot be loaded ({reason}); install it with pip install 'fcdm_opt[coacd]'"
+        raise InputError(what, key=f"body '{mesh.name}': decomposition", found="coacd") from reason
+
+    used = np.unique(mesh.triangles)
+    origin, size = mesh.vertices[used[0]], float(np.ptp(mesh.vertices[used], axis=0).max())
+    local = (mesh.vertices - origin) / size
+    place = np.zeros(len(local), np.int64)
+    place[used] = np.arange(len(used))
+    coacd.set_log_level("off")
+    made = coacd.run_coacd(coacd.Mesh(local[used], place[mesh.triangles]), preprocess_mode="off", seed=SEED)
+    points, rows = _numbered(local, used, [np.asarray(corners, dtype=np.float64) for corners, _ in made])
+    parts, hulls = list[Ints](), list[Hull]()
+    for own in rows:
+        try:
+            hulls.append(convex_hull(points[own], own, mesh.name))
+        except InputError:  # flat: what is missing then is measured
+            continue
+        parts.append(frozen(np.sort(hulls[-1].used), np.int64))
+    if not parts:
+        raise InputError("CoACD found no parts", key=f"body '{mesh.name}': decomposition", found="coacd")
+    out, short = _deviation(local, mesh.triangles, mesh, (origin, size), points, hulls)
+    return np.vstack([mesh.vertices, origin + size * points[len(local) :]]), tuple(parts), (size * out, size * short)
+
+
+def _numbered(local: Array, used: Ints, groups: list[Array]) -> tuple[Array, list[Ints]]:
+    """Return the mesh's points and the groups' new ones, and each group's rows; a point next to a vertex is that."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(local[used])
+    number: dict[tuple[float, ...], int] = {}
+    rows = []
+    for group in groups:
+        off, near = tree.query(group)
+        own = [
+            int(used[k]) if distance <= DEFAULT.nominal else number.setdefault(tuple(point), len(local) + len(number))
+            for point, distance, k in zip(group.tolist(), off, near, strict=True)
+        ]
+        rows.append(np.unique(own))
+    return np.vstack([local, np.array(list(number)).reshape(-1, 3)]), rows
+
+
+def _deviation(
+    local: Array, triangles: Ints, mesh: Mesh, frame: tuple[Array, float], points: Array, hulls: list[Hull]
+) -> tuple[float, float]:
+    fans = [
+        points[hull.used[[loop[0], *loop[k : k + 2]]]] for hull in hulls for loop in hull.loops for k in range(1, len(loop) - 1)
+    ]
+    origin, size = frame
+    planes = []
+    for hull in hulls:
+        normals = np.array([unit_normals(points[hull.used[list(loop)]]) for loop in hull.loops])
+        planes.append((normals, np.array([n @ points[hull.used[loop[0]]] for n, loop in zip(normals, hull.loops, strict=True)])))
+
+    def inside_a_part(asked: Array) -> Array:
+        found = np.zeros(len(asked), bool)
+        for normals, levels in planes:
+            step = max(1, BLOCK // len(levels))
+            for k in range(0, len(asked), step):
+                found[k : k + step] |= (asked[k : k + step] @ normals.T <= levels).all(axis=1)
+        return found
+
+    surface, others = local[triangles], np.array(fans)
+    out = _farthest(others, surface, lambda asked: mesh.contains(origin + size * asked))
+    return out, _farthest(surface, others, inside_a_part)
+
+
+def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Array]) -> float:
+    """Return an upper bound of the distance of points of triangles from what a surface encloses.
+
+    The distance from a triangle of the surface is convex: no point of another triangle is further from it than a corner.
+    Triangles whose bound is not yet good, from those of the surface near their centres, are cut into four.
+    """
+    from scipy.spatial import cKDTree
+
+    samples, owners = _samples(surface)
+    tree = cKDTree(samples)
+    known, closed = 0.0, 0.0
+    while len(triangles):
+        centres = triangles.mean(axis=1)
+        off, nearest = tree.query(centres, NEAREST)
+        others = surface[owners[nearest]]
+        bounds = _distances(triangles[:, None], others).max(axis=2).min(axis=1)
+        good = bounds <= max(FINEST, (1 + SHARE) * known)
+        closed = max(closed, float(bounds[good].max(initial=0.0)))
+        triangles, centres, others, off = triangles[~good], centres[~good], others[~good], off[~good, 0]
+        inner = contains(centres)
+        there = _distances(centres[~inner, None, None], others[~inner])[:, :, 0].min(axis=1)
+        known = max(known, float(there.max(initial=0.0)))
+        radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1)
+        whole = inner & (off - SPACING > radii)  # inside as a whole
+        close = np.flatnonzero(inner & ~whole)
+        if close.size:  # all triangles that may be nearer than the nearest sample
+            found = tree.query_ball_point(centres[close], off[close] + SPACING)
+            counts = np.array([len(own) for own in found])
+            around = owners[np.concatenate(found).astype(np.int64)]
+            depths = _distances(np.repeat(centres[close], counts, axis=0)[:, None], surface[around])[:, 0]
+            starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+            whole[close] = np.minimum.reduceat(depths, starts) > radii[close]
+        triangles = _quartered(triangles[~whole])
+    return closed
+
+
+def _distances(points: Array, triangles: Array) -> Array:
+    """Return the distances of points, (..., k, 3), from triangles, (..., 3, 3), (..., k)."""
+    corners = triangles[..., None, :, :]
+    along = np.roll(corners, -1, axis=-2) - corners
+    spokes = points[..., None, :] - corners
+    share = (spokes * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), np.finfo(float).tiny)
+    rim = np.linalg.norm(spokes - np.clip(share, 0, 1)[..., None] * along, axis=-1).min(axis=-1)
+    normal = np.cross(along[..., 0, :], along[..., 1, :])
+    length = np.maximum(np.linalg.norm(normal, axis=-1), np.finfo(float).tiny)
+    above = (np.cross(normal[..., None, :], along) * spokes).sum(axis=-1).min(axis=-1) >= 0
+    height = np.abs((spokes[..., 0, :] * normal).sum(axis=-1)) / length
+    distances: Array = np.where(above, height, rim)
+    return distances
+
+
+def _samples(triangles: Array) -> tuple[Array, Ints]:
+    """Return points of triangles of which one is within `SPACING` of each of theirs, and the triangle each is of."""
+    found, owners, own = [], [], np.arange(len(triangles))
+    while len(triangles):
+        centres = triangles.mean(axis=1)
+        small = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1) <= SPACING
+        found.append(centres[small])
+        owners.append(own[small])
+        triangles, own = _quartered(triangles[~small]), np.tile(own[~small], 4)
+    return np.vstack(found), np.concatenate(owners)
+
+
+def _quartered(triangles: Array) -> Array:
+    a, b, c = triangles.transpose(1, 0, 2)
+    d, e, f = (b + c) / 2, (c + a) / 2, (a + b) / 2
+    pieces = [np.stack(own, axis=1) for own in ((a, f, e), (f, b, d), (e, d, c), (d, e, f))]
+    return np.vstack(pieces)

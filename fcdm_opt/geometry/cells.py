@@ -1,0 +1,309 @@
+"""Convex cells, cut by planes: sides are told in floats, points are made in rationals.
+
+A point within `Tolerances.planarity` of a plane is on it; so its side is a sign that floats know, or zero, and a point
+that a cut makes on an edge is on every plane that the edge is on. A cell is the points that are its corners and the
+planes that bound it; which corners share an edge follows from the planes they share (the double description method).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from flint import fmpq
+
+    Point = tuple[fmpq, fmpq, fmpq]
+
+
+class Cell(NamedTuple):
+    """A convex polytope: rows of its corners, its planes, and the side (1 or -1) of each plane that is outside."""
+
+    points: Ints
+    planes: Ints
+    sides: Ints
+
+
+class Facet(NamedTuple):
+    """A convex polygon of the body's surface: its plane, which side of that is outside, its corners' rows in order."""
+
+    plane: int
+    side: int
+    loop: tuple[int, ...]
+
+
+class Arrangement:
+    """Points and planes, and on which side of each plane each point lies. Both are added to, none is changed.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+        The first points.
+    used : (k,) int array
+        Those of them that count for the size.
+    """
+
+    def __init__(self, vertices: Array, used: Ints) -> None:
+        from flint import fmpq
+
+        spread = vertices - vertices[used[0]]
+        self._origin = tuple(fmpq(*float(x).as_integer_ratio()) for x in vertices[used[0]])
+        self.size = float(np.abs(spread[used]).max())
+        # far from the origin a drawn vertex is off its plane by its coordinates' last digit
+        digits = 4 * float(np.spacing(np.abs(vertices[used]).max())) / self.size
+        self.slack = max(DEFAULT.planarity, digits)
+        self._exact = [tuple(fmpq(*float(x).as_integer_ratio()) for x in row) for row in vertices]
+        self._drawn = len(vertices)
+        self._rows = {point: k for k, point in reversed(list(enumerate(self._exact)))}
+        self._near: dict[tuple[int, ...], int] = {}
+        self._cuts: dict[tuple[int, int, int], int] = {}
+        self._local, self._signs = spread / self.size, np.empty((0, len(vertices)), np.int8)
+        self._normals, self._levels, self._equations = np.empty((0, 3)), np.empty(0), list[tuple[fmpq, ...]]()
+        self._planes, self._count = 0, len(vertices)
+        self.planar = True
+
+    # ------------------------------------------------------------------------------------------------------- contents
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self._count
+
+    @property
+    def local(self) -> Array:
+        """The points relative to the first one, in units of the size."""
+        return self._local[: self._count]
+
+    @property
+    def signs(self) -> Ints:
+        """The side (1, 0, -1) of each plane that each point lies on, (planes, points)."""
+        return self._signs[: self._planes, : self._count]
+
+    @property
+    def normals(self) -> Array:
+        """Unit normals of the planes."""
+        return self._normals[: self._planes]
+
+    @property
+    def levels(self) -> Array:
+        """Products of the planes' unit normals with their points, as in `local`."""
+        return self._levels[: self._planes]
+
+    def exact(self, point: int) -> Point:
+        """Return a point's coordinates as rationals."""
+        return self._exact[point]
+
+    def heights(self, points: Iterable[int] | slice, plane: int) -> Array:
+        """Return how far points are above a plane, in units of the size."""
+        return self._local[points] @ self._normals[plane] - self._levels[plane]
+
+    def coordinates(self, points: Iterable[int]) -> Array:
+        """Return points, rounded once."""
+        return np.array([[_rounded(x) for x in self._exact[k]] for k in points])
+
+    # --------------------------------------------------------------------------------------------------------- adding
+
+    def shared_plane(self, points: Sequence[int]) -> int | None:
+        """Return the plane of four points, added if there is none; None where it would spoil planes that are exact."""
+        known = np.flatnonzero((self.signs[:, list(points)] == 0).all(axis=1))
+        if known.size:
+            return int(known[0])
+        if self.planar:
+            a, *others = (self._exact[k] for k in points)
+            u, v, w = ([x - y for x, y in zip(other, a, strict=True)] for other in others)
+            if sum(x * y for x, y in zip(_cross(u, v), w, strict=True)):
+                return None
+        return self.plane(points)
+
+    def signs_of(self, quads: Ints, points: Ints) -> Ints:
+        """Return the sides that points lie on of planes through four points each, not on one line."""
+        a, b, c, d = self._local[quads.T]
+        one, two = np.cross(b - a, c - a), np.cross(b - a, d - a)
+        normals = np.where(((one**2).sum(axis=1) > (two**2).sum(axis=1))[:, None], one, two)
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        return _sides(normals @ self._local[points].T - (normals * a).sum(axis=1)[:, None], self.slack)
+
+    def plane(self, points: Sequence[int]) -> int:
+        """Add the plane through points that lie in one, through the three that are furthest apart; return its row."""
+        rows = np.array(points)
+        local = self._local[rows]
+        first = int(((local - local.mean(axis=0)) ** 2).sum(axis=1).argmax())
+        along = local - local[first]
+        second = int((along**2).sum(axis=1).argmax())
+        third = int((np.cross(along, along[second]) ** 2).sum(axis=1).argmax())
+        a, b, c = (self._exact[k] for k in rows[[first, second, third]])
+        u, v = [x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)]
+        n = _cross(u, v)
+        largest = max(abs(x) for x in n)
+        n = tuple(x / largest for x in n)
+        unit = np.array([_rounded(x) for x in n])
+        unit /= np.linalg.norm(unit)
+        if self._planes == len(self._signs):
+            more = 16 + self._planes
+            self._signs = np.vstack([self._signs, np.zeros((more, self._signs.shape[1]), np.int8)])
+            self._normals = np.vstack([self._normals, np.zeros((more, 3))])
+            self._levels = np.append(self._levels, np.zeros(more))
+        row = self._planes
+        self._normals[row], self._levels[row] = unit, unit @ local[first]
+        self._equations.append((*n, sum(x * y for x, y in zip(n, a, strict=True))))
+        self._planes += 1
+        self._signs[row, : self._count] = _sides(self.heights(slice(self._count), row), self.slack)
+        self.lie_on(points, row)
+        return row
+
+    def lie_on(self, points: Sequence[int], plane: int) -> None:
+        """Count points as points of a plane."""
+        self._signs[plane, list(points)] = 0
+        self.planar = self.planar and not any(self._height(k, plane) for k in points)
+
+    def cut(self, a: int, b: int, plane: int) -> int:
+        """Return the point in which the edge from a to b, on different sides of a plane, crosses it."""
+        key = (min(a, b), max(a, b), plane)
+        if key not in self._cuts:
+            self._cuts[key] = self._added(key)
+        return self._cuts[key]
+
+    def point(self, coordinates: Array) -> int:
+        """Add a point, given in floats; return its row."""
+        from flint import fmpq
+
+        return self._placed(tuple(fmpq(*float(x).as_integer_ratio()) for x in coordinates))
+
+    def _added(self, key: tuple[int, int, int]) -> int:
+        a, b, plane = key
+        above, below = self._height(a, plane), self._height(b, plane)
+        share = above / (above - below)
+        point = tuple(x + share * (y - x) for x, y in zip(self._exact[a], self._exact[b], strict=True))
+        if not self.planar:  # drawn faces that are no planes: rounded now, or digits multiply from cut to cut
+            point = tuple(type(share)(*_rounded(x).as_integer_ratio()) for x in point)
+        row = self._placed(point)
+        on = (self._signs[: self._planes, a] == 0) & (self._signs[: self._planes, b] == 0)
+        on[plane] = True
+        self._signs[: self._planes, row][on] = 0
+        return row
+
+    def _placed(self, point: Point) -> int:
+        """Return the row of a point, added unless it is there already."""
+        row = self._rows.get(point)
+        local = np.array([_rounded(x - o) for x, o in zip(point, self._origin, strict=True)]) / self.size
+        cells = np.floor(local / (4 * self.slack) + np.array([[0.0], [0.5]])).astype(np.int64)
+        names = [(k, *cells[[k >> 2 & 1, k >> 1 & 1, k & 1], [0, 1, 2]].tolist()) for k in range(8)]
+        if row is None and not self.planar:
+            row = next((self._near[name] for name in names if name in self._near), None)
+        if row is not None:
+            return row
+        row = self._count
+        if row == self._signs.shape[1]:
+            self._signs = np.hstack([self._signs, np.zeros((len(self._signs), 64 + row), np.int8)])
+            self._local = np.vstack([self._local, np.zeros((64 + row, 3))])
+        self._count += 1
+        self._exact.append(point)
+        self._rows[point] = row
+        self._local[row] = local
+        heights = self._normals[: self._planes] @ local - self._levels[: self._planes]
+        self._signs[: self._planes, row] = _sides(heights, self.slack)
+        self._near.update(dict.fromkeys(names, row))
+        return row
+
+    def _height(self, point: int, plane: int) -> fmpq:
+        a, b, c, level = self._equations[plane]
+        x, y, z = self._exact[point]
+        return a * x + b * y + c * z - level
+
+    # -------------------------------------------------------------------------------------------------------- cutting
+
+    def on(self, cell: Cell) -> Array:
+        """Tell which points of a cell lie on which of its planes, (planes, points), as zeros and ones."""
+        on: Array = (self.signs[cell.planes[:, None], cell.points] == 0).astype(np.float32)
+        return on
+
+    def pruned(self, cell: Cell, doubtful: Array | None = None) -> Cell:
+        """Return a cell without points that are no corners: another point is on all their planes, and on more."""
+        on = self.on(cell)
+        asked = np.arange(len(cell.points)) if doubtful is None else np.flatnonzero(doubtful)
+        shared = on[:, asked].T @ on
+        count = on.sum(axis=0)
+        better = (count > count[asked][:, None]) | (np.arange(len(count)) < asked[:, None])
+        needless = asked[((shared == count[asked][:, None]) & better).any(axis=1)]
+        return cell._replace(points=np.delete(cell.points, needless))
+
+    def split(self, cell: Cell, plane: int) -> tuple[Cell | None, Cell | None]:
+        """Return what of a cell lies below and above a plane, None where nothing does."""
+        own = self.signs[plane, cell.points]
+        below, above = own < 0, own > 0
+        if not below.any() or not above.any():
+            return (cell if below.any() else None), (cell if above.any() else None)
+        on = self.on(cell)
+        low, high = np.flatnonzero(below), np.flatnonzero(above)
+        i, j = np.nonzero(on[:, low].T @ on[:, high] >= 2)
+        both = on[:, low[i]] * on[:, high[j]]  # of edges no third corner is on all planes that the ends share
+        edges = ((both.T @ on) == both.sum(axis=0)[:, None]).sum(axis=1) == 2
+        ends = cell.points[low[i[edges]]].tolist(), cell.points[high[j[edges]]].tolist()
+        made = [self.cut(a, b, plane) for a, b in zip(*ends, strict=True)]
+
+        def part(strictly: Array, out: Array, side: int) -> Cell:
+            left = on[:, strictly].any(axis=1)  # else no more than an edge of that face is left, on the cut
+            points = np.unique([*cell.points[~out].tolist(), *made])
+            whole = Cell(points, np.append(cell.planes[left], plane), np.append(cell.sides[left], side))
+            return self.pruned(whole, self.signs[plane, points] == 0)
+
+        return part(below, above, 1), part(above, below, -1)
+
+    def volume(self, cell: Cell) -> float:
+        """Return a cell's volume, in units of the size cubed; that of its box where it is too thin to tell."""
+        from scipy.spatial import ConvexHull, QhullError
+
+        corners = self.local[cell.points]
+        try:
+            return float(ConvexHull(corners).volume)
+        except (QhullError, ValueError):
+            return float(np.ptp(corners, axis=0).prod())
+
+    def kept(self, cell: Cell | None, planes: Iterable[tuple[int, int]]) -> Cell | None:
+        """Return what of a cell lies inside of planes, given with their outer sides."""
+        for plane, side in planes:
+            if cell is None:
+                return None
+            cell = self.split(cell, plane)[0 if side > 0 else 1]
+        return cell
+
+    def split_facets(
+        self, facets: Iterable[Facet], plane: int
+    ) -> tuple[list[Facet], list[Facet], list[Facet]]:
+        """Return what of facets lies below, above and on a plane."""
+        sign = self.signs[plane].tolist()
+        parts: tuple[list[Facet], list[Facet], list[Facet]] = [], [], []
+        for facet in facets:
+            own = [sign[v] for v in facet.loop]
+            low, high = min(own), max(own)
+            if low * high >= 0:
+                parts[0 if low < 0 else 1 if high > 0 else 2].append(facet)
+                continue
+            ring = list(facet.loop)
+            loop: list[int] = []
+            for a, b in pairwise([*ring, ring[0]]):
+                loop.append(a)
+                if sign[a] * sign[b] < 0:
+                    loop.append(self.cut(a, b, plane))
+            sign.extend([0] * (self._count - len(sign)))
+            for k, side in enumerate((-1, 1)):
+                parts[k].append(facet._replace(loop=tuple(v for v in loop if sign[v] * side >= 0)))
+        return parts
+
+
+def _sides(heights: Array, slack: float) -> Ints:
+    return np.where(np.abs(heights) <= slack, 0, np.sign(heights)).astype(np.int8)
+
+
+def _cross(u: Sequence[fmpq], v: Sequence[fmpq]) -> tuple[fmpq, ...]:
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+
+
+def _rounded(x: fmpq) -> float:
+    return int(x.p) / int(x.q)

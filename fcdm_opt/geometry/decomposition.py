@@ -1,0 +1,266 @@
+"""Decomposition of a solid into convex parts: exact where its size allows, else approximate with a measured error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.approximate import approximate
+from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
+from fcdm_opt.geometry.cover import cover, is_star_shaped
+from fcdm_opt.geometry.hull import convex_hull, unit_normals
+from fcdm_opt.geometry.partition import RULES, merged, partition
+from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.geometry.mesh import Mesh
+
+Method = Literal["auto", "exact", "coacd"]
+METHODS: tuple[str, ...] = ("auto", "exact", "coacd")
+Rows = tuple[int, ...]
+# "auto" decomposes exactly up to this many reflex edges: some seconds. Further rules are tried on fewer of them.
+MOST_REFLEX, MOST_FOR_RULES = 500, 120
+MOST_COVERED = 40  # cells of a partition that a cover is looked for of: its time grows with their square
+LARGER = 2  # times as many parts as the partition that a cover may have
+
+
+@dataclass(frozen=True, eq=False)
+class Decomposition:
+    """Convex parts whose union is a solid.
+
+    Attributes
+    ----------
+    method : "convex", "exact" or "coacd"
+    why : str
+        What was chosen, and why.
+    points : (m, 3) array
+        The mesh's vertices first, then those that cuts made.
+    parts : tuple of int arrays
+        Rows of `points` whose hulls the parts are.
+    surface : Surface or None
+        The solid's true faces and edges; None where they are those of the parts.
+    cover : bool
+        Whether the parts may overlap and all hold the seed; else they are a partition.
+    deviation : (float, float)
+        Lengths by which the parts stick out of the mesh, and fall short of it, at most; (0.0, 0.0) where exact.
+    """
+
+    method: Literal["convex", "exact", "coacd"]
+    why: str
+    points: Array
+    parts: tuple[Ints, ...]
+    surface: Surface | None = None
+    cover: bool = False
+    deviation: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def faces(self) -> tuple[Rows, ...]:
+        """The solid's true faces as rows: coplanar facets that share an edge are one; all its corners, holes' too."""
+        return () if self.surface is None else self.surface.faces
+
+
+def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposition:
+    """Return convex parts whose union is the solid inside a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    seed : (3,) array
+        If the solid is star-shaped about it, parts that all hold it are preferred: each part pair's curve then falls.
+    method : {"auto", "exact", "coacd"}
+        "exact": cuts at reflex edges; the volumes of a partition add up to the mesh's. "coacd": CoACD's approximate
+        parts (extra `coacd`), with their measured deviation. "auto": exact where it takes no more than some seconds.
+
+    Returns
+    -------
+    Decomposition
+        One part, whatever the method, where the solid is convex.
+
+    Raises
+    ------
+    InputError
+        For an unknown method, for "coacd" where it is not installed, and where the surface bounds no solid.
+    """
+    key = f"body '{mesh.name}'"
+    if method not in METHODS:
+        raise InputError("unknown decomposition", key=f"{key}: decomposition", found=method, allowed=", ".join(METHODS))
+    used = np.unique(mesh.triangles)
+    reflex = _reflex_edges(mesh, used)
+    if not reflex and _is_whole(mesh, used):
+        return Decomposition("convex", "one part: the mesh is convex", mesh.vertices, (used,))
+    known = f"{reflex} reflex edges"
+    if method == "coacd" or (method == "auto" and reflex > MOST_REFLEX and find_spec("coacd")):
+        asked = "asked for" if method == "coacd" else f"{known}, more than {MOST_REFLEX}"
+        return _approximated(mesh, asked)
+    if method == "auto" and reflex > MOST_REFLEX:
+        known += f", more than {MOST_REFLEX}, but CoACD is not installed"
+    return _exact(mesh, seed, known, RULES if reflex <= MOST_FOR_RULES else RULES[:1])
+
+
+def _approximated(mesh: Mesh, asked: str) -> Decomposition:
+    points, parts, deviation = approximate(mesh)
+    out, short = deviation
+    why = f"{len(parts)} parts by CoACD ({asked}): at most {out:.3g} beyond the mesh, {short:.3g} short of it"
+    return Decomposition("coacd", why, frozen(points), parts, deviation=deviation)
+
+
+def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[object]) -> Decomposition:
+    solid = _Solid.of(mesh)
+    space = solid.space
+    best: list[Cell] | None = None
+    for rule in RULES[: len(rules)]:
+        cells = partition(space, solid.hull, solid.inner, rule)
+        for last in (False, True):
+            joined = merged(space, cells, last=last)
+            if (best is None or len(joined) < len(best)) and _fills(mesh, space, joined):
+                best = joined
+    if best is None:
+        raise InputError("no exact decomposition: the parts' volumes do not add up to the mesh's", key=mesh.name)
+    covering, kind = None, "partition"
+    centre = space.point(seed)
+    if not is_star_shaped(space, solid.facets, centre):
+        reason = "the solid is not star-shaped about the seed"
+    elif len(best) > MOST_COVERED:
+        reason = f"more than {MOST_COVERED} parts, no cover looked for"
+    else:
+        covering = cover(space, solid.hull, solid.inner, centre, best, LARGER * len(best))
+        kind = "partition" if covering is None else "cover"
+        reason = "all hold the seed" if covering else f"a cover needs more than {LARGER * len(best)} parts"
+    chosen = covering or best
+    why = f"{len(chosen)} parts, an exact {kind}: {known}, {reason}"
+    points, parts = _numbered(space, len(mesh.vertices), chosen)
+    planes = np.array([2 * facet.plane + (facet.side > 0) for facet in solid.facets])
+    surface = Surface.of(mesh.vertices, mesh.triangles, planes)
+    return Decomposition("exact", why, frozen(points), parts, surface, covering is not None)
+
+
+def _numbered(space: Arrangement, drawn: int, cells: Sequence[Cell]) -> tuple[Array, tuple[Ints, ...]]:
+    """Return the drawn points and those that the cells use, rounded once, each only once, and the cells' rows."""
+    used = sorted({int(k) for cell in cells for k in cell.points if k >= drawn})
+    points = space.coordinates([*range(drawn), *used])
+    number: dict[tuple[float, ...], int] = {}
+    for k, point in enumerate((points + 0.0).tolist()):
+        number.setdefault(tuple(point), k)
+    first = [number[tuple(point)] for point in (points + 0.0).tolist()]
+    kept = [k for k in range(len(points)) if k < drawn or first[k] == k]
+    place = {k: row for row, k in enumerate(kept)}
+    rows = dict(zip([*range(drawn), *used], [place[k] if k < drawn else place[first[k]] for k in range(len(points))], strict=True))
+    return points[kept], tuple(frozen(sorted({rows[k] for k in cell.points.tolist()}), np.int64) for cell in cells)
+
+
+def _fills(mesh: Mesh, space: Arrangement, cells: Sequence[Cell]) -> bool:
+    """Tell whether the cells' volumes add up to the mesh's, within what moving its surface by the slack changes."""
+    corners = space.local[mesh.triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    volume = mesh.volume / space.size**3
+    error = abs(sum(space.volume(cell) for cell in cells) - volume)
+    return bool(error <= 2 * space.slack * area + DEFAULT.nominal * volume)
+
+
+# --------------------------------------------------------------------------------------------------------------- solid
+
+
+class _Solid(NamedTuple):
+    """A mesh's facets in an arrangement of its planes, its hull, and the facets inside that."""
+
+    space: Arrangement
+    facets: list[Facet]
+    hull: Cell
+    inner: list[Facet]
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> _Solid:
+        used = np.unique(mesh.triangles)
+        space = Arrangement(mesh.vertices, used)
+        normals = np.array([unit_normals(space.local[list(face)]) for face in mesh.faces])
+        groups = _coplanar(space.local, mesh.faces, normals, space.slack)
+        plane = np.empty(len(mesh.faces), np.int64)
+        for own in groups:
+            corners = sorted({v for k in own for v in mesh.faces[k]})
+            plane[own] = row = space.plane(corners)
+            space.lie_on(corners, row)
+        side = np.where((normals * space.normals[plane]).sum(axis=1) > 0, 1, -1)
+        facets = [
+            Facet(int(plane[k]), int(side[k]), tuple(loop))
+            for loop, k in zip(mesh.triangles.tolist(), mesh.triangle_faces.tolist(), strict=True)
+        ]
+        hull = convex_hull(mesh.vertices[used], used, f"body '{mesh.name}'")
+        walls: dict[int, int] = {}
+        for loop in hull.loops:
+            corners = hull.used[list(loop)].tolist()
+            on = np.flatnonzero((space.signs[:, corners] == 0).all(axis=1)).tolist()
+            outer = [p for p in on if space.signs[p, hull.used].min() * space.signs[p, hull.used].max() == 0]
+            wall = outer[0] if outer else space.plane(corners)
+            walls[wall] = -int(np.sign(space.heights(hull.used, wall).sum()))
+        whole = Cell(np.sort(hull.used), np.array(list(walls)), np.array(list(walls.values())))
+        border = space.signs[whole.planes] == 0
+        inner = [facet for facet in facets if not border[:, facet.loop].all(axis=1).any()]
+        return cls(space, facets, space.pruned(whole), inner)
+
+
+def _coplanar(local: Array, faces: Sequence[Rows], normals: Array, slack: float) -> list[list[int]]:
+    """Group faces whose corners lie in one plane, that of the largest of them."""
+    areas = []
+    for face in faces:
+        spokes = local[list(face[1:])] - local[face[0]]
+        areas.append(float(np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0))))
+    groups: list[list[int]] = []
+    table, levels = np.empty((len(faces), 3)), np.empty(len(faces))
+    for k in np.argsort(-np.array(areas), kind="stable").tolist():
+        corners, count = local[list(faces[k])], len(groups)
+        near = np.flatnonzero(np.abs(corners @ table[:count].T - levels[:count]).max(axis=0) <= slack)
+        if near.size:
+            groups[near[np.abs(table[near] @ normals[k]).argmax()]].append(k)
+            continue
+        groups.append([k])
+        table[count], levels[count] = normals[k], normals[k] @ corners.mean(axis=0)
+    return groups
+
+
+# -------------------------------------------------------------------------------------------------------------- convex
+
+
+def _sides(mesh: Mesh) -> tuple[Ints, Ints]:
+    """Return pairs of the triangles' sides (three a triangle) along one edge, and how many sides each edge has."""
+    origin, end = mesh.triangles.ravel(), mesh.triangles[:, [1, 2, 0]].ravel()
+    name = np.minimum(origin, end) * len(mesh.vertices) + np.maximum(origin, end)
+    order = np.argsort(name, kind="stable")
+    _, starts, counts = np.unique(name[order], return_index=True, return_counts=True)
+    return np.column_stack([order[starts], order[starts + counts - 1]]), counts
+
+
+def _reflex_edges(mesh: Mesh, used: Ints) -> int:
+    """Return how many edges are reflex, by the section across them; an edge of more than two triangles is."""
+    pairs, counts = _sides(mesh)
+    spread = mesh.vertices - mesh.vertices[used[0]]
+    size = np.abs(spread[used]).max()
+    slack = max(DEFAULT.planarity, 4 * float(np.spacing(np.abs(mesh.vertices[used]).max())) / size)
+    corners = mesh.triangles.ravel()
+    opposite = mesh.triangles[:, [2, 0, 1]].ravel()
+    ends = mesh.triangles[:, [1, 2, 0]].ravel()
+    one, two = pairs.T
+    base = spread[corners[one]] / size
+    along = spread[ends[one]] / size - base
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    c, d = (spread[opposite[k]] / size - base for k in (one, two))
+    c, d = (x - (x * along).sum(axis=1)[:, None] * along for x in (c, d))
+    widest = np.sqrt(np.maximum((c**2).sum(axis=1), (d**2).sum(axis=1)))
+    fold = (np.cross(c, d) * along).sum(axis=1)  # the first triangle is to the left of the edge, inside below both
+    return int(((fold > slack * widest) | (counts > 2)).sum())
+
+
+def _is_whole(mesh: Mesh, used: Ints) -> bool:
+    """Tell whether a mesh without reflex edges is its own hull, not several solids."""
+    hull = convex_hull(mesh.vertices[used], used, f"body '{mesh.name}'")
+    local = mesh.vertices - mesh.vertices[used[0]]
+    fans = np.array([(loop[0], *loop[k : k + 2]) for loop in hull.loops for k in range(1, len(loop) - 1)])
+    a, b, c = local[hull.used[fans]].transpose(1, 0, 2)
+    volume = float((a * np.cross(b, c)).sum()) / 6
+    return abs(volume - mesh.volume) <= DEFAULT.nominal * volume

@@ -1,0 +1,249 @@
+"""Partition of a solid into convex cells: cut at reflex edges along face planes, then joined where cuts ran too far.
+
+A convex cell of space is cut, together with the facets of the surface in it, until they have no reflex edge; what is
+inside then is the cell within its facets' planes. Only convex polygons and convex cells are ever cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Ints
+from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
+
+Edge = tuple[int, int]
+
+
+class Rule(NamedTuple):
+    """How a cutting plane is chosen: what counts for it or against it, in reflex edges that it settles.
+
+    Attributes
+    ----------
+    edge, facet : float
+        Against it: a reflex edge or a facet that it cuts.
+    diagonal : float or None
+        For it: that it is no facet's plane, but goes through two reflex edges. None: only facets' planes are tried.
+    last : bool
+        Of equally good planes the last one is taken.
+    """
+
+    edge: float
+    facet: float
+    diagonal: float | None = None
+    last: bool = False
+
+
+RULES = (
+    Rule(1.0, 1e-3),
+    Rule(2.0, 0.0, 0.5),
+    Rule(1.0, 1e-3, 0.0),
+    Rule(0.5, 0.1, last=True),
+    Rule(1.0, 0.1, 0.5),
+    Rule(2.0, 0.0, last=True),
+)
+NEAREST = 4  # edges that a diagonal plane is tried through, of each edge
+
+
+def partition(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rule) -> list[Cell]:
+    """Return convex cells that fill what the facets bound in a cell.
+
+    Parameters
+    ----------
+    space : Arrangement
+    cell : Cell
+        Convex, and inside the solid where it holds no facets.
+    facets : sequence of Facet
+        Of the solid's surface, inside the cell; on its border they are left out.
+    rule : Rule
+
+    Raises
+    ------
+    InputError
+        Where the facets bound no solid.
+    """
+    found: list[Cell] = []
+    stack: list[tuple[Cell, Sequence[Facet]]] = [(cell, facets)]
+    while stack:
+        cell, facets = stack.pop()
+        if not facets:
+            found.append(cell)
+            continue
+        around = inner_edges(space, cell, facets)
+        reflex = reflex_edges(space, facets, around)
+        if not reflex and _connected(facets, around):
+            inner = space.kept(cell, dict.fromkeys((facet.plane, facet.side) for facet in facets))
+            if inner is not None:
+                found.append(inner)
+            continue
+        plane = _best_plane(space, facets, reflex, rule)
+        low, high, on = space.split_facets(facets, plane)
+        cells = space.split(cell, plane)
+        if None in cells and not on:
+            raise InputError("the faces bound no solid: no plane settles their edges", key="mesh")
+        for child, its, side in zip(cells, (low, high), (-1, 1), strict=True):
+            if child is not None and (its or _is_inside(space, on, plane, side)):
+                stack.append((child, its))
+    return found
+
+
+def inner_edges(space: Arrangement, cell: Cell, facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
+    """Return the facets at each edge inside a cell."""
+    around = edges_of(facets)
+    a, b = np.array(list(around)).T
+    signs = space.signs
+    outer = ((signs[cell.planes[:, None], a] == 0) & (signs[cell.planes[:, None], b] == 0)).any(axis=0).tolist()
+    return {edge: own for (edge, own), out in zip(around.items(), outer, strict=True) if not out}
+
+
+def edges_of(facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
+    """Return the facets at each edge."""
+    around: dict[Edge, list[Facet]] = {}
+    for facet in facets:
+        a = facet.loop[-1]
+        for b in facet.loop:
+            around.setdefault((a, b) if a < b else (b, a), []).append(facet)
+            a = b
+    return around
+
+
+def reflex_edges(
+    space: Arrangement, facets: Sequence[Facet], around: dict[Edge, list[Facet]]
+) -> dict[Edge, list[Facet]]:
+    """Return the edges at which the solid is not convex: one of its facets rises above another, or more than two meet."""
+    rows = {plane: space.signs[plane].tolist() for plane in {facet.plane for facet in facets}}
+
+    def rises(one: Facet, two: Facet) -> bool:
+        row, side = rows[one.plane], one.side
+        return any(row[v] == side for v in two.loop)
+
+    return {
+        edge: own
+        for edge, own in around.items()
+        if len(own) > 2 or (len(own) == 2 and (rises(own[0], own[1]) or rises(own[1], own[0])))
+    }
+
+
+def _connected(facets: Sequence[Facet], around: dict[Edge, list[Facet]]) -> bool:
+    beside: dict[Facet, set[Facet]] = {facet: set() for facet in facets}
+    for own in around.values():
+        for facet in own:
+            beside[facet].update(own)
+    reached, stack = {facets[0]}, [facets[0]]
+    while stack:
+        new = beside[stack.pop()] - reached
+        reached |= new
+        stack.extend(new)
+    return len(reached) == len(beside)
+
+
+def _best_plane(space: Arrangement, facets: Sequence[Facet], reflex: dict[Edge, list[Facet]], rule: Rule) -> int:
+    """Return the plane that settles most reflex edges and cuts fewest others: a facet's, or one through two edges."""
+    at = [facet for own in reflex.values() for facet in own] if reflex else facets
+    planes = np.array(sorted({facet.plane for facet in at}))
+    loops = np.concatenate([facet.loop for facet in facets])
+    starts = np.cumsum([0] + [len(facet.loop) for facet in facets[:-1]])
+    points, place = np.unique(loops, return_inverse=True)
+    signs = space.signs[planes[:, None], points]
+    pairs = _diagonals(space, reflex) if rule.diagonal is not None else np.empty((0, 4), np.int64)
+    if len(pairs):
+        signs = np.vstack([signs, space.signs_of(pairs, points)])
+    own = signs[:, place]
+    crossed = np.minimum.reduceat(own, starts, axis=1) * np.maximum.reduceat(own, starts, axis=1) < 0
+    score = -rule.facet * crossed.sum(axis=1)
+    if reflex:
+        a, b = (signs[:, np.searchsorted(points, ends)] for ends in np.array(list(reflex)).T)
+        score = score + ((a == 0) & (b == 0)).sum(axis=1) - rule.edge * (a * b < 0).sum(axis=1)
+        score[len(planes) :] += rule.diagonal or 0.0
+    while True:
+        best = np.flatnonzero(score == score.max())
+        k = int(best[-1 if rule.last else 0])
+        if k < len(planes):
+            return int(planes[k])
+        plane = space.shared_plane(pairs[k - len(planes)].tolist())
+        if plane is not None:
+            return plane
+        score[k] = -np.inf
+
+
+def _diagonals(space: Arrangement, reflex: dict[Edge, list[Facet]]) -> Ints:
+    """Return pairs of reflex edges that lie in a plane that is no facet's, of each edge the nearest; nearest first."""
+    reflex = {edge: own for edge, own in reflex.items() if len(own) == 2}
+    edges = np.array(list(reflex), np.int64).reshape(-1, 2)
+    if len(edges) < 2:
+        return np.empty((0, 4), np.int64)
+    a, b = space.local[edges.T]
+    along, middle = b - a, (a + b) / 2
+    distance = ((middle[:, None] - middle) ** 2).sum(axis=2)
+    # of the triangles on edge i with a corner at an end of edge j
+    across = np.cross(along[:, None], np.stack([a, b])[:, None] - a[:, None])
+    area = (across**2).sum(axis=3).max(axis=0)
+    flat = np.abs((across[0] * along).sum(axis=2)) <= space.slack
+    flat &= area > space.slack**2
+    beside = [{facet.plane for facet in own} for own in reflex.values()]
+    found = []
+    for i, row in enumerate(np.argsort(distance, axis=1, kind="stable").tolist()):
+        near = [j for j in row if j != i and flat[i, j] and not beside[i] & beside[j]]
+        found += [(min(i, j), max(i, j)) for j in near[:NEAREST]]
+    pairs = sorted(dict.fromkeys(found), key=lambda pair: distance[pair])
+    return np.array([[*edges[i], *edges[j]] for i, j in pairs], np.int64).reshape(-1, 4)
+
+
+def _is_inside(space: Arrangement, on: Iterable[Facet], plane: int, side: int) -> bool:
+    """Tell whether the side of a plane without facets is inside, by the facets on the plane.
+
+    Without any the plane goes through reflex edges, beyond which it is.
+    """
+    normal = space.normals[plane]
+    facing = {facet.side if space.normals[facet.plane] @ normal > 0 else -facet.side for facet in on}
+    if len(facing) > 1:
+        raise InputError("the faces bound no solid: they do not agree on what is inside", key="mesh")
+    return side not in facing
+
+
+# --------------------------------------------------------------------------------------------------------------- merge
+
+
+def merged(space: Arrangement, cells: Sequence[Cell], *, last: bool = False) -> list[Cell]:
+    """Join cells, two at a time, as long as two of them make a convex one; `last`: the last two first.
+
+    Two cells make a convex one when the plane between them is all that keeps either from holding the other.
+    """
+    own = dict(enumerate(cells))
+    walls = _walls(space, own, own)
+    while True:
+        pairs = [(i, j) for (i, j), wall in walls.items() if i < j and walls.get((j, i)) == wall]
+        if not pairs:
+            return list(own.values())
+        i, j = max(pairs) if last else min(pairs)
+        wall, one, two = walls[i, j], own.pop(i), own.pop(j)
+        walls = {pair: plane for pair, plane in walls.items() if not {i, j} & set(pair)}
+        sides = dict(zip([*one.planes.tolist(), *two.planes.tolist()], [*one.sides, *two.sides], strict=True))
+        del sides[wall]
+        whole = space.pruned(Cell(np.union1d(one.points, two.points), np.array(list(sides)), np.array(list(sides.values()))))
+        if own:
+            walls |= _walls(space, {i: whole}, own) | _walls(space, own, {i: whole})
+        own[i] = whole
+
+
+def _walls(space: Arrangement, ones: dict[int, Cell], others: dict[int, Cell]) -> dict[Edge, int]:
+    """Return, where there is just one, the plane of the first cell that the second one is not inside of."""
+    planes, sides = (np.concatenate([cell[k] for cell in ones.values()]) for k in (1, 2))
+    points = np.concatenate([cell.points for cell in others.values()])
+    rows, columns = (
+        np.cumsum([0, *lengths[:-1]])
+        for lengths in ([len(cell.planes) for cell in ones.values()], [len(cell.points) for cell in others.values()])
+    )
+    outside = space.signs[planes[:, None], points] * sides[:, None] > 0
+    outside = np.logical_or.reduceat(outside, columns, axis=1)
+    single = np.add.reduceat(outside, rows, axis=0, dtype=np.int64) == 1
+    which = np.add.reduceat(np.where(outside, planes[:, None], 0), rows, axis=0)
+    names, other_names = list(ones), list(others)
+    return {
+        (names[i], other_names[j]): int(which[i, j])
+        for i, j in zip(*(at.tolist() for at in np.nonzero(single)), strict=True)
+        if names[i] != other_names[j]
+    }

@@ -1,0 +1,353 @@
+"""The true faces and edges of a union of convex parts: what of the parts' own ones other parts do not hide."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.hull import Hull, unit_normals
+from fcdm_opt.geometry.polygons import triangulated
+from fcdm_opt.geometry.surface import FRACTIONS, Surface, label
+from fcdm_opt.tolerances import DEFAULT
+
+
+def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | None, name: str) -> Surface:
+    """Return the faces and edges of a union of parts."""
+    size = float(np.abs(points - points.mean(axis=0)).max())
+    rows = [[tuple(hull.used[list(loop)].tolist()) for loop in hull.loops] for hull in hulls]
+    planes = [[_plane(points, loop) for loop in loops] for loops in rows]
+    drawn, slack = given is not None, DEFAULT.nominal * size
+    if given is None:
+        groups = _faces_from_parts(points, rows, planes, size)
+        given = [sorted({v for part, face in group for v in rows[part][face]}) for group in groups]
+        owner = {place: k for k, group in enumerate(groups) for place in group}
+    else:
+        _check_faces(points, rows, planes, given, size, name)
+        owner = _owners(points, rows, planes, given, size)
+    if len(hulls) == 1:
+        edges, hidden = np.sort(hulls[0].used[hulls[0].edges[:, :2]], axis=1), np.empty((0, 2), np.int64)
+    else:
+        edges, hidden = _true_edges(points, hulls, rows, planes, owner, size)
+    triangles, owners = [], []
+    for k, face in enumerate(given):
+        fans = _fans_of_outline(points, face, edges, slack) if drawn else None
+        if fans is None:
+            loops = [rows[part][own] for (part, own), one in owner.items() if one == k]
+            fans = [(loop[0], *pair) for loop in loops for pair in pairwise(loop[1:])]
+        triangles += fans
+        owners += [k] * len(fans)
+    corners, faces = np.array(triangles, np.int64).reshape(-1, 3), tuple(map(tuple, given))
+    return Surface(points, corners, np.array(owners, np.int64), faces, edges, hidden, faces)
+
+
+def _fans_of_outline(points: Array, face: list[int], edges: Ints, slack: float) -> list[tuple[int, ...]] | None:
+    """Return triangles of a face given by its corners in order; None where that order does not follow edges."""
+    base, along = points[edges[:, 0]], np.diff(points[edges], axis=1)[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    spokes = points[face][:, None] - base
+    share = (spokes * along).sum(axis=2) / length
+    off = np.linalg.norm(spokes - (share / length)[:, :, None] * along, axis=2)
+    on = (off <= slack) & (share >= -slack) & (share <= length + slack)
+    if not (on & np.roll(on, -1, axis=0)).any(axis=1).all():
+        return None
+    try:
+        return [tuple(own) for own in triangulated(points, [tuple(face)], [0], slack, "face")[0].tolist()]
+    except InputError:
+        return None
+
+
+def _true_edges(
+    points: Array, hulls: list[Hull], rows: Any, planes: Any, owner: Any, size: float
+) -> tuple[Ints, Ints]:
+    """Return the union's edges, by their ends, and the parts' edges that are hidden in other parts.
+
+    The union's are the parts' edges with no flat surroundings, joined; hidden is what is so wherever it is looked at.
+    """
+    slack = DEFAULT.nominal * size
+    normals = [np.array([normal for normal, _ in own]) for own in planes]
+    levels = [np.array([level for _, level in own]) for own in planes]
+    lows, highs = (np.array([f(points[hull.used], axis=0) for hull in hulls]) for f in (np.min, np.max))
+    pieces: dict[frozenset[Any], list[tuple[int, int]]] = {}
+    hidden: set[tuple[int, int]] = set()
+    ends = np.unique(np.vstack([np.sort(hull.used[hull.edges[:, :2]], axis=1) for hull in hulls]), axis=0)
+    used = np.unique(ends)
+    cut = {(a, b): _cut_at(points, [a, b], used, slack) for a, b in ends.tolist()}
+    for a, b in dict.fromkeys(piece for own in cut.values() for piece in own):
+        along = points[b] - points[a]
+        frame = np.linalg.svd((along / np.linalg.norm(along))[None])[2][1:]
+        flat = False
+        for place in points[a] + FRACTIONS[:, None] * along:
+            wedges, tight = [], []
+            for part in np.flatnonzero(((place >= lows - slack) & (place <= highs + slack)).all(axis=1)).tolist():
+                heights = normals[part] @ place - levels[part]
+                if heights.max() > slack:
+                    continue
+                on = np.flatnonzero(heights >= -slack)
+                across = normals[part][on] @ frame.T
+                wide = np.linalg.norm(across, axis=1)
+                wedges.append(across[wide > DEFAULT.nominal])
+                tight += [
+                    (part, face, normal / length)
+                    for face, normal, length in zip(on.tolist(), across, wide, strict=True)
+                    if length > DEFAULT.nominal
+                ]
+            rims = _exposed(wedges)
+            if rims:
+                own = frozenset(
+                    owner.get((part, face), rows[part][face])
+                    for part, face, normal in tight
+                    if any(np.abs(normal - rim).max() <= DEFAULT.snap for rim in rims)
+                )
+                pieces.setdefault(own, []).append((a, b))
+                break
+            flat |= rims is None
+        else:
+            if not flat:
+                hidden.add((a, b))
+    edges = [edge for own in pieces.values() for edge in _joined_edges(points, own, slack)]
+    unseen = [edge for edge, own in cut.items() if hidden.issuperset(own)]
+    return np.array(edges, np.int64).reshape(-1, 2), np.array(unseen, np.int64).reshape(-1, 2)
+
+
+def _cut_at(points: Array, ends: list[int], used: Ints, slack: float) -> list[tuple[int, int]]:
+    """Cut an edge at the points that lie on it."""
+    origin, end = points[ends]
+    length = float(np.linalg.norm(end - origin))
+    spokes = points[used] - origin
+    along = spokes @ (end - origin) / length
+    inside = used[(along > slack) & (along < length - slack)]
+    if not inside.size:
+        return [(ends[0], ends[1])]
+    spokes = points[inside] - origin
+    share = spokes @ (end - origin) / length
+    off = np.linalg.norm(spokes - share[:, None] * (end - origin) / length, axis=1)
+    on = inside[off <= slack][np.argsort(share[off <= slack], kind="stable")].tolist()
+    return [(min(pair), max(pair)) for pair in pairwise([ends[0], *on, ends[1]])]
+
+
+def _exposed(wedges: list[Array]) -> list[Array] | None:
+    """Return the outward normals at the rims of what plane wedges leave free: none of nothing, None of a half-plane.
+
+    A wedge is where the products with its normals, (k, 2), are negative.
+    """
+    if any(not len(own) for own in wedges):
+        return []
+    angles = np.concatenate([np.arctan2(own[:, 1], own[:, 0]) for own in wedges])
+    rays = np.sort(np.concatenate([angles - np.pi / 2, angles + np.pi / 2]) % (2 * np.pi))
+    rays = rays[np.diff(rays, append=rays[0] + 2 * np.pi) > DEFAULT.snap]
+    widths = np.diff(rays, append=rays[0] + 2 * np.pi)
+    middles = rays + widths / 2
+    ways = np.column_stack([np.cos(middles), np.sin(middles)])
+    free = ~np.any([(ways @ own.T < 0).all(axis=1) for own in wedges], axis=0)
+    if not free.any():
+        return []
+    starts, ends = free & ~np.roll(free, 1), free & ~np.roll(free, -1)
+    if starts.sum() == 1 and abs(widths[free].sum() - np.pi) <= 4 * DEFAULT.snap:
+        return None
+    turned = [(rays[k], np.pi / 2) for k in np.flatnonzero(starts)]
+    turned += [(rays[k] + widths[k], -np.pi / 2) for k in np.flatnonzero(ends)]
+    return [np.array([np.cos(ray + turn), np.sin(ray + turn)]) for ray, turn in turned]
+
+
+def _joined_edges(points: Array, pieces: list[tuple[int, int]], slack: float) -> list[tuple[int, int]]:
+    """Join pieces of edges on one line that touch or overlap."""
+    joined: list[tuple[int, int]] = []
+    left = sorted(pieces, key=lambda piece: -float(np.linalg.norm(points[piece[1]] - points[piece[0]])))
+    while left:
+        a, b = left.pop(0)
+        grown = True
+        while grown:
+            grown = False
+            base, along = points[a], points[b] - points[a]
+            length = float(np.linalg.norm(along))
+            for piece in left:
+                spokes = points[list(piece)] - base
+                share = spokes @ along / length
+                if (np.linalg.norm(spokes - share[:, None] * along / length, axis=1) > slack).any():
+                    continue
+                if share.max() < -slack or share.min() > length + slack:
+                    continue
+                places = {a: 0.0, b: length, piece[0]: float(share[0]), piece[1]: float(share[1])}
+                a, b = min(places, key=places.__getitem__), max(places, key=places.__getitem__)
+                left.remove(piece)
+                grown = True
+                break
+        joined.append((min(a, b), max(a, b)))
+    return joined
+
+
+def _plane(points: Array, loop: tuple[int, ...]) -> tuple[Array, float]:
+    normal = unit_normals(points[list(loop)])
+    return normal, float(normal @ points[loop[0]])
+
+
+def _seams(rows: Any, planes: Any) -> set[tuple[int, int]]:
+    """Return the part faces that two parts turn to each other: the same outline, opposite normals."""
+    outlines: dict[frozenset[int], list[tuple[int, int]]] = {}
+    for part, loops in enumerate(rows):
+        for face, loop in enumerate(loops):
+            outlines.setdefault(frozenset(loop), []).append((part, face))
+    return {
+        (part, face)
+        for same in outlines.values()
+        if len(same) > 1
+        for part, face in same
+        if any(planes[part][face][0] @ planes[p][f][0] < 0 for p, f in same)
+    }
+
+
+def _faces_from_parts(points: Array, rows: Any, planes: Any, size: float) -> list[list[tuple[int, int]]]:
+    """Group part faces in one plane that touch along a line or share vertices; drop those that other parts hide."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    slack = DEFAULT.nominal * size
+    seams = _seams(rows, planes)
+    places = [(part, face) for part, loops in enumerate(rows) for face in range(len(loops)) if (part, face) not in seams]
+    hidden = _hidden(points, rows, planes, places, slack)
+    places = [place for place in places if place not in hidden]
+    keys = np.array([(*planes[part][face][0], planes[part][face][1] / size) for part, face in places])
+    pairs = cKDTree(keys).query_pairs(DEFAULT.nominal, p=np.inf, output_type="ndarray")
+    loops = [rows[part][face] for part, face in places]
+    corners = [points[list(loop)] for loop in loops]
+    lows, highs = (np.array([f(own, axis=0) for own in corners]) for f in (np.min, np.max))
+    one, two = pairs.T
+    near = ((lows[one] <= highs[two] + slack) & (lows[two] <= highs[one] + slack)).all(axis=1)
+    links = [
+        (i, j)
+        for i, j in pairs[near].tolist()
+        if not set(loops[i]).isdisjoint(loops[j]) or _touch(corners[i], corners[j], keys[i, :3], slack)
+    ]
+    graph = coo_array((np.ones(len(links)), np.array(links, np.int64).reshape(-1, 2).T), shape=(len(places),) * 2)
+    groups: dict[int, list[tuple[int, int]]] = {}
+    for place, group in zip(places, connected_components(graph, directed=False)[1].tolist(), strict=True):
+        groups.setdefault(group, []).append(place)
+    return list(groups.values())
+
+
+def _hidden(points: Array, rows: Any, planes: Any, places: list[tuple[int, int]], slack: float) -> set[tuple[int, int]]:
+    """Return the part faces that other parts cover from outside, wherever one looks."""
+    normals = [np.array([normal for normal, _ in own]) for own in planes]
+    levels = [np.array([level for _, level in own]) for own in planes]
+    corners = [points[sorted({v for loop in loops for v in loop})] for loops in rows]
+    lows, highs = (np.array([f(own, axis=0) for own in corners]) for f in (np.min, np.max))
+    hidden = set()
+    for part, face in places:
+        outline = points[list(rows[part][face])]
+        low, high, normal = outline.min(axis=0), outline.max(axis=0), planes[part][face][0]
+        near = ((lows <= high + slack) & (highs >= low - slack)).all(axis=1)
+        near[part] = False
+        middle = outline.mean(axis=0)
+        samples = (middle + FRACTIONS[:, None, None] * (outline - middle)).reshape(-1, 3)
+        for other in np.flatnonzero(near).tolist():
+            heights = samples @ normals[other].T - levels[other]
+            inwards = normals[other] @ normal < DEFAULT.nominal
+            samples = samples[((heights > slack) | ((heights > -slack) & ~inwards)).any(axis=1)]
+            if not len(samples):
+                hidden.add((part, face))
+                break
+    return hidden
+
+
+def _touch(one: Array, two: Array, normal: Array, slack: float) -> bool:
+    """Tell whether two convex polygons of a plane have more than a point in common."""
+    ways = np.roll(two, -1, axis=0) - two
+    inward = np.cross(normal, ways)
+    inward /= np.linalg.norm(inward, axis=1)[:, None]
+    for base, way in zip(two, inward, strict=True):
+        heights = (one - base) @ way + slack
+        kept: list[Array] = []
+        for k, height in enumerate(heights):
+            before = heights[k - 1]
+            if (before < 0) != (height < 0):
+                kept.append(one[k - 1] + before / (before - height) * (one[k] - one[k - 1]))
+            if height >= 0:
+                kept.append(one[k])
+        if not kept:
+            return False
+        one = np.array(kept)
+    return bool(np.ptp(one, axis=0).max() > 8 * slack)
+
+
+def _owners(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float) -> dict[tuple[int, int], int]:
+    """Map each part face to the given face in its plane with which it shares most vertices, or in which it lies."""
+    owner = {}
+    same = {frozenset(own): k for k, own in reversed(list(enumerate(given)))}
+    for part, loops in enumerate(rows):
+        for face, loop in enumerate(loops):
+            if (exactly := same.get(frozenset(loop))) is not None:
+                owner[part, face] = exactly
+                continue
+            normal, level = planes[part][face]
+            shared = {
+                k: len(set(own) & set(loop))
+                for k, own in enumerate(given)
+                if np.abs(points[own] @ normal - level).max() <= DEFAULT.nominal * size
+            }
+            middle = points[list(loop)].mean(axis=0)
+            best = max(shared, key=lambda k: shared[k], default=None)
+            if best is not None and (shared[best] or _surrounds(points[given[best]], middle, normal)):
+                owner[part, face] = best
+    return owner
+
+
+def _surrounds(outline: Array, point: Array, normal: Array) -> bool:
+    """Tell whether a polygon, corners in order, goes round a point of its plane: its winding number is not zero."""
+    spokes = outline - point
+    ahead = np.roll(spokes, -1, axis=0)
+    turns = np.arctan2(np.cross(spokes, ahead) @ normal, (spokes * ahead).sum(axis=1))
+    return bool(abs(turns.sum()) > np.pi)
+
+
+def _check_faces(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float, name: str) -> None:
+    """Refuse given faces that are no face of the body."""
+    slack = DEFAULT.nominal * size
+    seams = _seams(rows, planes)
+    table = [
+        (loop, *planes[part][face])
+        for part, loops in enumerate(rows)
+        for face, loop in enumerate(loops)
+        if (part, face) not in seams
+    ]
+    known, earlier = {frozenset(loop) for loop, _, _ in table}, dict[frozenset[int], int]()
+    normals, levels = np.array([normal for _, normal, _ in table]), np.array([level for _, _, level in table])
+    for k, face in enumerate(given):
+        key, found, corners = f"body '{name}': face {k + 1}", tuple(v + 1 for v in face), points[face]
+        if (first := earlier.setdefault(frozenset(face), k)) != k:
+            raise InputError(f"the corners are those of face {first + 1}", key=key, found=found)
+        if frozenset(face) in known:
+            continue
+        if np.linalg.svd(corners - corners.mean(axis=0))[1][1] <= slack:
+            raise InputError("the corners lie on one line", key=key, found=found)
+        off = np.abs(corners @ normals.T - levels)
+        here = np.flatnonzero(off.max(axis=0) <= slack)
+        if not here.size:
+            nearest = int(off.max(axis=0).argmin())
+            worst = int(off[:, nearest].argmax())
+            what = (
+                "the corners lie in no plane of a face of the body: the nearest misses vertex "
+                f"{face[worst] + 1} by {off[worst, nearest]:.3g}"
+            )
+            raise InputError(what, key=key, found=found, allowed=f"at most {slack:.3g}")
+        loops = [table[c][0] for c in here]
+        for v in set(face).difference(*loops):
+            if not any(_covers(points[list(table[c][0])], points[v], normals[c], slack) for c in here):
+                raise InputError(f"vertex {v + 1} lies in the plane of the face, but not on it", key=key, found=found)
+        if len(rows) == 1:
+            own = max(loops, key=lambda loop: len(set(loop) & set(face)))
+            if missing := set(own) - set(face):
+                what = f"only a piece of a face of the body, whose corner at vertex {min(missing) + 1} is missing"
+                raise InputError(what, key=key, found=found, allowed=str(label(own)))
+
+
+def _covers(loop: Array, point: Array, normal: Array, slack: float) -> bool:
+    """Tell whether a convex polygon, counter-clockwise about its normal, has a point of its plane on it."""
+    along = np.roll(loop, -1, axis=0) - loop
+    inward = np.cross(normal, along)
+    inward /= np.linalg.norm(inward, axis=1)[:, None]
+    return bool(((point - loop) * inward).sum(axis=1).min() >= -slack)
