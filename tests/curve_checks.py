@@ -87,4 +87,7 @@ def check_gaps(truth: ExactCurve, curve: DecisionCurve, rng: np.random.Generator
     for rho, gap in zip(pairs, gaps, strict=True):
         assert gap == pytest.approx(curve.gap(rho), rel=1e-14, abs=1e-14 * size)
         assert np.sign(gap) == truth.side(rho)
-        assert gap == pytest.approx(truth.gap(rho), abs=1e-12 * size)
+        if gap > 0 and len(curve.movable.parts) * len(curve.static.parts) > 1:  # spheres may show that it is more
+            assert truth.gap(rho) - 1e-12 * size <= gap <= truth.distance(rho) + 1e-12 * size
+        else:
+            assert gap == pytest.approx(truth.gap(rho), abs=1e-12 * size)

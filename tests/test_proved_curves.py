@@ -161,16 +161,16 @@ def test_an_offset_that_cancels_twice_was_walked_with_no_digit_right():
 
 
 def test_unions_of_many_boxes_took_half_a_minute():
-    """Every pair of parts is settled; those whose parts fly apart are proved so in floats."""
+    """Most pairs of parts are found to be off the curve without being settled one by one."""
 
     def floor(count: int, shift: tuple[float, float, float]) -> Body:
         parts = [UNIT_BOX + np.add((i, j, 0), shift) for i in range(count) for j in range(count)]
         return Body.from_parts(parts, seed=np.array([count / 2, count / 2, 0.5]) + shift)
 
-    curve = fo.decision_curve(floor(3, (0, 0, 0)), floor(3, (0.3, 0.2, 3)), box=((1.0, 9.0), (1.0, 9.0)))
+    curve = fo.decision_curve(floor(7, (0, 0, 0)), floor(7, (0.3, 0.2, 3)), box=((1.0, 9.0), (1.0, 9.0)))
     (segment,) = curve.segments
     np.testing.assert_allclose(segment.line / segment.line[0], [1, 1, 6], rtol=1e-14)
-    assert curve.paths["float"] >= 30
+    assert sum(curve.paths.values()) <= 7**4 / 20
 
 
 def test_the_face_that_exact_numbers_name_is_kept_beside_one_almost_in_its_plane():

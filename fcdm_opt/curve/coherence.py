@@ -86,20 +86,20 @@ def contact_faults(
     touching = {feature.parts for feature in tracked}
     apart: list[Fault] = []
     flat: list[Array] = []  # directions in which other part pairs touch
-    for i, one in enumerate(movable.parts):
-        for j, two in enumerate(static.parts):
-            sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
-            separations = rows[:, 5] - rows[:, 3:5] @ rho
-            best = int(np.argmax(separations))
-            widest = float(separations[best])
-            kind, i_site, j_site = (int(x) for x in sites[best])
-            if (i, j) not in touching:
-                if not -widest <= slack:
-                    faults.append(Fault("overlapping", (i, j), (kind, i_site, j_site), rows[best, :3], -widest))
-                elif widest <= slack:
-                    flat += list(rows[separations >= -slack, :3])
-            elif not widest <= slack:
-                apart.append(Fault("apart", (i, j), (kind, i_site, j_site), rows[best, :3], widest))
+    near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
+    for i, j in sorted(touching.union(map(tuple, np.argwhere(near).tolist()))):
+        sites, rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)
+        separations = rows[:, 5] - rows[:, 3:5] @ rho
+        best = int(np.argmax(separations))
+        widest = float(separations[best])
+        kind, i_site, j_site = (int(x) for x in sites[best])
+        if (i, j) not in touching:
+            if not -widest <= slack:
+                faults.append(Fault("overlapping", (i, j), (kind, i_site, j_site), rows[best, :3], -widest))
+            elif widest <= slack:
+                flat += list(rows[separations >= -slack, :3])
+        elif not widest <= slack:
+            apart.append(Fault("apart", (i, j), (kind, i_site, j_site), rows[best, :3], widest))
     for fault in apart:
         own = [feature.normal for feature in tracked if feature.parts == fault.parts]
         if not all(any(n @ other > 1.0 - DEFAULT.nominal for other in flat) for n in own):

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve import kernels
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
@@ -85,6 +87,39 @@ def _element(part: ConvexPart, vertices: set[int]) -> tuple[Element, Vertices]:
     return part.elements["F"][face], part.loops[face]
 
 
+def located(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, contact: Contact, rho: Array) -> Contact:
+    """Return a contact named by where it is, for edges and faces of parts that lie on several of the body's own.
+
+    Parameters
+    ----------
+    one, two : ConvexPart
+    pose : (12,) array
+    normal : (3,) array
+        From body 1 to body 2.
+    contact : Contact
+    rho : (2,) array
+        A scale pair at which they touch.
+    """
+    if not (one.elements.spans or two.elements.spans):
+        return contact
+    point = contact_set(one, two, pose, normal, contact, rho).mean(axis=0)
+    drawn = one.seed + (point + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + point / rho[1]
+    names = [
+        part.element_at(*_place(part, own), where) if len(own) > 1 else name
+        for part, own, name, where in zip(
+            (one, two), (contact.one, contact.two), (contact.feature.one, contact.feature.two), drawn, strict=True
+        )
+    ]
+    return contact.labelled(Feature(*names))
+
+
+def _place(part: ConvexPart, own: Vertices) -> tuple[str, int]:
+    """Return kind and index of a part's edge or face of its vertices."""
+    if len(own) == 2:
+        return "E", int(np.flatnonzero(np.isin(part.edges[:, :2], own).all(axis=1))[0])
+    return "F", part.loops.index(own)
+
+
 def supporting_contact(
     one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, slack: float = DEFAULT.tie
 ) -> Contact:
@@ -110,10 +145,48 @@ def touching_contact(
     slack : float
         See `supporting_contact`.
     """
+    return supporting_contact(one, two, _between(normals), pose, slack)
+
+
+def _between(normals: Array) -> Array:
+    """Return a unit direction between all of some, the first where they cancel: contact on both sides."""
     total = normals.sum(axis=0)
     length = np.linalg.norm(total)
-    # opposite directions cancel where there is contact on both sides
-    return supporting_contact(one, two, total / length if length > DEFAULT.nominal else normals[0], pose, slack)
+    between: Array = total / length if length > DEFAULT.nominal else normals[0]
+    return between
+
+
+class Meeting(NamedTuple):
+    """Two parts that touch: their indices, a direction in which they support each other, what touches."""
+
+    parts: tuple[int, int]
+    normal: Array
+    contact: Contact
+
+
+def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> list[Meeting]:
+    """Return the part pairs that touch at a scale pair to within `slack`, each with what touches.
+
+    Parameters
+    ----------
+    movable, static : Body
+    pose : (12,) array
+        R, row by row, and d.
+    rho : (2,) array
+    slack : float
+        Length; parts this near touch, and directions this near to the widest are tight.
+    """
+    found = []
+    near = kernels.pair_bounds(*movable.packed, *static.packed, pose, rho) <= slack
+    for i, j in np.argwhere(near).tolist():
+        one, two = movable.parts[i], static.parts[j]
+        rows = kernels.facet_rows(*one.packed, *two.packed, pose)[1]
+        separations = rows[:, 5] - rows[:, 3:5] @ rho
+        if abs(separations.max()) <= slack:
+            normals = rows[np.abs(separations) <= slack, :3]
+            contact, normal = touching_contact(one, two, normals, pose), _between(normals)
+            found.append(Meeting((i, j), normal, located(one, two, pose, normal, contact, rho)))
+    return found
 
 
 def _top(part: ConvexPart, n: Array, slack: float) -> list[int]:
@@ -149,9 +222,9 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, co
     if len(X) == 1 or len(Y) == 1:
         return X if len(X) == 1 else Y
     if len(Y) > 2:
-        shared = _inside(X, Y[::-1], normal)  # seen from body 1 a face of body 2 runs clockwise
+        shared = _inside(X, Y[::-1])  # seen from body 1 a face of body 2 runs clockwise
     elif len(X) > 2:
-        shared = _inside(Y, X, normal)
+        shared = _inside(Y, X)
     elif contact.parallel:
         along = (X[1] - X[0]) / np.linalg.norm(X[1] - X[0])
         ends = np.sort(np.array([(X - X[0]) @ along, (Y - X[0]) @ along]), axis=1)
@@ -162,9 +235,11 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, co
     return _distinct(shared) if len(shared) else _common_point(X, Y)[None]
 
 
-def _inside(shape: Array, polygon: Array, normal: Array) -> Array:
-    """Return the part of a segment or convex polygon inside a polygon of the same plane, counter-clockwise about it."""
+def _inside(shape: Array, polygon: Array) -> Array:
+    """Return the part of a segment or convex polygon inside a polygon of the same plane, in the sense of the latter."""
     slack = DEFAULT.tie * np.abs(np.vstack([shape, polygon])).max()
+    spokes = polygon[1:] - polygon[0]
+    normal = np.cross(spokes[:-1], spokes[1:]).sum(axis=0)
     for corner, following in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         inward = np.cross(normal, following - corner)
         heights = (shape - corner) @ inward / np.linalg.norm(inward)

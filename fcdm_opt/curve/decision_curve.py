@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, contact_set
-from fcdm_opt.curve.envelope import Run, boundary, overlap_interval
-from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair
-from fcdm_opt.curve.segments import Box, Branch, Segment, SwitchingPoint, clipped, in_box, is_point
+from fcdm_opt.curve.contact import Meeting, meetings
+from fcdm_opt.curve.envelope import Run, Union, boundary, inside
+from fcdm_opt.curve.region import Region, pair_region, same_pair
+from fcdm_opt.curve.segments import Box, Branch, Segment, SwitchingPoint, clipped, in_box, is_point, shared
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
 
@@ -48,19 +48,26 @@ class DecisionCurve:
         """R, row by row, and d = s_2 - s_1 with the moved seed, (12,)."""
         return frozen(relative_pose(self.movable, self.static, self.transform))
 
+    @property
+    def _convex(self) -> bool:
+        return len(self.movable.parts) == len(self.static.parts) == 1
+
+    @cached_property
+    def _union(self) -> Union:
+        return Union.of(self.movable, self.static, self.transform, self.box)
+
     @cached_property
     def regions(self) -> tuple[Region, ...]:
-        """Overlap regions of all part pairs."""
-        return tuple(
-            pair_region(one, two, self.transform, (i, j))
-            for i, one in enumerate(self.movable.parts)
-            for j, two in enumerate(self.static.parts)
-        )
+        """Overlap regions of the part pairs that can be on the curve in the box."""
+        if self._convex:
+            return (pair_region(self.movable.parts[0], self.static.parts[0], self.transform),)
+        return self._union.regions
 
     @cached_property
     def chains(self) -> tuple[tuple[Run, ...], ...]:
-        """The curve in the whole quadrant."""
-        return tuple(tuple(chain) for chain in boundary(self.regions))
+        """The curve: of two convex bodies in the whole quadrant, of others in the box and a narrow rim about it."""
+        found = boundary(self.regions[0]) if self._convex else self._union.chains
+        return tuple(tuple(chain) for chain in found)
 
     @cached_property
     def _listed(self) -> tuple[tuple[Branch, ...], tuple[SwitchingPoint, ...]]:
@@ -69,11 +76,12 @@ class DecisionCurve:
         count = 0
         for whole in self.chains:
             chain = [stretch for stretch in whole if not is_point(stretch.whole)] or list(whole)
+            spans = [clipped(stretch.whole, self.box) for stretch in chain]
+            back = _hanging(chain, spans)
+            chain, spans = chain[-back:] + chain[:-back], spans[-back:] + spans[:-back]
             run: list[Segment] = []
-            first = len(branches)
-            for k, stretch in enumerate(chain):
+            for k, (stretch, span) in enumerate(zip(chain, spans, strict=True)):
                 piece = stretch.whole
-                span = clipped(piece, self.box)
                 if span is not None:
                     count += 1
                     if run and not same_pair(run[-1].end, span[0]):
@@ -86,10 +94,6 @@ class DecisionCurve:
                     points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
-            made = branches[first:]
-            if len(made) > 1 and same_pair(made[-1].segments[-1].end, made[0].segments[0].start):
-                # a closed chain that starts inside the box
-                branches[first] = Branch(branches.pop().segments + branches[first].segments)
         return tuple(branches), tuple(points)
 
     @property
@@ -106,6 +110,23 @@ class DecisionCurve:
     def switching_points(self) -> tuple[SwitchingPoint, ...]:
         """All switching points inside the box, in order of their number."""
         return self._listed[1]
+
+    @property
+    def modelled(self) -> dict[str, int]:
+        """How many part pairs and pairs of features were worked out, of how many there are.
+
+        Features kept are the contact lines of the pairs that can be on the curve; the total counts each face with each
+        vertex extreme towards it, and each edge with each edge.
+        """
+        bodies = self.movable, self.static
+        one, two = (np.array([[len(part.loops), len(part.edges)] for part in body.parts]) for body in bodies)
+        (faces, edges), (others, against) = one.sum(axis=0).tolist(), two.sum(axis=0).tolist()
+        return {
+            "part_pairs_kept": 1 if self._convex else self._union.walked,
+            "part_pairs_total": len(one) * len(two),
+            "features_kept": sum(len(region.lines) for region in self.regions),
+            "features_total": faces * len(two) + others * len(one) + edges * against,
+        }
 
     @property
     def paths(self) -> dict[str, int]:
@@ -131,45 +152,32 @@ class DecisionCurve:
 
     def _switching_point(self, run: Run, successor: Run, index: int) -> SwitchingPoint:
         before, after = run.pieces[-1], successor.pieces[0]
-        labels = run.whole.feature, successor.whole.feature
-        rho = before.end
-        if before.parts == after.parts and before.corner:
-            touching: tuple[Contact, ...] = (before.corner,)
-            sets = [self._contact_set(before, before.corner, rho)]
-        else:
-            touching = (run.whole.contact, successor.whole.contact)
-            sets = [self._contact_set(piece, piece.contact, rho) for piece in (before, after)]
-            merged = before.feature.merged(after.feature)
-            size = max(self.movable.size, self.static.size)
-            apart = np.abs(sets[0].mean(axis=0) - sets[1].mean(axis=0)).max()
-            if merged and apart <= DEFAULT.nominal * size:  # one contact at a seam
-                touching, sets = (before.contact.labelled(merged),), sets[:1]
         return SwitchingPoint(
-            frozen(rho),
-            labels,
+            frozen(before.end),
+            (run.whole.feature, successor.whole.feature),
             frozen([before.line, after.line]),
+            (run.whole.contact, successor.whole.contact),
             (before, after),
-            touching,
-            tuple(frozen(own) for own in sets),
+            (self.movable, self.static),
+            self.pose,
             index,
         )
-
-    def _contact_set(self, piece: Piece, contact: Contact, rho: Array) -> Array:
-        one, two = self.movable.parts[piece.parts[0]], self.static.parts[piece.parts[1]]
-        return self.static.seed + contact_set(one, two, self.pose, piece.normal, contact, rho)
 
     def contact_sets(self, rho: ArrayLike) -> tuple[Array, ...]:
         """Return what the bodies share at a scale pair on the curve, one array a contact; empty off the curve.
 
         Each is (1, 3) for a point, (2, 3) for a segment's ends, (k, 3) for a polygon's corners in order; world frame.
         """
-        found = self.locate(rho)
+        found, point = self.locate(rho), _pair(rho)
         if found is None:
             return ()
         if isinstance(found, SwitchingPoint):
             return found.contact_sets
-        piece = found.piece_at(_pair(rho))
-        return (frozen(self._contact_set(piece, piece.contact, _pair(rho))),)
+        bodies, piece = (self.movable, self.static), found.piece_at(point)
+        own = Meeting(piece.parts, piece.normal, piece.contact)
+        others = meetings(*bodies, self.pose, point, DEFAULT.nominal * max(body.size for body in bodies))
+        met = (own, *(other for other in others if other.parts != piece.parts))
+        return tuple(shared(bodies, self.pose, meeting, point) for meeting in met)
 
     def contact_points(self, rho: ArrayLike) -> Array:
         """Return one point of each contact at a scale pair on the curve, (k, 3), world frame; (0, 3) off the curve.
@@ -182,38 +190,57 @@ class DecisionCurve:
         """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
         point = _pair(rho)
         near = tolerance * np.abs(point).max()
-        for curve in (self, self._unboxed):
+        if point.min() > 0 and abs(float(self.gap(point))) > 2.0 * near * self._reach.sum():
+            return None  # a change of the scales by `near` closes no such gap
+        for curve in (self, self._about(point)):
             for switching_point in curve.switching_points:
                 if np.abs(switching_point.rho - point).max() <= near:
                     return switching_point if curve is self else replace(switching_point, index=0)
             for segment in curve.segments:
-                piece = segment.run.whole
-                s = np.clip(piece.parameter(point), piece.lo, piece.hi)
-                if np.abs(piece.at(s) - point).max() <= near:
+                if np.abs(segment.nearest(point) - point).max() <= near:
                     return segment if curve is self else replace(segment, index=0)
         return None
 
-    @cached_property
-    def _unboxed(self) -> DecisionCurve:
-        """The same curve, listed in the whole quadrant."""
+    def nearest(self, rho: ArrayLike) -> Array:
+        """Return the scale pair on the curve nearest to a scale pair, (2,); nan where there is none.
+
+        Of the curve in the box, and in a box from half to twice the scales.
+        """
+        point = _pair(rho)
+        listed = [segment.nearest(point) for curve in (self, self._about(point)) for segment in curve.segments]
+        return frozen(min(listed, key=lambda p: float(np.linalg.norm(p - point)), default=np.full(2, np.nan)))
+
+    def _about(self, point: Array) -> DecisionCurve:
+        """Return the same curve listed about a scale pair: of two convex bodies in the whole quadrant."""
+        if not self._convex:
+            low, high = np.maximum(point, 0.0) / 2.0, np.maximum(2.0 * point, DEFAULT.nominal)
+            return replace(self, box=((low[0], high[0]), (low[1], high[1])))
         whole = replace(self, box=((0.0, np.inf), (0.0, np.inf)))
         whole.__dict__["regions"] = self.regions
         return whole
+
+    @cached_property
+    def _reach(self) -> Array:
+        """Largest distance of a vertex from the seed of either body, (2,)."""
+        bodies = self.movable, self.static
+        return np.array([max(np.linalg.norm(p.vertices - p.seed, axis=1).max() for p in b.parts) for b in bodies])
 
     def crossings(self, rho1: float) -> Array:
         """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
         value = numbers(rho1, "rho1")
         if value.shape != () or not np.isfinite(value):
             raise InputError("a scale is a finite number", key="rho1", found=rho1)
-        return self._crossings(np.array([float(value), 0.0]), np.array([0.0, 1.0]), self.box[1])
+        return self._crossings(float(value))
 
-    def _crossings(self, base: Array, travel: Array, span: tuple[float, float]) -> Array:
-        """Return the parameters at which a line meets the boundary of the union of the open overlap regions."""
-        intervals = sorted(
-            (max(lo, 0.0), hi)
-            for lo, hi in (overlap_interval(region, base, travel) for region in self.regions)
-            if hi > max(lo, 0.0)
-        )
+    def _crossings(self, rho1: float) -> Array:
+        """Return where rho_1 = const meets the boundary of the union of the open overlap regions, in the box."""
+        (low, high), span = self.box
+        if not (self._convex or low <= rho1 <= high):  # what is hidden or apart there is not known
+            beside = (max(rho1, 0.0) * (1.0 - DEFAULT.rim), max(rho1, DEFAULT.rim) * (1.0 + DEFAULT.rim))
+            return replace(self, box=(beside, span))._crossings(max(rho1, 0.0))
+        regions = self.regions if self._convex else (*self._union.regions, *self._union.hiding)
+        found = [inside(region, np.array([rho1, 0.0]), np.array([0.0, 1.0])) for region in regions]
+        intervals = sorted((max(lo, 0.0), hi) for lo, hi in found if hi > max(lo, 0.0))
         ends: list[float] = []
         for lo, hi in intervals:
             if ends and lo < ends[-1] * (1.0 - DEFAULT.line):
@@ -230,21 +257,14 @@ class DecisionCurve:
         found = [self.crossings(x) for x in values.ravel().tolist()]
         return np.array([s[0] if s.size else np.nan for s in found]).reshape(values.shape)
 
-    @cached_property
-    def _rows(self) -> tuple[Array, ...]:
-        return tuple(
-            kernels.facet_rows(*one.packed, *two.packed, self.pose)[1]
-            for one in self.movable.parts
-            for two in self.static.parts
-        )
-
     def gap(self, rho: ArrayLike) -> Array | float:
         """Return the signed gap: > 0 apart, 0 touching, < 0 overlapping, length units.
 
         For positive scales its sign is always right.
 
         For each part pair the largest separation over the facet directions of its Minkowski difference (minus the
-        penetration depth where they overlap), least over the pairs; never more than the distance.
+        penetration depth where they overlap), least over the pairs; never more than the distance. Pairs of a union
+        count with the separation of the spheres about the two parts where that is more.
 
         Parameters
         ----------
@@ -253,17 +273,57 @@ class DecisionCurve:
         pairs = numbers(rho, "rho")
         if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or not np.isfinite(pairs).all():
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
-        flat = pairs.reshape(-1, 2)
-        least = np.full(len(flat), np.inf)
-        positive = np.asarray((flat > 0).all(axis=1))
-        for region, rows in zip(self.regions, self._rows, strict=True):
-            gaps = (rows[:, 5] - flat @ rows[:, 3:5].T).max(axis=-1)
-            sides = np.sign(gaps)
-            sides[positive] = region.sides(flat[positive])
-            for k in np.flatnonzero((sides != np.sign(gaps)) | (sides == 0)):  # rounding would decide
-                gaps[k] = region.exact.separation(flat[k].tolist()) if positive[k] else gaps[k]
-            least = np.minimum(least, gaps)
-        return float(least[0]) if pairs.ndim == 1 else least.reshape(pairs.shape[:-1])
+        flat = np.ascontiguousarray(pairs.reshape(-1, 2))
+        if self._convex:
+            gaps = (self._rows[:, 5] - flat @ self._rows[:, 3:5].T).max(axis=-1)
+        else:
+            gaps = kernels.least_gaps(*self._bodies, flat)[0]
+        positive = (flat > 0).all(axis=1)
+        near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._reach)
+        for k in np.flatnonzero(positive & (np.abs(gaps) <= near)):  # rounding would decide
+            gaps[k] = self._exact_gap(flat[k], near[k])
+        return float(gaps[0]) if pairs.ndim == 1 else gaps.reshape(pairs.shape[:-1])
+
+    def _exact_gap(self, rho: Array, near: float) -> float:
+        """Return the gap at positive scales where it is within rounding of 0, by rational arithmetic."""
+        if self._convex:
+            return self.regions[0].exact.separation(rho.tolist())
+        close = np.argwhere(kernels.pair_bounds(*self._bodies[:6], self.pose, rho) <= near).tolist()
+        regions = [pair_region(self.movable.parts[i], self.static.parts[j], self.transform) for i, j in close]
+        sides = [region.sides(rho[None])[0] for region in regions]
+        return min(
+            region.exact.separation(rho.tolist())
+            for region, side in zip(regions, sides, strict=True)
+            if side == min(sides)
+        )
+
+    @property
+    def _bodies(self) -> tuple[Array | Ints, ...]:
+        """What the kernels take for two unions."""
+        one, two = self.movable, self.static
+        return (*one.packed, *two.packed, self.transform, one.seed, two.seed)
+
+    @cached_property
+    def _rows(self) -> Array:
+        """Rows of all facet directions of two convex bodies, see `kernels`."""
+        rows: Array = kernels.facet_rows(*self.movable.parts[0].packed, *self.static.parts[0].packed, self.pose)[1]
+        return rows
+
+    def gap_bounds(self, rho: ArrayLike) -> tuple[float, float]:
+        """Return bounds of the gap of the solids that the bodies' parts stand for, see `Body.deviation`; length units.
+
+        Below: the gap less how far the parts fall short of the solids. Above: the distance of the parts and how far
+        they stick out of the solids; where the parts overlap, the solids do, or are no further apart than that. Both
+        are the gap or 0 where the parts are the solids themselves.
+
+        Parameters
+        ----------
+        rho : (2,) array
+            Scale pair, both positive.
+        """
+        pair = _pair(rho)
+        outward, inward = (pair @ own for own in zip(self.movable.deviation, self.static.deviation, strict=True))
+        return float(self.gap(pair) - inward), float(self.distance(pair) + outward)
 
     def distance(self, rho: ArrayLike) -> float:
         """Return the Euclidean distance of the scaled bodies, length units.
@@ -279,6 +339,17 @@ class DecisionCurve:
         if pair.min() <= 0:
             raise InputError("scales are positive", key="rho", found=rho)
         return float(np.maximum(gap, ScaledPair(self.movable, self.static).signed_distance(pair, self.transform)))
+
+
+def _hanging(chain: Sequence[Run], spans: Sequence[tuple[Array, Array] | None]) -> int:
+    """Return how many of the last stretches of a closed chain lead without a gap in the box to its first."""
+    if not same_pair(chain[-1].whole.end, chain[0].whole.start):
+        return 0
+    for back in range(len(chain)):
+        here, before = spans[-back], spans[-back - 1]
+        if here is None or before is None or not same_pair(before[1], here[0]):
+            return back
+    return 0
 
 
 def decision_curve(

@@ -1,18 +1,28 @@
-"""The boundary of a union of overlap regions: what each pair's boundary leaves outside every other open region."""
+"""The boundary of a union of overlap regions: what each pair's boundary leaves outside every other open region.
+
+Only the part pairs that can be on it in the box are looked at, cell by cell (`kernels.relevant_pairs`): all others are
+apart there, or hidden by a pair that overlaps in a whole cell.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve import joining, kernels
+from fcdm_opt.curve.contact import located
 from fcdm_opt.curve.region import Piece, Region, same_pair
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
 
 _LEAST_SCALE = 1e-6  # lines that pass this near to (0, 0) are compared as lines through it
+_LIMITS = (DEFAULT.tie, DEFAULT.line, DEFAULT.nominal, _LEAST_SCALE)
+Limits = tuple[tuple[float, float], tuple[float, float]]
 
 
 class Run(NamedTuple):
@@ -27,126 +37,136 @@ class Run(NamedTuple):
         return next((p for p in self.pieces if s <= self.whole.parameter(p.end)), self.pieces[-1])
 
 
-def boundary(regions: Sequence[Region]) -> list[list[Run]]:
-    """Return the chains of the union's boundary, overlap on the left, each in order.
+@dataclass(frozen=True, eq=False)
+class Union:
+    """The overlap regions of two unions of parts, of all part pairs that can be on their curve in a box.
 
-    Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
+    Attributes
+    ----------
+    regions : tuple of Region
+        In the order of the part pairs.
+    cells : (m, 4) array
+        Parts of the box, (low, high) of rho_1, then of rho_2. Outside them no curve passes.
+    members, shares : int arrays
+        Regions that matter in cell c: members[shares[c]:shares[c + 1]].
+    hiding : tuple of Region
+        Others, each of which holds parts of the box that no cell covers.
+    walked : int
+        Part pairs that were looked at more closely than by bounds.
     """
-    if any(region.status == "full" for region in regions):
-        return []
-    if len(regions) == 1:
-        return [_joined(chain) for chain in _sorted([list(chain) for chain in regions[0].chains])]
-    pieces = _without_repeats([left for k in range(len(regions)) for left in _outside_others(regions, k)])
-    return [_joined(chain) for chain in _sorted(_chains(pieces))]
+
+    regions: tuple[Region, ...]
+    hiding: tuple[Region, ...]
+    cells: Array
+    members: Ints
+    shares: Ints
+    walked: int
+
+    @classmethod
+    def of(cls, movable: Body, static: Body, transform: Array, box: Limits) -> Union:
+        """Return the union in a box.
+
+        Parameters
+        ----------
+        movable, static : Body
+        transform : (4, 4) array
+            Pose change of body 1.
+        box : pair of intervals
+            Of rho_1 and rho_2; infinite ones leave no pair out.
+        """
+        rim = [(low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box]
+        pairs, states, hides, sites, rows, points, chains, spans, cells, members, shares = kernels.relevant_pairs(
+            *movable.packed,
+            *static.packed,
+            transform,
+            movable.seed,
+            static.seed,
+            np.array(rim, dtype=np.float64).ravel(),
+            DEFAULT.planarity,
+            DEFAULT.prune,
+            DEFAULT.line / DEFAULT.prune,
+        )
+
+        def region(p: int) -> Region:
+            i, j = pairs[p].tolist()
+            (row, point, chain), (row_end, point_end, chain_end) = spans[p].tolist(), spans[p + 1].tolist()
+            known = states[p] in (kernels.WALKED, kernels.EMPTY)
+            walked = sites[row:row_end], rows[row:row_end], points[point:point_end], chains[chain:chain_end]
+            one, two = movable.parts[i], static.parts[j]
+            return Region(one, two, transform, (i, j), "float" if known else "exact", walked if known else None)
+
+        used = set(members.tolist())
+        order = sorted(used.union(np.flatnonzero(hides).tolist()), key=lambda p: tuple(pairs[p]))
+        listed = [p for p in order if p in used]
+        number = np.zeros(len(pairs), np.int64)
+        number[listed] = np.arange(len(listed))
+        hiding = tuple(region(p) for p in order if p not in used)
+        return cls(tuple(region(p) for p in listed), hiding, cells, number[members], shares, len(pairs))
+
+    @cached_property
+    def chains(self) -> list[list[Run]]:
+        """The chains of the union's boundary in the box, overlap on the left, each in order.
+
+        Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
+        """
+        regions = self.regions
+        if any(region.status == "full" for region in regions):
+            return []
+        owner, spans, chain = joining.visible(
+            *_together([region.unit_lines for region in regions], 3),
+            *_together([region.table for region in regions], 6),
+            np.array([region.parts for region in regions], np.int64).reshape(-1, 2),
+            self.cells,
+            self.members,
+            self.shares,
+            _LIMITS,
+        )
+        made = [
+            _named(regions[k], regions[k].piece(number).cut(*span), bool(snug))
+            for (k, number, snug), span in zip(owner.tolist(), spans.tolist(), strict=True)
+        ]
+        joined = [made[first:last] for first, last in pairwise(chain.tolist())]
+        return [_joined(chain) for chain in _sorted(joined)]
 
 
-def _sorted(chains: list[list[Piece]]) -> list[list[Piece]]:
-    """Return chains by their first scale pair."""
-    return sorted(chains, key=lambda chain: tuple(np.nan_to_num(chain[0].start, posinf=np.inf, neginf=np.inf)))
+def _named(region: Region, piece: Piece, snug: bool) -> Piece:
+    """Return a visible piece, with the name of what touches in its middle, or as far on as (1, 1) where it has none."""
+    ends = [piece.end_at(s) for s in (piece.lo, piece.hi) if np.isfinite(s)]
+    middle = np.mean(ends, axis=0) if len(ends) == 2 else sum(ends, np.zeros(2)) + np.abs(piece.travel)
+    contact = located(region.one, region.two, region.pose, piece.normal, piece.contact, middle)
+    return piece if contact is piece.contact and not snug else replace(piece, contact=contact, snug=snug)
 
 
-def overlap_interval(region: Region, base: Array, travel: Array) -> tuple[float, float]:
+def boundary(region: Region) -> list[list[Run]]:
+    """Return the chains of one region's boundary in the whole quadrant, overlap on the left, each in order."""
+    return [_joined(chain) for chain in _sorted([list(chain) for chain in region.chains])]
+
+
+def inside(region: Region, base: Array, travel: Array) -> tuple[float, float]:
     """Return the open interval of s in which base + s travel lies inside the open region (lo >= hi if none)."""
     if region.status != "bounded":
         return (-np.inf, np.inf) if region.status == "full" else (0.0, 0.0)
-    lines = region.unit_lines
-    value, slope = lines[:, :2] @ base - lines[:, 2], lines[:, :2] @ travel
-    flat = np.abs(slope) <= DEFAULT.tie
-    if np.any(value[flat] <= DEFAULT.line * (np.abs(base).sum() + np.abs(lines[flat, 2]))):
-        return 0.0, 0.0
-    at = -value[~flat] / slope[~flat]
-    rising = slope[~flat] > 0
-    return float(at[rising].max(initial=-np.inf)), float(at[~rising].min(initial=np.inf))
+    interval: tuple[float, float] = joining.interval(region.unit_lines, base, travel, _LIMITS)
+    return interval
 
 
-def _outside_others(regions: Sequence[Region], own: int) -> list[Piece]:
-    """Return what remains of a region's boundary outside the other open regions."""
-    left = []
-    others = [region for k, region in enumerate(regions) if k != own and region.status != "empty"]
-    for piece in regions[own].pieces:
-        spans = [(piece.lo, piece.hi)]
-        for region in others:
-            if not spans:
-                break
-            spans = _minus(spans, *overlap_interval(region, piece.base, piece.travel), _scale(piece))
-        left += [piece if span == (piece.lo, piece.hi) else piece.cut(*span) for span in spans]
-    return left
+def _sorted(chains: list[list[Piece]]) -> list[list[Piece]]:
+    """Return chains by their first scale pair; closed ones start at their least rho_1, then rho_2."""
+
+    def place(piece: Piece) -> tuple[float, ...]:
+        return tuple(np.nan_to_num(piece.start, posinf=np.inf, neginf=np.inf))
+
+    for k, chain in enumerate(chains):
+        if len(chain) > 1 and same_pair(chain[-1].end, chain[0].start):
+            first = min(range(len(chain)), key=lambda m: place(chain[m]))
+            chains[k] = chain[first:] + chain[:first]
+    return sorted(chains, key=lambda chain: place(chain[0]))
 
 
-def _scale(piece: Piece) -> float:
-    """Return the size of a piece's scale pairs, which rounding is relative to."""
-    return max(float(np.abs(piece.base).sum()), _LEAST_SCALE)
-
-
-def _minus(spans: list[tuple[float, float]], lo: float, hi: float, scale: float) -> list[tuple[float, float]]:
-    """Take an open interval out of a list of closed ones; slivers within rounding are dropped."""
-    if hi <= lo:
-        return spans
-    rest = []
-    for a, b in spans:
-        for p, q in ((a, min(b, lo)), (max(a, hi), b)):
-            if p < q and q - p > DEFAULT.line * (scale + min(abs(p), abs(q))):  # two infinite ends: none left
-                rest.append((p, q))
-    return rest
-
-
-def _without_repeats(pieces: list[Piece]) -> list[Piece]:
-    """Keep one of the pieces that coincide; where their overlap sides differ it is snug."""
-    kept: list[Piece] = []
-    for piece in pieces:
-        rest = [piece]
-        for known in list(kept):
-            if not _one_line(piece, known):
-                continue
-            same = float(piece.travel @ known.travel)
-            lo, hi = sorted(same * s + float(piece.base @ piece.travel) for s in (known.lo, known.hi))
-            if all(_minus([(p.lo, p.hi)], lo, hi, _scale(p)) == [(p.lo, p.hi)] for p in rest):
-                continue
-            if same < 0:
-                kept.remove(known)
-                kept += _marked_snug(known, piece)
-            rest = [p.cut(a, b) for p in rest for a, b in _minus([(p.lo, p.hi)], lo, hi, _scale(p))]
-        kept += rest
-    return kept
-
-
-def _one_line(one: Piece, two: Piece) -> bool:
-    cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
-    apart = np.abs(one.base - two.base).sum()
-    return bool(cross <= DEFAULT.nominal and apart <= DEFAULT.nominal * _scale(one))
-
-
-def _marked_snug(known: Piece, other: Piece) -> list[Piece]:
-    """Split a piece where an opposite one covers it."""
-    lo, hi = sorted(-s for s in (other.lo, other.hi))
-    inside = (max(known.lo, lo), min(known.hi, hi))
-    outside = [known.cut(a, b) for a, b in _minus([(known.lo, known.hi)], *inside, _scale(known))]
-    return [*outside, replace(known.cut(*inside), snug=True)]
-
-
-def _chains(pieces: list[Piece]) -> list[list[Piece]]:
-    """Join pieces where one ends and another starts, snug ones apart."""
-    rest = list(pieces)
-    chains: list[list[Piece]] = []
-    while rest:
-        chain = [rest.pop(0)]
-        for forward in (True, False):
-            while True:
-                tip = chain[-1].end if forward else chain[0].start
-                found = next(
-                    (
-                        p
-                        for p in sorted(rest, key=lambda p: p.parts != (chain[-1] if forward else chain[0]).parts)
-                        if p.snug == chain[0].snug and same_pair(p.start if forward else p.end, tip)
-                    ),
-                    None,
-                )
-                if found is None:
-                    break
-                rest.remove(found)
-                chain.insert(len(chain) if forward else 0, found)
-        chains.append(chain)
-    return chains
+def _together(tables: list[Array], width: int) -> tuple[Array, Ints]:
+    """Return tables one after the other, and where each starts."""
+    starts = np.concatenate([[0], np.cumsum([len(table) for table in tables])]).astype(np.int64)
+    return np.concatenate([np.empty((0, width)), *tables]), starts
 
 
 def _joined(chain: list[Piece]) -> list[Run]:
@@ -165,3 +185,9 @@ def _joined(chain: list[Piece]) -> list[Run]:
         feature = piece.feature.starting_at(contact) if contact else piece.feature
         runs.append(Run(replace(piece, contact=piece.contact.labelled(feature)), (piece,)))
     return runs
+
+
+def _one_line(one: Piece, two: Piece) -> bool:
+    cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
+    apart = np.abs(one.base - two.base).sum()
+    return bool(cross <= DEFAULT.nominal and apart <= DEFAULT.nominal * max(np.abs(one.base).sum(), _LEAST_SCALE))

@@ -23,7 +23,8 @@ F1V2, V1F2, E1E2 = 0, 1, 2
 # how a walk ended: done, left to exact arithmetic, no room for the answer, no overlap at any scale pair
 WALKED, UNDECIDED, CROWDED, EMPTY = 0, 1, 2, 4
 CONTACT, OVERLAPPING = 5, 3  # in a box: the curve passes it; it does not, and the bodies overlap (WALKED: are apart)
-FAR, AXIS_1, AXIS_2 = 0, 1, 2  # how a chain ends: at infinity, where rho_1 = 0, where rho_2 = 0
+FAR, AXIS_1, AXIS_2, CLOSED = 0, 1, 2, 3  # how a chain ends: at infinity, where rho_1 = 0 or rho_2 = 0, at its start
+ADRIFT = 6  # no chain starts on an axis, and no direction is known that separates the parts at every scale pair
 _INF = np.inf
 UNIT = 2.0**-53
 # Error bounds of the walk's sign tests, in units of 2^-53 times the product of the lengths that enter. One operation
@@ -31,7 +32,7 @@ UNIT = 2.0**-53
 # are computed), dot product 3.
 TRIPLE = 64.0 * UNIT  # triple products of vertices and d: 1 + 1 + 12 + 2.8 + 11.2 + 3 = 31 at most, doubled
 SPOKE = 72.0 * UNIT  # face normals times ways between vertices: 2 (11.2 + 3 + 1) + 2 = 32.4 and twice the face's own
-FINE = 2e-14  # no line has a direction known less well: edges are crossed in twice the precision, faces left to exact
+FINE = 1e-12  # no line has a direction known less well (`planarity`): edges are crossed in twice the precision
 SLIGHT = 1e-2  # lines shorter than this, relative to the sizes, and corners of shorter edges lose digits
 TRIALS = 100  # steps of the search for a direction that separates at every scale
 LOST = 2.0**-40  # an offset that cancels to less than this is known to too few digits
@@ -693,13 +694,16 @@ def _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n):
 
 
 @step
-def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, sites, rows, points):
+def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, round_trip, sites, rows, points):
     """Walk one chain from the axis on which a face and a vertex touch: points[0] is filled by this function.
+
+    With `round_trip` the chain starts on the face and vertex somewhere off the axes, and must come back to them.
 
     Forward (+1) is along (b, -a), with the overlap region on the left; -1 is backward. Fills `sites`, `rows` and
     `points`, whose last row is a direction where the chain runs to infinity. Return (state, segments, end).
     """
     i, j = (face, apex) if kind == F1V2 else (apex, face)  # E1E2: half-edges, n along i x j
+    first, first_i, first_j = kind, i, j
     meets = kind  # how an E1E2 is entered: a vertex of part 2 came upon the edge of part 1, or the other way round
     for k in range(len(sites)):
         sites[k, 0], sites[k, 1], sites[k, 2], sites[k, 3] = kind, i, j, -1
@@ -738,7 +742,7 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
             return UNDECIDED, 0, FAR
         if real == 0:  # the contact never gets there: the chain ends before, on an axis or at infinity
             end = _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, two)
-            if end < 0:
+            if end < 0 or round_trip:
                 return UNDECIDED, 0, FAR
             if end == FAR:
                 steep = np.sqrt(one * one + two * two)
@@ -752,24 +756,34 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
         kind, i, j = _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n)
         if kind < 0:
             return UNDECIDED, 0, FAR
+        if round_trip and kind == first and i == first_i and j == first_j:
+            points[0, 0], points[0, 1] = x1, x2
+            return WALKED, k + 1, CLOSED
+        if round_trip and k > ints1[2] * ints2[2]:
+            return UNDECIDED, 0, FAR
     return CROWDED, 0, FAR
 
 
 @step
-def _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains):
-    """Walk all chains that start on an axis; return (state, segments, chains). See `walk`."""
+def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points, chains):
+    """Walk all chains that start on an axis; return (state, segments, chains). See `walk`.
+
+    Where kind0 >= 0, F1V2 or V1F2, the one closed chain that face0 is on instead.
+    """
     if not (reals1[ints1[0] + ints1[1], 1] > 0.0 and reals2[ints2[0] + ints2[1], 1] > 0.0):
         return UNDECIDED, 0, 0
     # s_1 in part 2 where rho_1 = 0, s_2 in part 1 where rho_2 = 0. The region is convex and holds no line, so that its
     # boundary is one curve: if it meets an axis at all, each of its chains has an end on one.
-    hit1, in1, out1 = _seed_ray(reals2, ints2, _times(-1.0, _entry(frame, D)))
+    hit1, in1, out1 = 0, -1, -1
+    if kind0 < 0:
+        hit1, in1, out1 = _seed_ray(reals2, ints2, _times(-1.0, _entry(frame, D)))
     if hit1 == 2:
         return UNDECIDED, 0, 0
     hit2, in2, out2 = 0, -1, -1
     low_joined = far1_joined = far2_joined = False  # ends on an axis that an earlier chain has reached
     used, made = 0, 0
-    for start in range(4):
-        if start == 1 and not (low_joined and reals1[ints1[0] + ints1[1], 2] > 0.0):
+    for start in range(5):
+        if kind0 < 0 and start == 1 and not (low_joined and reals1[ints1[0] + ints1[1], 2] > 0.0):
             # known already where the first chain ended on this axis and s_2 cannot enter part 1
             hit2, in2, out2 = _seed_ray(reals1, ints1, _entry(frame, D_OWN))
             if hit2 == 2:
@@ -780,8 +794,10 @@ def _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains):
             wanted, kind, face, forward = hit2 == 1 and not low_joined, F1V2, out2, -1.0
         elif start == 2:  # s_1 enters part 2
             wanted, kind, face, forward = in1 >= 0 and not far1_joined, V1F2, in1, -1.0
-        else:  # s_2 enters part 1
+        elif start == 3:  # s_2 enters part 1
             wanted, kind, face, forward = in2 >= 0 and not far2_joined, F1V2, in2, 1.0
+        else:
+            wanted, kind, face, forward = kind0 >= 0, kind0, face0, 1.0
         if not wanted:
             continue
         if kind == V1F2:
@@ -793,11 +809,13 @@ def _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains):
         if not sure:
             return UNDECIDED, 0, 0
         state, count, end = _walk_chain(
-            reals1, ints1, reals2, ints2, frame, forward, kind, face, apex,
+            reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, start == 4,
             sites[used:], rows[used:], points[used + made :],
         )  # fmt: skip
         if state != WALKED:
             return state, 0, 0
+        if end == CLOSED:
+            _start_lowest(sites[used:], rows[used:], points[used + made :], count)
         chains[made, 0], chains[made, 1], chains[made, 2], chains[made, 3] = used, count, int(forward), end == FAR
         low_joined = low_joined or (start == 0 and end == AXIS_2)
         far1_joined = far1_joined or (start == 0 and end == AXIS_1)
@@ -805,19 +823,121 @@ def _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains):
         used += count
         made += 1
     if made == 0:
-        return (EMPTY if _excluded(reals1, ints1, reals2, ints2, frame) else UNDECIDED), 0, 0
+        n = _times(1.0 / _length(_entry(frame, D)), _entry(frame, D))
+        return (EMPTY if _excluded(reals1, ints1, reals2, ints2, frame, n) else ADRIFT), 0, 0
     return WALKED, used, made
 
 
 @step
-def _excluded(reals1, ints1, reals2, ints2, frame):
-    """Search a direction with a < 0, b < 0 and c > 0 for certain: it separates the parts at every scale pair.
+def _start_lowest(sites, rows, points, count):
+    """Turn a closed chain so that it starts at its point of least rho_1, then rho_2."""
+    best = 0
+    for k in range(count):
+        if points[k, 0] < points[best, 0] or (points[k, 0] == points[best, 0] and points[k, 1] < points[best, 1]):
+            best = k
+    for _ in range(best):
+        for k in range(count - 1):
+            for entry in range(6):
+                sites[k, entry], sites[k + 1, entry] = sites[k + 1, entry], sites[k, entry]
+                rows[k, entry], rows[k + 1, entry] = rows[k + 1, entry], rows[k, entry]
+        for k in range(count):
+            points[k, 0], points[k, 1] = points[k + 1, 0], points[k + 1, 1]
+        points[count, 0], points[count, 1] = points[0, 0], points[0, 1]
+
+
+@kernel
+def _landfall(reals1, ints1, reals2, ints2, pose, frame):
+    """Return (state, kind, face): where to start a walk round a region that no seed ray leads to.
+
+    ADRIFT and a face that, with a vertex, is on its boundary as far as floats can tell; EMPTY where a combination of
+    facet directions separates the parts at every scale pair for certain; UNDECIDED.
+    """
+    sites, rows = facet_rows(reals1, ints1, reals2, ints2, pose)
+    # what the half-planes leave of a wide triangle; owner: the row on which the side from a corner to the next lies
+    corners, owner = np.empty((len(rows) + 8, 2)), np.full(len(rows) + 8, -1, np.int64)
+    more, others = np.empty((len(rows) + 8, 2)), np.empty(len(rows) + 8, np.int64)
+    corners[0, 0], corners[0, 1] = 0.0, 0.0
+    corners[1, 0], corners[1, 1] = _HORIZON, 0.0
+    corners[2, 0], corners[2, 1] = 0.0, _HORIZON
+    owner[0], owner[1], owner[2], count = _RHO_2, -1, _RHO_1, 3
+    for k in range(len(rows)):
+        a, b, c = rows[k, 3], rows[k, 4], rows[k, 5]
+        made = 0
+        for m in range(count):
+            p, q = corners[m], corners[(m + 1) % count]
+            before, after = a * p[0] + b * p[1] - c, a * q[0] + b * q[1] - c
+            if before >= 0.0:
+                more[made, 0], more[made, 1], others[made] = p[0], p[1], owner[m]
+                made += 1
+            if (before >= 0.0) != (after >= 0.0):
+                share = before / (before - after)
+                more[made, 0], more[made, 1] = p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])
+                others[made] = k if before >= 0.0 else owner[m]
+                made += 1
+        corners, more, owner, others, before_count, count = more, corners, others, owner, count, made
+        if count == 0:
+            sure = _conflict(reals1, ints1, reals2, ints2, frame, rows, k, more, others, before_count)
+            return (EMPTY if sure else UNDECIDED), -1, -1
+    best, kind, face = 0.0, -1, -1
+    for m in range(count):
+        k = owner[m]
+        if k >= 0 and sites[k, 0] != E1E2:
+            p, q = corners[m], corners[(m + 1) % count]
+            length = np.abs(q[0] - p[0]) + np.abs(q[1] - p[1])
+            if length > best:
+                best, kind, face = length, sites[k, 0], sites[k, 1 if sites[k, 0] == F1V2 else 2]
+    return (ADRIFT if kind >= 0 else UNDECIDED), kind, face
+
+
+_HORIZON, _RHO_1, _RHO_2 = 1e6, -2, -3  # scales beyond which no walk round a region is tried; the axes as owners
+
+
+@step
+def _conflict(reals1, ints1, reals2, ints2, frame, rows, last, corners, owner, count):
+    """Tell whether row `last`, which leaves nothing of a polygon, excludes it and every other scale pair for certain.
+
+    At the corner that it misses least, its gradient is balanced by those of the rows that meet there: their directions,
+    so weighted, add up to one that separates the parts at all positive scales.
+    """
+    a, b, c = rows[last, 3], rows[last, 4], rows[last, 5]
+    best, m = -_INF, 0
+    for k in range(count):
+        value = a * corners[k, 0] + b * corners[k, 1] - c
+        if value > best:
+            best, m = value, k
+    one, two = owner[m], owner[m - 1 if m else count - 1]
+    if one == -1 or two == -1:
+        return False
+    slight = -_HINT * (frame[RADIUS_1] + frame[RADIUS_2])
+    p, q = _gradient(rows, one), _gradient(rows, two)
+    det = p[0] * q[1] - p[1] * q[0]
+    n = _at(rows, last)
+    if one >= 0:
+        n = _minus(n, _times(-((slight - a) * q[1] - (slight - b) * q[0]) / det, _at(rows, one)))
+    if two >= 0:
+        n = _minus(n, _times(-((slight - b) * p[0] - (slight - a) * p[1]) / det, _at(rows, two)))
+    length = _length(n)
+    return 0.0 < length < _INF and _excluded(reals1, ints1, reals2, ints2, frame, _times(1.0 / length, n))
+
+
+_HINT = 1e-12  # of the radii: what the balance is tipped by, so that no rounding makes a support positive
+
+
+@step
+def _gradient(rows, owner):
+    if owner >= 0:
+        return rows[owner, 3], rows[owner, 4]
+    return (1.0, 0.0) if owner == _RHO_1 else (0.0, 1.0)
+
+
+@step
+def _excluded(reals1, ints1, reals2, ints2, frame, n):
+    """Search, from n on, a direction with a < 0, b < 0 and c > 0 for certain: it separates the parts at any scales.
 
     The perceptron's rule: turn away from whatever lies farthest ahead.
     """
     d = _entry(frame, D)
     length = _length(d)
-    n = _times(1.0 / length, d)
     for _ in range(TRIALS):
         unit = 1.0 / _length(n)
         inward = _turned_back(frame, R, n)
@@ -853,17 +973,22 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     chains (k, 4) = first segment, segments, direction (+1 walked with the overlap region on the left, -1 on the
     right), whether it runs to infinity; chain c has points from its first segment + c on, one more than segments.
 
-    State EMPTY: no seed ray hits, and some direction separates the parts at every scale pair. UNDECIDED: a sign within
-    its error bound, two features within `planarity`, a line or direction known to too few digits, or no seed ray hits
-    and no such direction was found (then the boundary is empty, a closed polygon, or runs from infinity to infinity).
+    Where no seed ray hits, the boundary is empty, a closed polygon (its last point is its first), or runs from infinity
+    to infinity. State EMPTY: some direction separates the parts at every scale pair. UNDECIDED: a sign within its error
+    bound, two features within `planarity`, a line or direction known to too few digits, or no such direction and no
+    closed polygon was found.
     """
     frame, pose, chains = np.empty(FRAME), np.empty(12), np.empty((4, 4), np.int64)
     known = _set_pose(transform, seed1, seed2, pose)
     _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
-    capacity = 32
+    capacity, kind, face = 32, -1, -1
     while True:
         sites, rows, points = np.empty((capacity, 6), np.int64), np.empty((capacity, 6)), np.empty((capacity + 4, 2))
-        state, used, made = _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains)
+        state, used, made = _walk(reals1, ints1, reals2, ints2, frame, kind, face, sites, rows, points, chains)
+        if state == ADRIFT:
+            state, kind, face = _landfall(reals1, ints1, reals2, ints2, pose, frame)
+            if state == ADRIFT:
+                continue
         if state != CROWDED:
             if not known:
                 state = UNDECIDED
@@ -898,12 +1023,7 @@ def _clip(start, end, endless, line, box, least):
             lo, lo_border = into, first
         if out < hi:
             hi, hi_border = out, second
-    size = np.abs(start[0]) + np.abs(start[1])
-    length = 1.0
-    if not endless:
-        size = max(size, np.abs(end[0]) + np.abs(end[1]))
-        length = np.abs(end[0] - start[0]) + np.abs(end[1] - start[1])
-    if not (hi - lo) * length > least * size:
+    if not hi > lo:
         return False, 0.0, 0.0, 0.0, 0.0
     x, y = start[0], start[1]
     u, v = end[0], end[1]
@@ -913,7 +1033,9 @@ def _clip(start, end, endless, line, box, least):
         x, y = _on_border(line, box, lo_border)
     if hi_border >= 0:
         u, v = _on_border(line, box, hi_border)
-    return True, x, y, u, v
+    # relative to what is left: what is cut off may be far away
+    size = max(np.abs(x) + np.abs(y), np.abs(u) + np.abs(v))
+    return size == _INF or np.abs(u - x) + np.abs(v - y) > least * size, x, y, u, v
 
 
 @step
@@ -972,11 +1094,15 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     capacity, kept = 4 * total + room, 0
     all_sites, all_rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
     ends = np.empty((capacity, 2, 2))
-    item = 0
+    item, kind, face = 0, -1, -1
     while item < total:
         known = _place(transforms, item, seeds, pose)
         _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
-        state, used, made = _walk(reals1, ints1, reals2, ints2, frame, sites, rows, points, chains)
+        state, used, made = _walk(reals1, ints1, reals2, ints2, frame, kind, face, sites, rows, points, chains)
+        if state == ADRIFT:
+            state, kind, face = _landfall(reals1, ints1, reals2, ints2, pose, frame)
+            if state == ADRIFT:
+                continue
         if state == CROWDED:
             room *= 4
             sites, rows, points = np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2))
@@ -996,7 +1122,7 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
                 state = _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
         kept += counts[item]
         states[item] = state
-        item += 1
+        item, kind, face = item + 1, -1, -1
     return states, counts, all_sites[:kept], all_rows[:kept], ends[:kept]
 
 
@@ -1018,8 +1144,9 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
                 best = chain
         done |= 1 << best
         first, count, forward, endless = chains[best, 0], chains[best, 1], chains[best, 2], chains[best, 3]
-        for index in range(count):
-            k = index if forward > 0 else count - 1 - index
+        back = _hanging(rows, points, first, first + best, count, box, least) if endless == 0 else 0
+        for index in range(-back, count - back):
+            k = index % count if forward > 0 else count - 1 - index
             start, end = points[first + best + k], points[first + best + k + 1]
             away = endless > 0 and k == count - 1
             left, x, y, u, v = _clip(start, end, away, rows[first + k, 3:], box, least)
@@ -1034,6 +1161,23 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
             ends[kept, 1 - side, 0], ends[kept, 1 - side, 1] = u, v
             kept += 1
     return kept - before
+
+
+@step
+def _hanging(rows, points, first, place, count, box, least):
+    """Return how many of the last segments of a closed chain lead without a gap in the box to the first one."""
+    start, end = points[place], points[place + count]
+    if start[0] != end[0] or start[1] != end[1]:
+        return 0
+    for back in range(count):
+        here, before = (count - back) % count, count - back - 1
+        _, x, y, _, _ = _clip(points[place + here], points[place + here + 1], False, rows[first + here, 3:], box, least)
+        meets, _, _, u, v = _clip(
+            points[place + before], points[place + before + 1], False, rows[first + before, 3:], box, least
+        )
+        if not meets or x != u or y != v:
+            return back
+    return 0
 
 
 @step
@@ -1062,6 +1206,30 @@ def _starts_before(points, chains, one, two):
     if far1 != far2:
         return far2
     return p[0] < q[0] or (p[0] == q[0] and p[1] < q[1])
+
+
+@kernel
+def piece_table(rows, points, chains):
+    """Return what a walk's pieces are as stretches of lines, (k, 6), chain by chain with the overlap on the left.
+
+    Each is base + s travel for lo <= s <= hi: the line's point nearest to (0, 0), its unit direction, lo and hi.
+    """
+    table, made = np.empty((len(rows), 6)), 0
+    for chain in range(len(chains)):
+        first, count, forward, endless = chains[chain, 0], chains[chain, 1], chains[chain, 2], chains[chain, 3]
+        for index in range(count):
+            k = index if forward > 0 else count - 1 - index
+            a, b, c = rows[first + k, 3], rows[first + k, 4], rows[first + k, 5]
+            steep = np.sqrt(a * a + b * b)
+            x, y, u, v = c / steep * a / steep, c / steep * b / steep, b / steep, -a / steep
+            start, end = points[first + chain + k], points[first + chain + k + 1]
+            lo, hi = (start[0] - x) * u + (start[1] - y) * v, (end[0] - x) * u + (end[1] - y) * v
+            if endless > 0 and k == count - 1:
+                hi = _INF * forward
+            table[made, 0], table[made, 1], table[made, 2], table[made, 3] = x, y, u, v
+            table[made, 4], table[made, 5] = (lo, hi) if forward > 0 else (hi, lo)
+            made += 1
+    return table[:made]
 
 
 # ----------------------------------------------------------------------------------------------- all facet directions
@@ -1181,3 +1349,425 @@ def _track_row(reals1, ints1, reals2, ints2, frame, kind, i, j, sign, row):
         n, one, two, level = _edge_row(reals1, ints1, reals2, ints2, frame, 2 * i + (0 if sign > 0 else 1), 2 * j)
     row[0], row[1], row[2] = n
     row[3], row[4], row[5] = one, two, level
+
+
+# --------------------------------------------------------------------------- part pairs that a union's curve depends on
+
+
+@kernel
+def relevant_pairs(
+    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, box, planarity, margin, tie
+):
+    """Walk the part pairs of two unions that can be on their curve in a box, and tell where in the box each can be.
+
+    The box is halved both ways into cells until few pairs are left in each. A pair is left out of a cell where a
+    direction keeps the two parts apart at all its scale pairs, or where it overlaps only where another pair does (of
+    two whose overlap ends along one line the first stays). A cell is left out where one pair overlaps in all of it, as
+    no curve passes there, or where no pair is left. All by more than `margin` times the bodies' extents; lines are one
+    within `tie` times that.
+
+    Bodies as `packing.packed_together` gives them: places (parts + 1, 2), the first row and entry of each part. Box:
+    (low, high) of rho_1, then of rho_2; one that is not finite is one cell with all pairs.
+
+    Return (pairs, states, hides, sites, rows, points, chains, spans, cells, members, shares). Pairs (k, 2) were walked,
+    with the results of `walk` one after the other: spans (k + 1, 3) are the first row, point and chain of each. Of the
+    others no point is on the curve inside the box. Cells (m, 4) with members[shares[c]:shares[c + 1]], indices of
+    pairs: no others are on the curve there, and none hide it. Pairs that overlap in a whole cell have `hides` 1.
+    """
+    n1, n2 = len(places1) - 1, len(places2) - 1
+    pose = relative_pose(transform, seed1, seed2)
+    extents1, spheres1 = _supports(reals1, ints1, places1, pose, 1.0)
+    extents2, spheres2 = _supports(reals2, ints2, places2, pose, -1.0)
+    levels = np.empty(_WAYS)
+    for way in range(_WAYS):
+        levels[way] = _dot(_direction(way), _entry(pose, 9))
+    d = _entry(pose, 9)
+    finite = np.isfinite(box[1]) and np.isfinite(box[3])
+    slack = _INF
+    if finite:
+        slack = margin * (_length(d) + box[1] * np.abs(extents1).max() + box[3] * np.abs(extents2).max())
+    walked = np.full(n1 * n2, -1, np.int64)
+    made = 0  # pairs walked
+    pairs, states = np.empty((16, 2), np.int64), np.empty(16, np.int64)
+    spans = np.zeros((17, 3), np.int64)
+    sites, rows = np.empty((128, 6), np.int64), np.empty((128, 6))
+    points, chains = np.empty((192, 2)), np.empty((32, 4), np.int64)
+    # what covers a cell: rows of each walked pair, its own or, where they are not known, those of all facets
+    bounds, ends = np.empty((128, 6)), np.zeros(17, np.int64)
+    cells, shares = np.empty((64, 4)), np.zeros(65, np.int64)
+    members = np.empty(256, np.int64)
+    hides = np.zeros(n1 * n2, np.int64)
+    kept, used = 0, 0
+    stack = np.empty((4 * _DEPTH + 5, 7))  # x0, x1, y0, y1, depth, where the enclosing cell's list starts, its length
+    lists, depths = np.empty((_DEPTH + 2) * n1 * n2, np.int64), np.empty(n1 * n2)
+    inside, heights1, heights2 = np.empty(n1 * n2, np.int64), np.empty(n1), np.empty(n2)
+    for code in range(n1 * n2):
+        lists[code] = code
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = box[0], box[1], box[2], box[3]
+    stack[0, 4], stack[0, 5], stack[0, 6] = 0.0, 0.0, n1 * n2
+    top = 1
+    while top > 0:
+        top -= 1
+        x0, x1, y0, y1 = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
+        depth, begin, length = int(stack[top, 4]), int(stack[top, 5]), int(stack[top, 6])
+        own, count = begin + length, 0
+        for k in range(begin, begin + length):
+            code = lists[k]
+            value = 0.0
+            p = walked[code]
+            if finite:
+                if p >= 0:
+                    value = _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
+                else:
+                    i, j = code // n2, code % n2
+                    value = _bound(extents1, spheres1, extents2, spheres2, levels, d, i, j, x0, x1, y0, y1, slack)
+            if value > -_INF:
+                lists[own + count] = code
+                depths[count] = value
+                count += 1
+        if count == 0:
+            continue
+        covered = False
+        for _ in range(_ATTEMPTS if finite and count > 1 else 0):
+            best = -1
+            for k in range(count):
+                if depths[k] < _INF and (best < 0 or depths[k] > depths[best]):
+                    best = k
+            if best < 0:
+                break
+            code = lists[own + best]
+            p = walked[code]
+            if p < 0:
+                p = made
+                made, pairs, states, spans, sites, rows, points, chains, bounds, ends = _walked_pair(
+                    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
+                    code, n2, made, pairs, states, spans, sites, rows, points, chains, bounds, ends,
+                )  # fmt: skip
+                walked[code] = p
+            value = _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
+            if value > slack:
+                covered, hides[p] = True, 1
+                break
+            depths[best] = _INF  # tried
+            if value == -_INF or states[p] == EMPTY:
+                continue
+            # pairs that are no further on in any direction of a line that crosses the cell: inside the one tried there
+            inside[:count] = 2
+            for line in range(ends[p], ends[p + 1]):
+                if _crosses(bounds, line, x0, x1, y0, y1, slack):
+                    heights1[:], heights2[:] = np.nan, np.nan
+                    n = _at(bounds, line)
+                    inward, back = _turned_back(pose, 0, n), _times(-1.0, n)
+                    first1 = _support(reals1, ints1, places1, code // n2, inward)
+                    first2 = _support(reals2, ints2, places2, code % n2, back)
+                    for k in range(count):
+                        i, j = lists[own + k] // n2, lists[own + k] % n2
+                        if np.isnan(heights1[i]):
+                            heights1[i] = _support(reals1, ints1, places1, i, inward)
+                        if np.isnan(heights2[j]):
+                            heights2[j] = _support(reals2, ints2, places2, j, back)
+                        a, b = heights1[i] - first1, heights2[j] - first2
+                        most = max(a * x0, a * x1) + max(b * y0, b * y1)
+                        if most > tie * slack:
+                            inside[k] = 0
+                        elif most > -slack:
+                            inside[k] = min(inside[k], 1)
+            left = 0
+            for k in range(count):
+                other = lists[own + k]
+                # of those that end with it the first stays, whichever was tried
+                if other == code or inside[k] == 0 or (inside[k] == 1 and other < code):
+                    lists[own + left], depths[left] = other, depths[k]
+                    left += 1
+            count = left
+        if covered:
+            continue
+        if count > _FEW and depth < _DEPTH and finite:
+            x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+            for quarter in range(4):
+                stack[top, 0], stack[top, 1] = (x0, x) if quarter & 1 == 0 else (x, x1)
+                stack[top, 2], stack[top, 3] = (y0, y) if quarter & 2 == 0 else (y, y1)
+                stack[top, 4], stack[top, 5], stack[top, 6] = depth + 1, own, count
+                top += 1
+            continue
+        first = used
+        for k in range(count):
+            code = lists[own + k]
+            p = walked[code]
+            if p < 0:
+                p = made
+                made, pairs, states, spans, sites, rows, points, chains, bounds, ends = _walked_pair(
+                    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
+                    code, n2, made, pairs, states, spans, sites, rows, points, chains, bounds, ends,
+                )
+                walked[code] = p
+            apart = finite and _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack) == -_INF
+            if apart or states[p] == EMPTY:
+                continue
+            if used == len(members):
+                members = _longer(members)
+            members[used] = p
+            used += 1
+        if used > first:
+            if kept == len(cells):
+                cells, shares = _more_rows(cells, kept), _longer(shares)
+            cells[kept, 0], cells[kept, 1], cells[kept, 2], cells[kept, 3] = x0, x1, y0, y1
+            kept += 1
+            shares[kept] = used
+    return (
+        pairs[:made], states[:made], hides[:made], sites[: spans[made, 0]], rows[: spans[made, 0]],
+        points[: spans[made, 1]], chains[: spans[made, 2]], spans[: made + 1], cells[:kept], members[:used],
+        shares[: kept + 1],
+    )  # fmt: skip
+
+
+@kernel
+def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, rho):
+    """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2).
+
+    Of a part pair the largest separation over its facet directions, or of the spheres about the parts where that is
+    more; of the bodies the least over the pairs.
+    """
+    n1, n2 = len(places1) - 1, len(places2) - 1
+    pose = relative_pose(transform, seed1, seed2)
+    extents1, spheres1 = _supports(reals1, ints1, places1, pose, 1.0)
+    extents2, spheres2 = _supports(reals2, ints2, places2, pose, -1.0)
+    d, levels = _entry(pose, 9), np.empty(_WAYS)
+    for way in range(_WAYS):
+        levels[way] = _dot(_direction(way), d)
+    gaps, owners = np.empty(len(rho)), np.zeros((len(rho), 2), np.int64)
+    spread = np.empty(n1 * n2)
+    for k in range(len(rho)):
+        x, y = rho[k, 0], rho[k, 1]
+        for code in range(n1 * n2):
+            one, two = _at(spheres1, code // n2), _at(spheres2, code % n2)
+            way = _minus(_minus(d, _times(x, one)), _times(-y, two))
+            spread[code] = _length(way) - x * spheres1[code // n2, 3] - y * spheres2[code % n2, 3]
+        least = np.argmin(spread)
+        best = _INF
+        for turn in range(-1, n1 * n2):  # the likeliest first
+            code = least if turn < 0 else turn
+            if spread[code] >= best or turn == least:
+                continue
+            i, j = code // n2, code % n2
+            apart = -_INF
+            if best < 0.0:  # a pair that overlaps is no deeper in any direction
+                for way in range(_WAYS):
+                    apart = max(apart, levels[way] - x * extents1[i, way] - y * extents2[j, way])
+                if apart >= best:
+                    continue
+            value = least_separation(
+                reals1[places1[i, 0] : places1[i + 1, 0]],
+                ints1[places1[i, 1] : places1[i + 1, 1]],
+                reals2[places2[j, 0] : places2[j + 1, 0]],
+                ints2[places2[j, 1] : places2[j + 1, 1]],
+                pose,
+                rho[k],
+            )
+            value = max(value, spread[code])
+            if value < best:
+                best, owners[k, 0], owners[k, 1] = value, i, j
+        gaps[k] = best
+    return gaps, owners
+
+
+@kernel
+def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
+    """Return a lower bound of each part pair's distance at a scale pair, (parts 1, parts 2); negative where unknown."""
+    n1, n2 = len(places1) - 1, len(places2) - 1
+    extents1, spheres1 = _supports(reals1, ints1, places1, pose, 1.0)
+    extents2, spheres2 = _supports(reals2, ints2, places2, pose, -1.0)
+    d, bounds = _entry(pose, 9), np.empty((n1, n2))
+    for i in range(n1):
+        for j in range(n2):
+            one, two = _times(rho[0], _at(spheres1, i)), _times(rho[1], _at(spheres2, j))
+            way = _minus(_minus(d, one), _times(-1.0, two))
+            bounds[i, j] = _length(way) - rho[0] * spheres1[i, 3] - rho[1] * spheres2[j, 3]
+            for k in range(_WAYS):
+                level = _dot(_direction(k), d)
+                bounds[i, j] = max(bounds[i, j], level - rho[0] * extents1[i, k] - rho[1] * extents2[j, k])
+    return bounds
+
+
+@kernel
+def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
+    """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed.
+
+    As `least_gaps` for pairs that may have the least of all, or less than `enough`; of others a lower bound of the
+    distance that is at least as much.
+    """
+    n1, n2 = len(places1) - 1, len(places2) - 1
+    bounds = pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho)
+    gaps, best, least = bounds.copy(), _INF, np.argmin(bounds)
+    for turn in range(-1, n1 * n2):  # the likeliest first
+        code = least if turn < 0 else turn
+        i, j = code // n2, code % n2
+        if turn == least or bounds[i, j] >= max(best, enough):
+            continue
+        value = least_separation(
+            reals1[places1[i, 0] : places1[i + 1, 0]],
+            ints1[places1[i, 1] : places1[i + 1, 1]],
+            reals2[places2[j, 0] : places2[j + 1, 0]],
+            ints2[places2[j, 1] : places2[j + 1, 1]],
+            pose,
+            rho,
+        )
+        gaps[i, j] = value if value <= 0.0 else max(value, bounds[i, j])
+        best = min(best, gaps[i, j])
+    return gaps
+
+
+_WAYS = 14  # directions of the quick test: both ways along the axes and along the diagonals of a cube
+_DEPTH, _FEW, _ATTEMPTS = 8, 4, 3  # halvings at most; pairs that need no more; pairs tried to cover a cell
+_DIAGONAL = 1.0 / np.sqrt(3.0)
+
+
+@step
+def _direction(way):
+    """Return one of the directions; 2 k and 2 k + 1 are opposite."""
+    sign = 1.0 if way & 1 == 0 else -1.0
+    axis = way >> 1
+    if axis < 3:
+        return (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
+    s = sign * _DIAGONAL
+    return s, (-s if axis - 3 & 1 else s), (-s if axis - 3 & 2 else s)
+
+
+@kernel
+def _supports(reals, ints, places, pose, sign):
+    """Return each part's supports in all directions (parts, ways), of body 2 in the opposite ones, and its sphere.
+
+    `sign` is 1 for body 1, whose directions are turned into its axes and whose spheres (centre, radius) out of them.
+    """
+    count = len(places) - 1
+    extents, spheres = np.empty((count, _WAYS)), np.empty((count, 4))
+    for part in range(count):
+        first, n = places[part, 0], ints[places[part, 1]]
+        middle = (0.0, 0.0, 0.0)
+        for k in range(first, first + n):
+            x = _at(reals, k)
+            middle = middle[0] + x[0] / n, middle[1] + x[1] / n, middle[2] + x[2] / n
+        radius = 0.0
+        for k in range(first, first + n):
+            radius = max(radius, _length(_minus(_at(reals, k), middle)))
+        spheres[part, 0], spheres[part, 1], spheres[part, 2] = _turned(pose, 0, middle) if sign > 0 else middle
+        spheres[part, 3] = radius
+        for way in range(_WAYS):
+            u = _times(sign, _direction(way))
+            extents[part, way] = _support(reals, ints, places, part, _turned_back(pose, 0, u) if sign > 0 else u)
+    return extents, spheres
+
+
+@step
+def _bound(extents1, spheres1, extents2, spheres2, levels, d, i, j, x0, x1, y0, y1, slack):
+    """Return -inf where a pair is apart in a whole cell, else an upper bound of its least depth in the cell."""
+    x, y, dx, dy = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    one, two = _at(spheres1, i), _at(spheres2, j)
+    way = _minus(_minus(d, _times(x, one)), _times(-y, two))
+    length = _length(way)
+    depth = _INF
+    if length > 0.0:
+        n = _times(1.0 / length, way)
+        a, b = _dot(n, one) + spheres1[i, 3], spheres2[j, 3] - _dot(n, two)
+        level, spread = a * x + b * y - _dot(n, d), np.abs(a) * dx + np.abs(b) * dy
+        if level + spread < -slack:
+            return -_INF
+    for k in range(_WAYS):
+        a, b = extents1[i, k], extents2[j, k]
+        level, spread = a * x + b * y - levels[k], np.abs(a) * dx + np.abs(b) * dy
+        if level + spread < -slack:
+            return -_INF
+        depth = min(depth, level - spread)
+    return depth
+
+
+@step
+def _least_depth(bounds, first, last, x0, x1, y0, y1, slack):
+    """Return -inf where some contact line keeps a whole cell apart, else the least depth below any in the cell."""
+    x, y, dx, dy = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    depth = _INF
+    for k in range(first, last):
+        a, b = bounds[k, 3], bounds[k, 4]
+        level, spread = a * x + b * y - bounds[k, 5], np.abs(a) * dx + np.abs(b) * dy
+        if level + spread < -slack:
+            return -_INF
+        depth = min(depth, level - spread)
+    return depth
+
+
+@step
+def _crosses(bounds, k, x0, x1, y0, y1, slack):
+    """Tell whether overlap may end within a cell along a row."""
+    a, b = bounds[k, 3], bounds[k, 4]
+    return min(a * x0, a * x1) + min(b * y0, b * y1) - bounds[k, 5] <= slack
+
+
+@kernel
+def _support(reals, ints, places, part, u):
+    """Return the support of one of several parts in a direction of its own axes."""
+    first, height = places[part, 0], -_INF
+    for k in range(first, first + ints[places[part, 1]]):
+        height = max(height, _dot(u, _at(reals, k)))
+    return height
+
+
+@kernel
+def _walked_pair(
+    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity, code, n2, made, pairs,
+    states, spans, sites, rows, points, chains, bounds, ends,
+):
+    """Walk one more pair and append what was found; return all arrays, longer where they had to be."""
+    i, j = code // n2, code % n2
+    one, two = places1[i], places1[i + 1]
+    three, four = places2[j], places2[j + 1]
+    own1, own2 = reals1[one[0] : two[0]], reals2[three[0] : four[0]]
+    table1, table2 = ints1[one[1] : two[1]], ints2[three[1] : four[1]]
+    state, its_sites, its_rows, its_points, its_chains = walk(
+        own1, table1, own2, table2, transform, seed1, seed2, planarity
+    )
+    if state == UNDECIDED:
+        its_sites, its_rows, its_points, its_chains = its_sites[:0], its_rows[:0], its_points[:0], its_chains[:0]
+    lines = its_rows if state == WALKED else facet_rows(own1, table1, own2, table2, pose)[1]
+    if made == len(pairs):
+        pairs, states = _more_ints(pairs, made), _longer(states)
+        spans, ends = _more_ints(spans, made + 1), _longer(ends)
+    pairs[made, 0], pairs[made, 1], states[made] = i, j, state
+    row, point, chain, bound = spans[made, 0], spans[made, 1], spans[made, 2], ends[made]
+    while row + len(its_rows) > len(rows):
+        sites, rows = _more_ints(sites, row), _more_rows(rows, row)
+    while point + len(its_points) > len(points):
+        points = _more_rows(points, point)
+    while chain + len(its_chains) > len(chains):
+        chains = _more_ints(chains, chain)
+    while bound + len(lines) > len(bounds):
+        bounds = _more_rows(bounds, bound)
+    sites[row : row + len(its_rows)] = its_sites
+    rows[row : row + len(its_rows)] = its_rows
+    points[point : point + len(its_points)] = its_points
+    chains[chain : chain + len(its_chains)] = its_chains
+    bounds[bound : bound + len(lines)] = lines
+    made += 1
+    spans[made, 0], spans[made, 1] = row + len(its_rows), point + len(its_points)
+    spans[made, 2], ends[made] = chain + len(its_chains), bound + len(lines)
+    return made, pairs, states, spans, sites, rows, points, chains, bounds, ends
+
+
+@kernel
+def _longer(values):
+    more = np.empty(2 * len(values), np.int64)
+    more[: len(values)] = values
+    return more
+
+
+@kernel
+def _more_ints(values, used):
+    more = np.empty((2 * len(values), values.shape[1]), np.int64)
+    more[:used] = values[:used]
+    return more
+
+
+@kernel
+def _more_rows(values, used):
+    more = np.empty((2 * len(values), values.shape[1]))
+    more[:used] = values[:used]
+    return more

@@ -165,7 +165,18 @@ class Region:
     @cached_property
     def chains(self) -> tuple[tuple[Piece, ...], ...]:
         """The boundary, overlap on the left."""
-        return self._from_walk(*self._walked) if self._walked else tuple(map(self._from_exact, self.exact.chains))
+        if self._walked:
+            spans = self._walked[3][:, :2].tolist()
+            return tuple(tuple(map(self._walked_piece, range(first, first + count))) for first, count in spans)
+        return tuple(map(self._from_exact, self.exact.chains))
+
+    @cached_property
+    def table(self) -> Array:
+        """Base, travel, lo and hi of all `pieces`, (k, 6)."""
+        if self._walked:
+            table: Array = kernels.piece_table(*self._walked[1:])
+            return table
+        return np.array([(*p.base, *p.travel, p.lo, p.hi) for p in self.pieces]).reshape(-1, 6)
 
     def state(self, limits: Array) -> int:
         """Return CONTACT, WALKED (apart) or OVERLAPPING in a box, UNDECIDED where floats cannot tell; see `kernels`."""
@@ -175,7 +186,7 @@ class Region:
         state: int = kernels.state_in_box(rows, points, chains, limits, DEFAULT.point, DEFAULT.sign)
         return state
 
-    @property
+    @cached_property
     def pieces(self) -> list[Piece]:
         """All pieces, chain by chain."""
         return [piece for chain in self.chains for piece in chain]
@@ -200,22 +211,25 @@ class Region:
             found[k] = self.exact.side(pairs[k].tolist())
         return found
 
-    def _from_walk(self, sites: Ints, rows: Array, points: Array, chains: Ints) -> tuple[tuple[Piece, ...], ...]:
-        one, two = self.one, self.two
-        made = []
-        for number, (first, count, forward, endless) in enumerate(chains.tolist()):
-            pieces = []
-            for k in range(count):
-                start, end = points[first + number + k], points[first + number + k + 1]
-                # the corner at the piece's end: after it as walked, or before it
-                before = first + k if forward > 0 else first + k - 1
-                corner = self._corner(sites[before]) if 0 < before - first + 1 < count else None
-                site, row = tuple(sites[first + k, :3].tolist()), rows[first + k]
-                contact = _site_contact(one, two, site)
-                far = endless and k + 1 == count
-                pieces.append(_piece(contact, site, row, self.parts, start, None if far else end, forward, corner))
-            made.append(tuple(pieces if forward > 0 else pieces[::-1]))
-        return tuple(made)
+    def piece(self, number: int) -> Piece:
+        """Return one of `pieces`, without making the others."""
+        return self._walked_piece(number) if self._walked else self.pieces[number]
+
+    def _walked_piece(self, number: int) -> Piece:
+        assert self._walked is not None
+        sites, rows, points, chains = self._walked
+        chain = int(np.searchsorted(chains[:, 0], number, side="right")) - 1
+        first, count, forward, endless = chains[chain].tolist()
+        k = number if forward > 0 else 2 * first + count - 1 - number  # as walked
+        start, end = points[k + chain], points[k + chain + 1]
+        # the corner at the piece's end: after it as walked, or before it
+        before = k if forward > 0 else k - 1
+        closed = not endless and (points[first + chain] == points[first + chain + count]).all()
+        corner = self._corner(sites[before]) if closed or first <= before < first + count - 1 else None
+        ends = (start, None if endless and k + 1 == first + count else end)[::forward]
+        site, row = tuple(sites[k, :3].tolist()), rows[k]
+        contact = _site_contact(self.one, self.two, site)
+        return _piece(contact, site, row, self.parts, self.table[number], ends, corner)
 
     def _corner(self, site: Ints) -> Contact:
         kind, edge, vertex = site[3:].tolist()
@@ -238,12 +252,8 @@ class Region:
                 if flush or rounded[(k + 1) % len(rounded)][1]:
                     corner = self._flush(corner, own.rho)
             row = np.concatenate([exact.normal, exact.line])
-            site = self._site(exact, contact)
-            if exact.starts_far:
-                piece = _piece(contact, site, row, self.parts, exact.end, None, -1, corner)
-            else:
-                end = None if exact.ends_far else exact.end
-                piece = _piece(contact, site, row, self.parts, exact.start, end, 1, corner)
+            ends = None if exact.starts_far else exact.start, None if exact.ends_far else exact.end
+            piece = _piece(contact, self._site(exact, contact), row, self.parts, _numbers(row, *ends), ends, corner)
             pieces.append(piece)
         return tuple(pieces)
 
@@ -317,21 +327,25 @@ def _piece(
     site: tuple[int, int, int],
     row: Array,
     parts: tuple[int, int],
-    start: Array,
-    end: Array | None,
-    forward: int,
+    numbers: Array,
+    ends: tuple[Array | None, ...],
     corner: Contact | None,
 ) -> Piece:
-    """Make a piece from its ends in the order walked; an `end` of None is at infinity."""
+    """Make a piece of its row, its numbers as in `Region.table` and its ends; an end of None is at infinity."""
+    lo, hi = numbers[4:].tolist()
+    first, last = (None if end is None else frozen(end) for end in ends)
+    base, travel, normal, line = (frozen(x) for x in (numbers[:2], numbers[2:4], row[:3], row[3:]))
+    return Piece(contact, site, parts, normal, line, base, travel, lo, hi, first, last, corner)
+
+
+def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:
+    """Return base, travel, lo and hi of a piece between two ends, see `Region.table`."""
     gradient = row[3:5]
     steep = np.hypot(*gradient)
     base = row[5] / steep**2 * gradient
     travel = np.array([gradient[1], -gradient[0]]) / steep
-    ends: list[tuple[float, Array | None]] = [(float((start - base) @ travel), frozen(start))]
-    ends += [(forward * np.inf, None) if end is None else (float((end - base) @ travel), frozen(end))]
-    (lo, first), (hi, last) = ends[::forward]
-    normal, line = frozen(row[:3]), frozen(row[3:])
-    return Piece(contact, site, parts, normal, line, frozen(base), frozen(travel), lo, hi, first, last, corner)
+    lo, hi = (far if x is None else (x - base) @ travel for x, far in ((start, -np.inf), (end, np.inf)))
+    return np.array([*base, *travel, lo, hi])
 
 
 def _site_contact(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) -> Contact:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact
+from fcdm_opt.curve.contact import Contact, Meeting, contact_set, meetings
 from fcdm_opt.curve.envelope import Run
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
 
 Box = tuple[tuple[float, float], tuple[float, float]]
@@ -55,6 +58,11 @@ class Segment:
         """Which of the seven contact configurations it is, see `Contact.configuration`."""
         return self.run.whole.contact.configuration
 
+    def nearest(self, rho: Array) -> Array:
+        """Return the scale pair of the stretch nearest to a scale pair, (2,); the stretch may go on beyond the box."""
+        piece = self.run.whole
+        return piece.at(float(np.clip(piece.parameter(rho), piece.lo, piece.hi)))
+
     def piece_at(self, rho: Array) -> Piece:
         """Return the piece of the part pair that touches at a scale pair of the segment."""
         return self.run.at(rho)
@@ -71,12 +79,13 @@ class SwitchingPoint:
         Of the segments before and after it.
     lines : (2, 3) array
         Their contact lines.
+    contacts_beside : tuple of two Contact
+        What touches along them.
     pieces : tuple of two Piece
-        Their unclipped pieces.
-    touching : tuple of Contact
-        What touches there: one contact (for instance V1E2) where the two segments' merge, or two at once.
-    contact_sets : tuple of (k, 3) arrays
-        What the bodies share in each contact: a point, a segment's ends or a polygon's corners, world frame.
+        The pieces of the part pairs that meet.
+    bodies : tuple of two Body
+    pose : (12,) array
+        R, row by row, and d = s_2 - moved s_1.
     index : int
         1-based number in the box; 0 outside it.
     """
@@ -84,25 +93,61 @@ class SwitchingPoint:
     rho: Array
     features: tuple[Feature, Feature]
     lines: Array
+    contacts_beside: tuple[Contact, Contact]
     pieces: tuple[Piece, Piece]
-    touching: tuple[Contact, ...]
-    contact_sets: tuple[Array, ...]
+    bodies: tuple[Body, Body]
+    pose: Array
     index: int
 
     @property
+    def touching(self) -> tuple[Contact, ...]:
+        """What touches there, each part pair once.
+
+        One contact (for instance V1E2) where those of the two segments merge, else both; then those of all other part
+        pairs that touch there too.
+        """
+        return tuple(meeting.contact for meeting in self._met)
+
+    @cached_property
+    def contact_sets(self) -> tuple[Array, ...]:
+        """What the bodies share in each contact, (k, 3): a point, a segment's ends or a polygon's corners, world."""
+        return tuple(shared(self.bodies, self.pose, meeting, self.rho) for meeting in self._met)
+
+    @cached_property
+    def _met(self) -> tuple[Meeting, ...]:
+        before, after = self.pieces
+        slack = DEFAULT.nominal * max(body.size for body in self.bodies)
+        if before.parts == after.parts and before.corner:
+            known = [Meeting(before.parts, before.normal, before.corner)]
+        else:
+            sides = zip(self.pieces, self.contacts_beside, strict=True)
+            known = [Meeting(piece.parts, piece.normal, contact) for piece, contact in sides]
+            merged = before.feature.merged(after.feature)
+            one, two = (shared(self.bodies, self.pose, own, self.rho).mean(axis=0) for own in known)
+            if merged and np.abs(one - two).max() <= slack:  # one contact at a seam
+                known = [Meeting(before.parts, before.normal, before.contact.labelled(merged))]
+        pairs = {piece.parts for piece in self.pieces}
+        others = meetings(*self.bodies, self.pose, self.rho, slack)
+        return (*known, *(other for other in others if other.parts not in pairs))
+
+    @property
     def contact_features(self) -> tuple[Feature, ...]:
-        """One feature (for instance V1E2) where the two contacts merge, or both where they are two at once."""
-        return tuple(contact.feature for contact in self.touching)
+        """One feature (for instance V1E2) where contacts merge, or all that are there at once, each named once."""
+        return tuple(dict.fromkeys(contact.feature for contact in self.touching))
 
     @property
     def contacts(self) -> Array:
-        """Contact points, one a contact, (k, 3), world frame."""
-        return frozen([own.mean(axis=0) for own in self.contact_sets])
+        """Contact points, one a contact feature, (k, 3), world frame: the middle of what is shared."""
+        found: dict[Feature, list[Array]] = {}
+        for contact, own in zip(self.touching, self.contact_sets, strict=True):
+            found.setdefault(contact.feature, []).append(own)
+        return frozen([middle(own) for own in found.values()])
 
     @property
     def configurations(self) -> tuple[str, ...]:
-        """Which of the seven contact configurations each contact is, see `Contact.configuration`."""
-        return tuple(contact.configuration for contact in self.touching)
+        """Which of the seven contact configurations each contact feature is, see `Contact.configuration`."""
+        first = {contact.feature: contact.configuration for contact in reversed(self.touching)}
+        return tuple(first[feature] for feature in self.contact_features)
 
     @property
     def kind(self) -> str:
@@ -113,6 +158,19 @@ class SwitchingPoint:
     def label(self) -> str:
         """The contact features' labels."""
         return " & ".join(feature.label for feature in self.contact_features)
+
+
+def middle(sets: Sequence[Array]) -> Array:
+    """Return the middle of a contact: of its corners, or of their box where it is spread over several parts."""
+    corners = np.concatenate(sets)
+    found: Array = corners.mean(axis=0) if len(sets) == 1 else (corners.min(axis=0) + corners.max(axis=0)) / 2
+    return found
+
+
+def shared(bodies: tuple[Body, Body], pose: Array, meeting: Meeting, rho: Array) -> Array:
+    """Return what two bodies share where two of their parts touch at a scale pair, (k, 3), world frame."""
+    one, two = (body.parts[k] for body, k in zip(bodies, meeting.parts, strict=True))
+    return frozen(bodies[1].seed + contact_set(one, two, pose, meeting.normal, meeting.contact, rho))
 
 
 @dataclass(frozen=True, eq=False)

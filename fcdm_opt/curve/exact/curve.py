@@ -227,7 +227,9 @@ def exact_curve(one: ConvexPart, two: ConvexPart, transform: Array | None = None
         return ExactCurve("full", (), None, shadow)
     breaks = [k + 1 for k, edge in enumerate(edges) if not all(edge.end.point)]  # on an axis or at infinity
     if not breaks:
-        return ExactCurve("bounded", (_chain(shadow, edges, closed=True),), None, shadow)
+        places = [tuple(fmpq(x, edge.start.point[2]) for x in edge.start.point[:2]) for edge in edges]
+        first = places.index(min(places))
+        return ExactCurve("bounded", (_chain(shadow, edges[first:] + edges[:first], closed=True),), None, shadow)
     # start behind an interruption, so that no chain is torn at the seam of the outline
     chains = [
         [k % len(edges) for k in range(start, stop) if inner[k % len(edges)]]

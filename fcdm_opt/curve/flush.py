@@ -1,0 +1,275 @@
+"""Flush contacts: faces and edges that lie on one another, what keeps them aligned, and what they share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import Contact, contact_set, located, supporting_contact, touching_contact
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.tolerances import DEFAULT
+
+Host = tuple[ConvexPart, ConvexPart, Contact]
+
+
+class Overlap(NamedTuple):
+    """How far elements reach over one another along a direction in their plane: what they share ends at zero.
+
+    `one` is the foremost vertex of body 1, as drawn; `two` the hindmost of body 2, as scaled and relative to its seed.
+    """
+
+    depth: float
+    way: Array
+    one: Array
+    two: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Flush:
+    """A face of one body that lies in one plane with a face or edge of the other, as drawn.
+
+    Two parallel edges on one another lie so in two planes: they are two of these.
+
+    Attributes
+    ----------
+    feature : Feature
+        The bodies' elements in the plane.
+    touching : Feature
+        The elements that touch: the same, or the parallel edges in which two such planes meet.
+    parts : tuple of int
+        A part pair that touches so, 0-based.
+    contact : Contact
+        Its own elements in the plane.
+    normal : (3,) array
+        Unit direction from body 1 to body 2, world frame.
+    dimension : int
+        Of what the bodies share: 1 a segment, 2 a region of the plane.
+    least : float
+        Length that what they share must exceed to count as more than a point, or than a segment.
+    hosts : tuple of (part of body 1, part of body 2, Contact)
+        Wherever the bodies' parts have the elements that touch: a face may be spread over several.
+    """
+
+    feature: Feature
+    touching: Feature
+    parts: tuple[int, int]
+    contact: Contact
+    normal: Array
+    dimension: int
+    least: float
+    hosts: tuple[Host, ...]
+    _pair: tuple[ConvexPart, ConvexPart]
+
+    @property
+    def site(self) -> tuple[int, int, int]:
+        """A facet of the Minkowski difference in the plane, of a face of body 2 where there is one."""
+        one, two = self._pair
+        if len(self.contact.two) > 2:
+            return kernels.V1F2, self.contact.one[0], two.loops.index(self.contact.two)
+        return kernels.F1V2, one.loops.index(self.contact.one), self.contact.two[0]
+
+    @cached_property
+    def turns(self) -> tuple[tuple[Array, Array], ...]:
+        """Unit directions (m, p), p carried by body 1: turned by R the elements are parallel iff every m . R p = 0.
+
+        An edge on a face: n . e = 0. Face on face: n_1 = -n_2, in two components.
+        """
+        one, two = self._pair
+        if len(self.contact.one) == 2:
+            return ((self.normal, _direction(one, self.contact.one)),)
+        along = _direction(two, self.contact.two)
+        if len(self.contact.two) == 2:
+            return ((along, self.normal),)
+        return ((along, self.normal), (frozen(np.cross(self.normal, along)), self.normal))
+
+    @property
+    def whole(self) -> bool:
+        """Whether a face lies on a face: aligned, body 1 can only slide, and turn about the normal."""
+        return len(self.turns) == 2
+
+    def gap(self, rho: Array) -> float:
+        """Return the distance of the two elements along the normal at a scale pair, as drawn: > 0 apart."""
+        one, two = self._pair
+        x = one.seed + rho[0] * (one.vertices[list(self.contact.one)] - one.seed)
+        y = two.seed + rho[1] * (two.vertices[list(self.contact.two)] - two.seed)
+        return float((y.mean(axis=0) - x.mean(axis=0)) @ self.normal)
+
+    def misfit(self, pose: Array, rho: Array) -> float:
+        """Return how far the elements' vertices are from one plane, a length: 0 where they are flush.
+
+        Parameters
+        ----------
+        pose : (12,) array
+            R, row by row, and d, of body 1 from where it is drawn, see `kernels`.
+        rho : (2,) array
+            Scales.
+        """
+        one, two = self._pair
+        n = self._normal_at(pose)
+        X = rho[0] * (one.vertices[list(self.contact.one)] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
+        Y = rho[1] * (two.vertices[list(self.contact.two)] - two.seed)
+        return float(np.ptp(np.concatenate([X, Y]) @ n))
+
+    def shared(self, pose: Array, rho: Array) -> list[Array]:
+        """Return the corners of what each host's elements share, (k, 3), relative to the seed of body 2."""
+        n = self._normal_at(pose)
+        return [contact_set(one, two, pose, n, contact, rho) for one, two, contact in self.hosts]
+
+    def overlap(self, pose: Array, rho: Array) -> Overlap:
+        """Return the direction in which the elements reach over one another least, in the host where they do most."""
+        n, found = self._normal_at(pose), []
+        for one, two, contact in self.hosts:
+            first, second = list(contact.one), list(contact.two)
+            X = rho[0] * (one.vertices[first] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
+            Y = rho[1] * (two.vertices[second] - two.seed)
+            ways = np.vstack([_ways_out(X, n, contact.parallel), -_ways_out(Y, n, contact.parallel)])
+            i, j = (X @ ways.T).argmax(axis=0), (Y @ ways.T).argmin(axis=0)
+            depths = ((X[i] - Y[j]) * ways).sum(axis=1)
+            k = int(depths.argmin())
+            found.append(Overlap(float(depths[k]), ways[k], one.vertices[first[i[k]]], Y[j[k]]))
+        return max(found, key=lambda overlap: overlap.depth)
+
+    def holds(self, pose: Array, rho: Array, slack: float) -> bool:
+        """Tell whether the elements are flush to within a length, and share a segment or region as when drawn."""
+        return self.misfit(pose, rho) <= slack and any(
+            dimension(points, self.least) >= self.dimension for points in self.shared(pose, rho)
+        )
+
+    def _normal_at(self, pose: Array) -> Array:
+        """Return the plane's normal: that of body 2's face if it has one in the plane, else it turns with body 1."""
+        turned: Array = pose[:9].reshape(3, 3) @ self.normal
+        return self.normal if len(self.contact.two) > 2 else turned
+
+
+def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]:
+    """Return the flush contacts of two bodies as drawn at a scale pair on their curve, once for each pair of elements.
+
+    Seams between parts count for nothing: they are no faces of the bodies. Edges on the border of a larger contact are
+    no contact of their own.
+    """
+    pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
+    least = DEFAULT.shared * min(movable.size, static.size)
+    reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
+    slack = DEFAULT.nominal * float(np.linalg.norm(pose[9:]) + rho @ reach)
+    found: dict[Feature, Flush] = {}
+    for i, one in enumerate(movable.parts):
+        for j, two in enumerate(static.parts):
+            rows = kernels.facet_rows(*one.packed, *two.packed, pose)[1]
+            separations = rows[:, 5] - rows[:, 3:5] @ rho
+            if not abs(separations.max()) <= slack:
+                continue
+            tight = rows[separations >= -slack, :3]
+            touching = touching_contact(one, two, tight, pose, DEFAULT.planarity)
+            touching = located(one, two, pose, tight[0], touching, rho)
+            size = dimension(contact_set(one, two, pose, tight[0], touching, rho), least)
+            hosts: tuple[Host, ...] = ()
+            for normal in _distinct(tight) if size else ():
+                contact = supporting_contact(one, two, normal, pose, DEFAULT.planarity)
+                contact = located(one, two, pose, normal, contact, rho)
+                feature = contact.feature
+                known = found.get(feature)
+                if not _is_plane(movable, static, feature, touching.feature) or (known and known.dimension >= size):
+                    continue
+                hosts = hosts or tuple(_hosts(movable, static, touching))
+                found[feature] = Flush(
+                    feature, touching.feature, (i, j), contact, frozen(normal), size, least, hosts, (one, two)
+                )
+    shared = {flush.feature: flush.shared(pose, rho) for flush in found.values()}
+    return tuple(
+        flush
+        for flush in found.values()
+        if not any(
+            _more(other, flush) and _covers(shared[other.feature], shared[flush.feature], slack)
+            for other in found.values()
+        )
+    )
+
+
+def _more(one: Flush, two: Flush) -> bool:
+    """Tell whether one contact has more faces that touch."""
+    return one.touching.kind.count("F") > two.touching.kind.count("F")
+
+
+def _covers(regions: list[Array], segments: list[Array], slack: float) -> bool:
+    """Tell whether convex regions hold the ends and middles of segments, or points: what touches there is their border.
+
+    Parts that are cut where a larger contact goes on have such contacts of their own.
+    """
+    points = [point for ends in segments for point in (*ends, ends.mean(axis=0))]
+    return all(any(_holds(region, point, slack) for region in regions) for point in points)
+
+
+def _holds(region: Array, point: Array, slack: float) -> bool:
+    """Tell whether a point lies in a convex polygon, corners in order, or on a segment."""
+    sides, spokes = np.roll(region, -1, axis=0) - region, point - region
+    lengths = np.linalg.norm(sides, axis=1)
+    turns = np.cross(sides, spokes)
+    normal = np.cross(sides, np.roll(sides, -1, axis=0)).sum(axis=0)
+    size = np.linalg.norm(normal)
+    if len(region) < 3 or not size > slack * lengths.max():
+        return bool(np.linalg.norm(spokes, axis=1).sum() <= lengths.max() + slack)
+    level = abs(float(spokes[0] @ normal)) <= slack * size
+    return bool(level and (turns @ normal >= -slack * lengths * size).all())
+
+
+def _ways_out(element: Array, normal: Array, along: bool) -> Array:
+    """Return unit directions in a plane: out of a face across its sides, off an edge to either side, or along it."""
+    sides = np.roll(element, -1, axis=0) - element
+    ways = sides if along else np.cross(sides, normal)
+    if len(element) > 2:
+        ways = ways * np.sign(((element - element.mean(axis=0)) * ways).sum(axis=1, keepdims=True))
+    return np.asarray(ways / np.linalg.norm(ways, axis=1)[:, None])
+
+
+def _is_plane(movable: Body, static: Body, feature: Feature, touching: Feature) -> bool:
+    """Tell whether true faces lie in a plane of a contact: its own, or one of those that meet in parallel edges."""
+    if not feature.is_flush or (feature != touching and touching.kind != "E1E2"):
+        return False
+    sides = ((movable, feature.one), (static, feature.two))
+    return all(element.kind != "F" or tuple(sorted(element.vertices)) in body.faces for body, element in sides)
+
+
+def dimension(points: Array, least: float) -> int:
+    """Return 0 for points no more than a length apart, 1 for a segment, 2 for what is wider than the length."""
+    spokes = points - points[0]
+    along = spokes[np.argmax((spokes**2).sum(axis=1))]
+    length = float(np.linalg.norm(along))
+    if not length > least:
+        return 0
+    return 2 if np.linalg.norm(np.cross(spokes, along / length), axis=1).max() > least else 1
+
+
+def _distinct(normals: Array) -> list[Array]:
+    """Return one of each bundle of directions."""
+    kept: list[Array] = []
+    for normal in normals:
+        if all(normal @ known < 1.0 - DEFAULT.nominal for known in kept):
+            kept.append(normal)
+    return kept
+
+
+def _hosts(movable: Body, static: Body, touching: Contact) -> Iterator[Host]:
+    """Yield the part pairs that have the elements of a contact, with their own vertices of them."""
+    feature = touching.feature
+    places = [
+        [(part, own) for part in body.parts for own in part.carriers(element)]
+        for body, element in ((movable, feature.one), (static, feature.two))
+    ]
+    for one, first in places[0]:
+        for two, second in places[1]:
+            yield one, two, Contact(feature, first, second, touching.parallel)
+
+
+def _direction(part: ConvexPart, vertices: tuple[int, ...]) -> Array:
+    """Return the unit direction of an edge, or of the longest side of a face."""
+    corners = part.vertices[list(vertices)]
+    sides = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(sides, axis=1)
+    return frozen(sides[lengths.argmax()] / lengths.max())

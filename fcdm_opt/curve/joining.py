@@ -1,0 +1,241 @@
+"""Compiled: what is on the boundary of a union of overlap regions, as stretches of lines, joined to chains.
+
+Apart from `kernels`, whose functions these do not call: the disk cache does not follow imports between files.
+`limits` are (tie, line, nominal) of `Tolerances` and the least scale that lines are compared at.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import kernel
+
+
+@kernel
+def interval(lines, base, travel, limits):
+    """Return what `inside` does, from the lines of a region with a boundary; limits as `_LIMITS`."""
+    lo, hi = -np.inf, np.inf
+    for k in range(len(lines)):
+        a, b, c = lines[k, 0], lines[k, 1], lines[k, 2]
+        value, slope = a * base[0] + b * base[1] - c, a * travel[0] + b * travel[1]
+        if np.abs(slope) <= limits[0]:
+            if value <= limits[1] * (np.abs(base[0]) + np.abs(base[1]) + np.abs(c)):
+                return 0.0, 0.0
+        elif slope > 0.0:
+            lo = max(lo, -value / slope)
+        else:
+            hi = min(hi, -value / slope)
+    return lo, hi
+
+
+@kernel
+def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, shares, limits):
+    """Return what is on the boundary of a union: (owner, spans, chains).
+
+    owner (m, 3): region, piece of it, 1 where it is snug; spans (m, 2): its stretch; chain c is rows chains[c] to
+    chains[c + 1].
+    """
+    region_of = np.empty(len(pieces), np.int64)
+    for region in range(len(piece_starts) - 1):
+        region_of[piece_starts[region] : piece_starts[region + 1]] = region
+    found, used = np.empty((64, 3)), 0
+    left, room = np.empty((len(members) + 2, 2)), np.empty((len(members) + 2, 2))
+    for cell in range(len(cells)):
+        for m in range(shares[cell], shares[cell + 1]):
+            own = members[m]
+            for piece in range(piece_starts[own], piece_starts[own + 1]):
+                base, travel = (pieces[piece, 0], pieces[piece, 1]), (pieces[piece, 2], pieces[piece, 3])
+                left[0, 0], left[0, 1] = _within(base, travel, pieces[piece, 4], pieces[piece, 5], cells[cell])
+                count = 1 if left[0, 0] < left[0, 1] else 0
+                scale = max(np.abs(base[0]) + np.abs(base[1]), limits[3])
+                for k in range(shares[cell], shares[cell + 1]):
+                    other = members[k]
+                    if count == 0:
+                        break
+                    if other != own and line_starts[other] < line_starts[other + 1]:  # not an empty one
+                        lo, hi = interval(
+                            lines[line_starts[other] : line_starts[other + 1]], base, travel, limits
+                        )
+                        count = _take_out(left, room, count, lo, hi, limits[1], scale)
+                for k in range(count):
+                    if used == len(found):
+                        found = _longer(found)
+                    found[used, 0], found[used, 1], found[used, 2] = piece, left[k, 0], left[k, 1]
+                    used += 1
+    kept = _without_repeats(_merged(found[:used]), pieces, limits)
+    order, chains = _chained(kept, pieces, region_of, parts, limits[2])
+    owner, spans = np.empty((len(order), 3), np.int64), np.empty((len(order), 2))
+    for k in range(len(order)):
+        piece = int(kept[order[k], 0])
+        own = region_of[piece]
+        owner[k, 0], owner[k, 1], owner[k, 2] = own, piece - piece_starts[own], int(kept[order[k], 3])
+        spans[k, 0], spans[k, 1] = kept[order[k], 1], kept[order[k], 2]
+    return owner, spans, chains
+
+
+@kernel
+def _within(base, travel, lo, hi, cell):
+    """Return the stretch of a line inside a cell, of what lies from lo to hi; reversed where there is none."""
+    for axis in range(2):
+        low, high = cell[2 * axis], cell[2 * axis + 1]
+        if travel[axis] == 0.0:
+            if base[axis] < low or base[axis] > high:
+                return 1.0, 0.0
+        elif travel[axis] > 0.0:
+            lo, hi = max(lo, (low - base[axis]) / travel[axis]), min(hi, (high - base[axis]) / travel[axis])
+        else:
+            lo, hi = max(lo, (high - base[axis]) / travel[axis]), min(hi, (low - base[axis]) / travel[axis])
+    return lo, hi
+
+
+@kernel
+def _take_out(spans, room, count, lo, hi, sliver, scale):
+    """Take an open interval out of closed ones; slivers within rounding are dropped. Return how many are left."""
+    if hi <= lo:
+        return count
+    made = 0
+    for k in range(count):
+        for side in range(2):
+            p, q = (spans[k, 0], min(spans[k, 1], lo)) if side == 0 else (max(spans[k, 0], hi), spans[k, 1])
+            if p < q and q - p > sliver * (scale + min(np.abs(p), np.abs(q))):  # two infinite ends: none left
+                room[made, 0], room[made, 1] = p, q
+                made += 1
+    spans[:made] = room[:made]
+    return made
+
+
+@kernel
+def _merged(found):
+    """Return stretches by piece and start, those joined that cells have parted."""
+    order = np.argsort(found[:, 1], kind="mergesort")
+    order = order[np.argsort(found[order, 0], kind="mergesort")]
+    made, count = np.empty((len(found), 3)), 0
+    for k in order:
+        if count and made[count - 1, 0] == found[k, 0] and found[k, 1] <= made[count - 1, 2]:
+            made[count - 1, 2] = max(made[count - 1, 2], found[k, 2])
+        else:
+            made[count] = found[k]
+            count += 1
+    return made[:count]
+
+
+@kernel
+def _without_repeats(spans, pieces, limits):
+    """Keep one of the stretches that coincide, (k, 4): piece, lo, hi, 1 where overlap on both sides makes it snug."""
+    kept, count = np.empty((4 * len(spans) + 4, 4)), 0
+    rest, room, some = np.empty((len(spans) + 4, 2)), np.empty((len(spans) + 4, 2)), np.empty((2, 2))
+    for k in range(len(spans)):
+        piece = int(spans[k, 0])
+        scale = max(np.abs(pieces[piece, 0]) + np.abs(pieces[piece, 1]), limits[3])
+        rest[0, 0], rest[0, 1] = spans[k, 1], spans[k, 2]
+        left, before = 1, count
+        for known in range(before):
+            other = int(kept[known, 0])
+            if other < 0 or not _collinear(pieces, piece, other, limits):
+                continue
+            same = 1.0 if pieces[piece, 2] * pieces[other, 2] + pieces[piece, 3] * pieces[other, 3] > 0.0 else -1.0
+            lo, hi = kept[known, 1], kept[known, 2]
+            if same < 0.0:
+                lo, hi = -hi, -lo
+            touched = False
+            for r in range(left):
+                some[0] = rest[r]
+                touched |= _take_out(some, room, 1, lo, hi, limits[1], scale) != 1 or (some[0] != rest[r]).any()
+            if not touched:
+                continue
+            if same < 0.0:
+                begin, stop = max(kept[known, 1], -spans[k, 2]), min(kept[known, 2], -spans[k, 1])
+                some[0, 0], some[0, 1] = kept[known, 1], kept[known, 2]
+                outside = _take_out(some, room, 1, begin, stop, limits[1], scale)
+                if count + outside + 1 > len(kept):
+                    kept = _longer(kept)
+                for r in range(outside):
+                    kept[count, 0], kept[count, 1], kept[count, 2] = other, some[r, 0], some[r, 1]
+                    kept[count, 3] = kept[known, 3]
+                    count += 1
+                kept[count, 0], kept[count, 1], kept[count, 2], kept[count, 3] = other, begin, stop, 1.0
+                count += 1
+                kept[known, 0] = -1.0
+            left = _take_out(rest, room, left, lo, hi, limits[1], scale)
+        while count + left > len(kept):
+            kept = _longer(kept)
+        for r in range(left):
+            kept[count, 0], kept[count, 1], kept[count, 2], kept[count, 3] = piece, rest[r, 0], rest[r, 1], 0.0
+            count += 1
+    return kept[:count][kept[:count, 0] >= 0.0]
+
+
+@kernel
+def _collinear(pieces, one, two, limits):
+    """Tell whether two pieces lie on one line."""
+    if np.abs(pieces[one, 2] * pieces[two, 3] - pieces[one, 3] * pieces[two, 2]) > limits[2]:
+        return False
+    apart = np.abs(pieces[one, 0] - pieces[two, 0]) + np.abs(pieces[one, 1] - pieces[two, 1])
+    return apart <= limits[2] * max(np.abs(pieces[one, 0]) + np.abs(pieces[one, 1]), limits[3])
+
+
+@kernel
+def _chained(kept, pieces, region_of, parts, near):
+    """Join stretches where one ends and another starts, snug ones apart; return their order and where chains start."""
+    count = len(kept)
+    order, chains = np.empty(count, np.int64), np.empty(count + 1, np.int64)
+    free, row = np.ones(count, np.bool_), np.empty(count, np.int64)
+    used, made = 0, 0
+    for first in range(count):
+        if not free[first]:
+            continue
+        free[first] = False
+        row[0], length = first, 1
+        for forward in (True, False):
+            while True:
+                tip = row[length - 1] if forward else row[0]
+                place = _end(kept, pieces, tip, forward)
+                found, akin = -1, False
+                for k in range(count):
+                    if not free[k] or kept[k, 3] != kept[first, 3]:
+                        continue
+                    if not _same_pair(_end(kept, pieces, k, not forward), place, near):
+                        continue
+                    one, two = region_of[int(kept[k, 0])], region_of[int(kept[tip, 0])]
+                    kin = parts[one, 0] == parts[two, 0] and parts[one, 1] == parts[two, 1]
+                    if found < 0 or (kin and not akin):
+                        found, akin = k, kin
+                if found < 0:
+                    break
+                free[found] = False
+                if forward:
+                    row[length] = found
+                else:
+                    for k in range(length, 0, -1):
+                        row[k] = row[k - 1]
+                    row[0] = found
+                length += 1
+        chains[made] = used
+        made += 1
+        order[used : used + length] = row[:length]
+        used += length
+    chains[made] = used
+    return order, chains[: made + 1]
+
+
+@kernel
+def _end(kept, pieces, k, last):
+    """Return the scale pair at the end or start of a stretch."""
+    piece = int(kept[k, 0])
+    s = kept[k, 2] if last else kept[k, 1]
+    x = pieces[piece, 0] + (s * pieces[piece, 2] if pieces[piece, 2] != 0.0 else 0.0)
+    y = pieces[piece, 1] + (s * pieces[piece, 3] if pieces[piece, 3] != 0.0 else 0.0)
+    return x, y
+
+
+@kernel
+def _same_pair(p, q, near):
+    size = np.abs(p[0]) + np.abs(p[1]) + np.abs(q[0]) + np.abs(q[1])
+    return size < np.inf and np.abs(p[0] - q[0]) + np.abs(p[1] - q[1]) < near * size
+
+
+@kernel
+def _longer(rows):
+    more = np.empty((2 * len(rows), rows.shape[1]))
+    more[: len(rows)] = rows
+    return more
