@@ -317,6 +317,7 @@ class _Pictures:
             transform=solution.transform,
             features=solution.features,
             contacts=moved.contact_points(rho),
+            keep_out=[keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out],
             title=title,
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
         )

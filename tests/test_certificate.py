@@ -20,6 +20,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.motion import Rotation, Translation
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.files import load_problems
+from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Certificate, Solution, Status
 from fcdm_opt.tolerances import DEFAULT
@@ -367,3 +368,107 @@ def test_degenerate_contacts_are_judged(case: OneLine) -> None:
         away = np.array(solution.transform)
         away[:3, 3] = sign * 1e-6 * two.size * (two.seed - one.seed) / np.linalg.norm(two.seed - one.seed)
         assert {"touching", "contact 1"} <= failed(verify(replace(solution, transform=away)))
+
+
+# ----------------------------------------------------------------------------------------------------------- keep-outs
+
+PART = box((-1, -1, -1), (1, 1, 1), name="part")
+AWAY = box((80, -1, -1), (90, 1, 1), name="away")
+
+
+def left_at(x: float, *keep_out: KeepOut, target: tuple[float, float] = (1.0, 1.0)) -> Solution:
+    """The part moved by x, in a scene that such a motion was never checked against."""
+    problem = Problem(PART, AWAY, target=target, motion=Translation("x"), goal="clear")
+    gap = 80 - target[0] - x + 5 * (1 - target[1])
+    made = Solution(
+        problem=problem, status=Status.SOLVED, parameters={"TX": x}, amount=abs(x), rho=problem.target,
+        transform=problem.motion.transform([x], PART.seed, AWAY.seed), pair=problem.target, pair_gap=gap,
+        pair_state="apart",
+    )  # fmt: skip
+    assert verify(made).passed, tell(verify(made))
+    return replace(made, problem=problem.changed(keep_out=keep_out))
+
+
+POST = box((2, -1, -1), (4, 1, 1), name="post")  # seed at x = 3
+
+
+@pytest.mark.parametrize(("scale", "clearance"), [(1.0, 0.0), (1.0, 0.25), (1.5, 0.0), ((0.5, 1.5), 0.25)])
+def test_a_clearance_to_a_keep_out_is_judged_to_the_letter(scale: Any, clearance: float) -> None:
+    keep_out = KeepOut(POST, scale, clearance=clearance)
+    limit = 3 - np.max(scale) - 1.0 - clearance
+    name = "keep-out 'post': clearance"
+    for x, passed in ((limit - 1e-6, True), (limit, True), (limit + 1e-6, False), (limit + 1.0, False)):
+        certificate = verify(left_at(x, keep_out))
+        assert failed(certificate) == (set() if passed else {name})
+        (check,) = (check for check in certificate.checks if check.name == name)
+        assert check.value == pytest.approx(limit + clearance - x, abs=1e-12)
+        assert check.limit == pytest.approx(clearance, abs=1e-8)
+
+
+def test_the_part_is_judged_at_its_own_scale_against_keep_outs() -> None:
+    assert verify(left_at(0.0, KeepOut(POST))).passed
+    assert failed(verify(left_at(0.0, KeepOut(POST), target=(2.0 + 1e-6, 1.0)))) == {"keep-out 'post': clearance"}
+
+
+def test_a_keep_out_inside_the_part_is_an_overlap() -> None:
+    pin = box((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1), name="pin")
+    around = box((-3, -3, -3), (3, 3, 3), name="around")
+    certificate = verify(left_at(0.0, KeepOut(pin), KeepOut(around), KeepOut(POST)))
+    assert failed(certificate) == {"keep-out 'pin': clearance", "keep-out 'around': clearance"}
+
+
+@pytest.mark.parametrize("width", [1.0, 0.02])
+def test_a_keep_out_that_passes_between_the_ends_of_its_range_is_seen(width: float) -> None:
+    """Grown about the origin from x = 4 to 8 the post meets the part on its way, however thin it is."""
+    slab = box((4, -1, -1), (4 + width, 1, 1), seed=(-3.0, 0.0, 0.0), name="slab")
+    x = 7.6  # the part lies at 6.6 <= x <= 8.6
+    low, high = (6.6 + 3) / (7 + width) * (1 - 1e-3), (8.6 + 3) / 7 * (1 + 1e-3)
+    for end in (low, high):
+        assert verify(left_at(x, KeepOut(slab, end))).passed
+    assert failed(verify(left_at(x, KeepOut(slab, (low, high))))) == {"keep-out 'slab': clearance"}
+    assert verify(left_at(high * 7 - 2 + width * high, KeepOut(slab, (low, high)))).passed
+
+
+def test_a_thin_part_between_the_scales_looked_at_is_seen() -> None:
+    thin = box((-0.05, -1, -1), (0.05, 1, 1), name="thin")
+    slab = box((4, -1, -1), (4.02, 1, 1), seed=(0.0, 0.0, 0.0), name="slab")
+    count = DEFAULT.scale_points
+    middle = 4 * (1 + 1.5 / (count - 1))  # between the slab's places at the second and the third scale
+    problem = Problem(thin, AWAY, target=(1, 1), motion=Translation("x"), goal="clear",
+                      keep_out=(KeepOut(slab, (1.0, 2.0)),))  # fmt: skip
+    made = Solution(
+        problem=problem, status=Status.SOLVED, parameters={"TX": middle}, amount=middle, rho=problem.target,
+        transform=problem.motion.transform([middle], thin.seed, AWAY.seed), pair=problem.target,
+        pair_gap=79.95 - middle, pair_state="apart",
+    )  # fmt: skip
+    assert failed(verify(made)) == {"keep-out 'slab': clearance"}
+    for scale in np.linspace(1.0, 2.0, count):
+        at_one = replace(made, problem=problem.changed(keep_out=(KeepOut(slab, scale),)))
+        assert verify(at_one).passed
+
+
+def test_one_keep_out_of_several_is_enough_to_reject() -> None:
+    posts = [KeepOut(POST, name=f"post {k}", clearance=c) for k, c in enumerate((0.0, 0.5, 1.0 + 1e-6, 0.9))]
+    solution = left_at(0.0, *posts)
+    judged = solution.with_certificate(verify(solution), {})
+    assert failed(verify(solution)) == {"keep-out 'post 2': clearance"}
+    assert judged.status is Status.NOT_VERIFIED
+    assert judged.keep_out_gaps == pytest.approx({f"post {k}": 1.0 for k in range(4)})
+
+
+def test_a_vertex_on_a_vertex_is_judged_along_all_its_lines() -> None:
+    """Gradients (1, -0.9) along -x and (-1, 1) along y: scales changed along either slide the edges past each other."""
+    one = box((-1, -3, 0), (1, -1, 1), seed=(0, 0, 0), name="one")
+    two = box((-3, -1, 0.5), (-0.9, 1, 3), seed=(0, 0, 0), name="two")
+    problem = Problem(one, two, target=(1.0, 1.0), motion=Translation("x") >> Translation("y"), goal="touch")
+    x, y = 0.1, 0.0
+    transform = problem.motion.transform([x, y], one.seed, two.seed)
+    made = Solution(
+        problem=problem, status=Status.SOLVED, parameters={"TX": x, "TY": y}, transform=transform,
+        amount=float(np.hypot(x, y)), rho=np.ones(2), pair=np.ones(2), pair_gap=0.0, pair_state="touching",
+        features=(Feature.from_label("E1E2(P1V3,V7; P2V2,V6)"),),
+    )  # fmt: skip
+    certificate = verify(made)
+    assert certificate.passed, tell(certificate)
+    away = replace(made, transform=problem.motion.transform([x + 1e-6, y], one.seed, two.seed))
+    assert {"touching", "contact 1"} <= failed(verify(away))

@@ -301,3 +301,76 @@ def test_every_public_name_is_there() -> None:
 def test_the_version_is_the_installed_one() -> None:
     assert fcdm_opt.__version__ == version("fcdm_opt")
     assert run("--version").stdout == f"fcdm-opt {version('fcdm_opt')}\n"
+
+
+# ------------------------------------------------------------------------------------------------------------- scenes
+
+# Between the cubes stands a rib up to y = -0.25, so that the left one must rise by 0.25 to pass; the other is far away.
+RIBS = """
+[[keep_out]]
+name = "rib"
+vertices = [[0.75, -2, -1], [1.0, -2, -1], [0.75, -0.25, -1], [1.0, -0.25, -1],
+            [0.75, -2, 1], [1.0, -2, 1], [0.75, -0.25, 1], [1.0, -0.25, 1]]
+[[keep_out]]
+name = "far"
+vertices = [[50, 0, 0], [51, 0, 0], [50, 1, 0], [50, 0, 1]]
+"""
+SCENE_CASES = """
+[[case]]
+name = "around"
+[[case]]
+name = "ignored"
+keep_out = []
+[[case]]
+name = "no way around"
+limits = { TY = [-0.1, 0.1], TX = [0.5, 1.1] }
+[[case]]
+name = "straight"
+motion = [{ translation = "x" }]
+limits = { TX = [-1, 2] }
+"""
+
+
+def test_keep_outs_are_kept_and_shown(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(CUBES + RIBS + SCENE_CASES)
+    shown = run("solve", path, "--case", "around", "--case", "ignored", "--out", tmp_path / "pictures")
+    assert shown.exit_code == 0
+    assert "around: keep-out rib: touching" in shown.stdout
+    assert "around: keep-out far: 48.5 clear" in shown.stdout
+    assert "ignored: keep-out" not in shown.stdout
+    assert (tmp_path / "pictures" / "scene-around-scene.png").exists()
+    result = run("solve", path, "--json")
+    assert result.exit_code == 1  # two have no motion
+    around, ignored, no_way, straight = document(result.stdout)[0]["cases"]
+    assert around["parameters"] == pytest.approx({"TX": 1.0, "TY": 0.25}, abs=1e-8)
+    assert around["keep_out_gaps"] == pytest.approx({"rib": 0.0, "far": 48.5}, abs=1e-8)
+    assert (around["modelled"]["keep_outs_kept"], around["modelled"]["keep_outs_total"]) == (1, 2)
+    assert around["problem"]["keep_out"][0]["name"] == "rib"
+    assert ignored["parameters"] == pytest.approx({"TX": 1.0, "TY": 0.0}, abs=1e-8)
+    assert ignored["keep_out_gaps"] == {}
+    assert no_way["status"] in ("INFEASIBLE", "NOT_FOUND")
+    assert straight["status"] == "INFEASIBLE"
+
+
+def test_a_closed_nominal_pair_and_notes_on_bodies_are_shown(tmp_path: Path) -> None:
+    near = CUBES.replace("1.5, ", "0.50000025, ").replace("2.5, ", "1.50000025, ")
+    near = near.replace('name = "left"', 'name = "left"\nnotes = ["two holes closed"]')
+    path = tmp_path / "near.toml"
+    path.write_text(
+        near.replace("target = [1.0, 1.0]\n", "").replace('goal = "touch"\n', "")
+        + """
+[[case]]
+name = "A"
+goal = "at"
+requirement = "A"
+tolerance = 0.02
+"""
+    )
+    result = run("solve", path)
+    assert result.exit_code == 0
+    text = " ".join(result.stdout.split())
+    assert "A: nominal (1, 1), where the gap was 2.5e-07, closed to the curve at (1.00000025, 1.00000025)" in text
+    assert "left: two holes closed" in text
+    (case,) = document(run("solve", path, "--json").stdout)[0]["cases"]
+    assert case["snapped"]["gap"] == pytest.approx(2.5e-7, rel=1e-6)

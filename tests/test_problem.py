@@ -41,7 +41,7 @@ BOX = ((0.25, 3.0), (0.25, 3.0))
 def test_nominal_by_number_is_the_switching_point_and_a_near_pair_is_the_same_one() -> None:
     numbered = problem(GABLE, nominal=1, box=BOX, requirement="A")
     near = problem(GABLE, nominal=(RIDGE[0] * (1 + 4e-10), RIDGE[1] * (1 - 4e-10)), box=BOX, requirement="A")
-    far = problem(GABLE, nominal=(RIDGE[0] * (1 + 4e-8), RIDGE[1]), box=BOX, requirement="A")
+    far = problem(GABLE, nominal=(RIDGE[0] * (1 + 4e-8), RIDGE[1]), box=BOX, requirement="A", snap=1e-9)
     np.testing.assert_allclose(numbered.nominal_pair, RIDGE, rtol=1e-14)
     assert near.nominal_pair.tolist() == numbered.nominal_pair.tolist()
     assert near.nominal_contact.index == numbered.nominal_contact.index == 1
@@ -52,7 +52,7 @@ def test_nominal_by_number_is_the_switching_point_and_a_near_pair_is_the_same_on
 def test_a_pair_inside_a_segment_is_that_segment_and_drawn_is_one_one() -> None:
     inside = problem(nominal=(1.5, 2.0), requirement="A")
     np.testing.assert_allclose(np.cross([*inside.nominal_contact.line], [0.5, 0.25, 1.25]), 0, atol=1e-15)
-    assert inside.goal == "touch"
+    assert inside.goal == "seat"  # a face of the cube lies flush on the plate
     drawn = problem()
     assert drawn.nominal_pair.tolist() == [1.0, 1.0]
     assert drawn.nominal_contact is None
@@ -103,9 +103,11 @@ def test_goals_that_track_no_nominal_contact_need_no_curve(monkeypatch: pytest.M
         raise AssertionError("the curve was computed")
 
     monkeypatch.setattr("fcdm_opt.curve.decision_curve.decision_curve", no_curve)
-    assert problem().goal == "touch"
-    with pytest.raises(AssertionError, match="the curve was computed"):
-        problem(requirement="A")
+    for goal in ("touch", "clear"):
+        assert problem(goal=goal).goal == goal
+    for asked in ({}, {"requirement": "A"}):  # the default depends on the nominal contact
+        with pytest.raises(AssertionError, match="the curve was computed"):
+            problem(**asked)
 
 
 def test_the_curve_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,13 +162,15 @@ BAD = [
     ({"goal": "beyond"}, "nominal", "gap there is 0.5", '"touch"'),
     ({"goal": "beyond", "nominal": (1.5, 2.0)}, "goal", "beyond", '"at" or "touch"'),
     ({"static": GABLE, "goal": "beyond", "nominal": 1, "box": BOX, "target": (0.5, 2)}, "target", "0.5", "both scales"),
-    ({"goal": "seat"}, "goal", "not available in this version", '"touch"'),
+    ({"goal": "seat"}, "nominal", "[1.0, 1.0]", "a pair on the curve"),
     ({"goal": "touching"}, "goal", "touching", '"touch"'),
     ({"goal": 3}, "goal", "3", '"touch"'),
     ({"pair": "overlap"}, "pair", "overlap", '"clear"'),
     ({"path": "straight"}, "path", "straight", '"coherent"'),
     ({"amount": "displacement"}, "amount", "not available in this version; found 'displacement'", '"weighted"'),
-    ({"keep_out": (MOVABLE,)}, "keep_out", "not available in this version", "()"),
+    ({"keep_out": GABLE}, "keep_out", "Body", "a tuple of KeepOut or Body"),
+    ({"keep_out": (GABLE, "wall")}, "keep_out[2]", "str", "a KeepOut or a Body"),
+    ({"keep_out": [GABLE, PLATE, GABLE]}, "keep_out[3].name", "'gable'", "KeepOut(body, name=...)"),
     ({"resolution": 0.1}, "resolution", "not available in this version; found 0.1", "None"),
     ({"clearance": 0.1}, "clearance", "0.1", '"clear"'),
     ({"clearance": -0.1, "goal": "clear"}, "clearance", "-0.1", ">= 0"),
@@ -252,7 +256,7 @@ def test_bodies_of_parts_come_back_bit_for_bit() -> None:
     assert second.static.seed.tobytes() == first.static.seed.tobytes()
     for one, two in zip(first.static.parts, second.static.parts, strict=True):
         assert one.vertices.tobytes() == two.vertices.tobytes()
-        assert one.elements == two.elements
+        assert all(list(one.elements[kind]) == list(two.elements[kind]) for kind in "VEF")
         assert one.loops == two.loops
 
 
@@ -262,3 +266,102 @@ def test_plain_data_with_two_cases_is_refused() -> None:
     data["case"][1] = {**data["case"][1], "name": "other"}
     with pytest.raises(InputError, match="more than one case; found 2; allowed: one"):
         Problem.from_dict(data)
+
+
+# ----------------------------------------------------------------------------- nominal pairs slightly off the curve
+
+
+def plate_at(gap: float, seed: float = 0.25) -> Body:
+    """A plate beside the cube: gap(rho) = 1/2 + seed + gap - rho_1 / 2 - seed rho_2, with its seed that deep inside."""
+    depth = 0.5 + gap
+    return Body.convex(CUBE * [0.5, 4, 4] + [depth + 0.25, 0, 0], seed=[depth + seed, 0, 0], name="plate")
+
+
+@pytest.mark.parametrize("gap", [1e-7, -1e-7, 5e-6])
+@pytest.mark.parametrize("goal", ["at", "seat", None])
+@pytest.mark.parametrize("nominal", ["drawn", (1.0, 1.0)])
+def test_a_nominal_pair_slightly_off_the_curve_is_closed_to_its_nearest_point(
+    goal: str | None, gap: float, nominal: object
+) -> None:
+    made = problem(plate_at(gap), nominal=nominal, goal=goal, requirement="A")
+    assert made.goal == (goal or "seat")
+    nearest = np.array([1.0, 1.0]) + gap * np.array([0.5, 0.25]) / (0.5**2 + 0.25**2)
+    np.testing.assert_allclose(made.nominal_pair, nearest, rtol=1e-15, atol=1e-14)
+    np.testing.assert_allclose(made.target, 1.02 * nearest, rtol=1e-14)
+    assert made.nominal_contact.feature.label == "F1F2(P1V5,V6,V7,V8; P2V1,V2,V3,V4)"
+    assert made.snapped is not None
+    assert made.snapped.asked.tolist() == [1.0, 1.0]
+    assert made.snapped.pair.tolist() == made.nominal_pair.tolist()
+    assert made.snapped.gap == pytest.approx(gap, rel=1e-6)
+    assert made.changed(goal="at").snapped.gap == made.snapped.gap
+    again = Problem.from_dict(json.loads(json.dumps(made.to_dict())))
+    assert again.nominal == made.nominal
+    assert again.target.tobytes() == made.target.tobytes()
+
+
+@pytest.mark.parametrize(("gap", "arguments"), [(1e-5, {}), (-1e-5, {}), (1e-7, {"snap": 1e-9}), (1e-7, {"snap": 0})])
+def test_a_larger_gap_is_refused_with_its_size_and_the_nearest_point(gap: float, arguments: dict) -> None:
+    near = 1.0 + gap * 0.5 / (0.5**2 + 0.25**2)
+    for goal in ("at", "seat"):
+        with pytest.raises(InputError) as caught:
+            problem(plate_at(gap), goal=goal, **arguments)
+        assert caught.value.key == "nominal"
+        text = str(caught.value)
+        assert f"the gap there is {gap:.6g} " in text
+        nearest = text.partition("nearest to it is [")[2].partition(",")[0]
+        assert float(nearest) == pytest.approx(near, rel=1e-12)
+        assert "a larger snap" in text
+    assert problem(plate_at(gap), **arguments).goal == "touch"
+    wider = problem(plate_at(gap), goal="at", **{**arguments, "snap": 1e-4})
+    assert wider.nominal_pair[0] == pytest.approx(near, rel=1e-12)
+
+
+@pytest.mark.parametrize("goal", ["touch", "clear"])
+@pytest.mark.parametrize("gap", [1e-7, -1e-7, 0.25, -0.25])
+def test_touch_and_clear_take_the_nominal_pair_as_base_sizes_only(goal: str, gap: float) -> None:
+    made = problem(plate_at(gap), goal=goal, requirement="B")
+    assert made.snapped is None
+    assert made.nominal_pair.tolist() == [1.0, 1.0]
+    assert made.target.tolist() == [1.02, 0.98]
+    assert made.nominal_contact is None
+
+
+def test_a_default_goal_without_a_contact_leaves_the_pair_as_it_is() -> None:
+    """The gable's ridge touches the cube's face within `snap`, on a line: neither flush nor a switching point."""
+    tip = Body.convex([[0.5 + 1e-7, 0.1, 0.1], [1, 0.5, 0], [1, -0.5, 0.5], [1, -0.5, -0.5]], seed=[0.9, 0, 0])
+    made = problem(tip, requirement="A")
+    assert made.goal == "touch"
+    assert made.snapped is None
+    assert made.target.tolist() == [1.02, 1.02]
+    assert problem(tip, requirement="A", goal="at").snapped is not None
+
+
+def test_a_switching_point_within_snap_is_meant_by_goal_beyond() -> None:
+    """On the curve or beside it: the paper prints scales to seven digits."""
+    for off in ((3e-7, -3e-7), (0.0, 5e-7), (-4e-7, 4e-7 * RIDGE[0] / RIDGE[1] / 2)):
+        pair = tuple(x * (1 + e) for x, e in zip(RIDGE, off, strict=True))
+        made = problem(GABLE, nominal=pair, box=BOX, requirement="A", goal="beyond")
+        assert made.nominal_contact.index == 1
+        assert made.nominal_pair.tolist() == problem(GABLE, nominal=1, box=BOX, requirement="A").nominal_pair.tolist()
+        assert made.snapped.asked.tolist() == list(pair)
+        assert made.nominal == pair
+    exact = problem(GABLE, nominal=1, box=BOX, requirement="A")
+    assert exact.snapped is None
+    far = tuple(x * (1 + 3e-6) for x in RIDGE)
+    with pytest.raises(InputError, match="nominal"):
+        problem(GABLE, nominal=far, box=BOX, requirement="A", goal="beyond", snap=1e-7)
+
+
+def test_a_problem_closed_to_the_curve_is_solved_and_says_so() -> None:
+    from fcdm_opt.tolerance.solver import solve
+
+    shift = Translation("x") >> Translation("y")
+    solution = solve(problem(plate_at(1e-7), goal="seat", requirement="A", motion=shift))
+    assert solution.usable, solution.certificate
+    snapped = solution.to_dict()["snapped"]
+    assert snapped["asked"] == [1.0, 1.0]
+    assert snapped["gap"] == pytest.approx(1e-7, rel=1e-6)
+    # face on face at the target: 0.02 of both nominal half-widths, less nothing of the gap, which the pair has closed
+    rho = solution.problem.nominal_pair
+    assert solution.parameters["TX"] == pytest.approx(-0.02 * (rho[0] * 0.5 + rho[1] * 0.25), rel=1e-9)
+    assert solve(problem(plate_at(0.0), goal="seat", requirement="A", motion=shift)).to_dict()["snapped"] is None

@@ -218,7 +218,7 @@ BAD = [
     ("target = ", "nominal = 1.5\ntarget = ", "case[1] 'A'.nominal", "found 1.5", '"drawn"'),
     ("target = ", "nominal = 9\ntarget = ", "case[1] 'A'.nominal", "found 9", "one of 1: 1 at (1."),
     ("target = ", "clearance = 0.5\ntarget = ", "case[1] 'A'.clearance", "found 0.5", '"clear"'),
-    ('goal = "touch"', 'goal = "seat"', "case[1] 'A'.goal", "not available in this version; found 'seat'", '"beyond"'),
+    ('goal = "touch"', 'goal = "sit"', "case[1] 'A'.goal", "unknown goal; found 'sit'", '"seat"'),
     ('goal = "touch"', "goal = 1", "case[1] 'A'.goal", "found 1", '"beyond"'),
     (None, "limits = { RZ = [0, 1] }", "case[1] 'A'.limits.RZ", "unit of the angle is missing", "TZ, RZ_deg, RZ_rad"),
     (
@@ -338,3 +338,241 @@ def test_every_key_is_documented() -> None:
         if not item.get("description")
     ]
     assert undocumented == []
+
+
+# ------------------------------------------------------------------------------------------------------- bodies by file
+
+TETRAHEDRON = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+FACES = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+
+
+def write_mesh(path: Path, vertices: list, faces: list) -> None:
+    """Write an OFF file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = ["OFF", f"{len(vertices)} {len(faces)} 0"]
+    lines += [" ".join(map(repr, vertex)) for vertex in vertices]
+    lines += [" ".join(map(str, (len(face), *face))) for face in faces]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def in_a_file(text: str, *, role: str = "movable", extra: str = "") -> str:
+    """Replace the vertices of one body by a mesh file."""
+    vertices = {"movable": "[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+                "static": "[[3, 0, 0], [2, 0, 0], [3, 1, 0], [3, 0, 1]]"}[role]  # fmt: skip
+    return text.replace(f"vertices = {vertices}", f'file = "meshes/{role}.off"\nunit = "mm"\n{extra}', 1)
+
+
+@pytest.fixture
+def meshes(tmp_path: Path) -> Path:
+    write_mesh(tmp_path / "meshes" / "movable.off", TETRAHEDRON, FACES)
+    write_mesh(tmp_path / "meshes" / "static.off", [[3.0 - x, y, z] for x, y, z in TETRAHEDRON],
+               [face[::-1] for face in FACES])  # fmt: skip
+    return tmp_path
+
+
+def test_a_body_given_by_a_file_is_the_one_given_by_its_vertices(meshes: Path) -> None:
+    (drawn,) = load(meshes, BODIES + CASE)
+    (read,) = load(meshes, in_a_file(in_a_file(BODIES, role="static"), extra='seed = "vertices"\n') + CASE)
+    assert read.movable.vertices.tolist() == drawn.movable.vertices.tolist()
+    assert read.static.vertices.tolist() == drawn.static.vertices.tolist()
+    assert (read.movable.name, read.static.name) == ("movable", "static")  # of the files' stems
+    assert read.movable.seed.tolist() == [0.25, 0.25, 0.25]
+    np.testing.assert_allclose(read.static.seed, drawn.static.seed, rtol=1e-15)
+    text = json.dumps(read.to_dict(), allow_nan=False)
+    again = Problem.from_dict(json.loads(text))  # self-contained: no file is needed any more
+    assert json.dumps(again.to_dict(), allow_nan=False) == text
+    assert again.movable.vertices.tobytes() == read.movable.vertices.tobytes()
+    assert again.movable.notes == read.movable.notes
+
+
+def test_units_of_files_are_converted_and_paths_start_at_the_problem_file(
+    meshes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(meshes.parent)
+    (inches,) = load(meshes, in_a_file(BODIES, extra='file_unit = "in"\nname = "wedge"\n') + CASE)
+    np.testing.assert_allclose(inches.movable.vertices, 25.4 * np.array(TETRAHEDRON), rtol=1e-15)
+    assert inches.movable.name == "wedge"
+    # bodies of another file: relative to that one
+    (meshes / "sub").mkdir()
+    (meshes / "other.toml").write_text(in_a_file(BODIES), encoding="utf-8")
+    (borrowed,) = load(meshes / "sub", 'bodies = "../other.toml"\n' + CASE)
+    assert borrowed.movable.vertices.tolist() == TETRAHEDRON
+    full = in_a_file(BODIES).replace('"meshes/', f'"{meshes / "meshes"}/')
+    assert load(meshes / "sub", full + CASE)[0].movable.vertices.tolist() == TETRAHEDRON
+
+
+def test_a_decomposition_and_its_deviation_survive_plain_data(meshes: Path) -> None:
+    outline = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)]
+    corners = [[x - 8.0, y, z] for z in (0.0, 1.0) for x, y in outline]
+    faces = [[5, 4, 3, 2, 1, 0], [6, 7, 8, 9, 10, 11],
+             *([k, (k + 1) % 6, (k + 1) % 6 + 6, k + 6] for k in range(6))]  # fmt: skip
+    write_mesh(meshes / "meshes" / "movable.off", corners, faces)
+    (exact,) = load(meshes, in_a_file(BODIES, extra='decomposition = "exact"\nname = "ell"\n') + CASE)
+    assert len(exact.movable.parts) == 2
+    assert exact.movable.deviation == (0.0, 0.0)
+    assert sum(part.volume_and_centroid[0] for part in exact.movable.parts) == pytest.approx(5.0, rel=1e-12)
+    # the same mesh written out
+    mesh = f"vertices = {corners}\nfaces = {[[k + 1 for k in face] for face in faces]}\n"
+    body = "vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]"
+    (inline,) = load(meshes, BODIES.replace(body, mesh + 'decomposition = "exact"\nname = "ell"') + CASE)
+    for one, two in zip(exact.movable.parts, inline.movable.parts, strict=True):
+        assert one.vertices.tolist() == two.vertices.tolist()
+    rough = BODIES.replace(body, body + '\ndeviation = [0.125, 0.25]\nnotes = ["cut by hand", "two holes closed"]')
+    (problem,) = load(meshes, rough + CASE)
+    assert problem.movable.deviation == (0.125, 0.25)
+    assert problem.movable.notes == ("cut by hand", "two holes closed")
+    for first in (exact, problem):
+        second = Problem.from_dict(json.loads(json.dumps(first.to_dict())))
+        assert second.to_dict() == first.to_dict()
+        assert (second.movable.deviation, second.movable.notes) == (first.movable.deviation, first.movable.notes)
+        assert second.movable.faces == first.movable.faces
+        for one, two in zip(first.movable.parts, second.movable.parts, strict=True):
+            assert one.vertices.tobytes() == two.vertices.tobytes()
+            for kind in "VEF":
+                assert list(one.elements[kind]) == list(two.elements[kind])
+
+
+FILED = in_a_file(BODIES) + CASE
+BAD_FILED = [
+    ('unit = "mm"\n', "", "bodies.movable.unit", "missing key; found 'only file'", '"um"'),
+    ('unit = "mm"', 'unit = "inch"', "bodies.movable.unit", "found 'inch'", '"in"'),
+    ('unit = "mm"', "unit = 1", "bodies.movable.unit", "found 1", '"in"'),
+    ('unit = "mm"', 'unit = "mm"\nparts = [[1, 2, 3, 4]]', "bodies.movable.parts", "not by both", "decomposition"),
+    ('unit = "mm"', 'unit = "mm"\nvertices = [[0, 0, 0]]', "bodies.movable.vertices", "not by both", "decomposition"),
+    ('unit = "mm"', 'unit = "mm"\nfaces = [[1, 2, 3]]', "bodies.movable.faces", "found 'file and faces'", "file_unit"),
+    ('unit = "mm"', 'unit = "mm"\ndeviation = [0, 0]', "bodies.movable.deviation", "not by both", "file_unit"),
+    ('unit = "mm"', 'unit = "mm"\nfile_unit = "yd"', "bodies.movable.file_unit", "found 'yd'", "unit of the numbers"),
+    ('unit = "mm"', 'unit = "mm"\ndecomposition = "cut"', "bodies.movable.decomposition", "found 'cut'", '"coacd"'),
+    ('file = "meshes/movable.off"\n', "", "bodies.movable.unit", "goes with file; found 'mm'", "peg.stl"),
+    ('file = "meshes/movable.off"\nunit = "mm"\n', "", "bodies.movable.vertices", "missing key", "file = "),
+    ('file = "meshes/movable.off"', "file = 3", "bodies.movable.file", "found 3", "STL"),
+    ("meshes/movable.off", "none.off", "bodies.movable.file", "none.off: ", ""),
+    ("meshes/movable.off", "case.toml", "bodies.movable.file", "case.toml: ", ".stl"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "key", "found", "allowed"), BAD_FILED)
+def test_a_bad_entry_of_a_mesh_names_problem_file_and_key(
+    meshes: Path, old: str, new: str, key: str, found: str, allowed: str
+) -> None:
+    load(meshes, FILED)
+    text = FILED.replace(old, new, 1)
+    assert text != FILED
+    with pytest.raises(InputError) as caught:
+        load(meshes, text)
+    assert caught.value.key == key
+    message = str(caught.value)
+    assert message.startswith(str(meshes / "case.toml"))
+    assert found in message
+    assert allowed in message.partition("allowed: ")[2]
+
+
+def test_only_a_mesh_is_decomposed(meshes: Path) -> None:
+    for extra in ("", "parts = [[1, 2, 3, 4]]\nfaces = [[1, 2, 3]]\n"):
+        text = BODIES.replace("[bodies.static]", f'[bodies.static]\ndecomposition = "exact"\n{extra}')
+        with pytest.raises(InputError, match="only a mesh is cut into parts") as caught:
+            load(meshes, text + CASE)
+        assert caught.value.key == "bodies.static.decomposition"
+
+
+def test_a_broken_mesh_names_problem_file_key_and_mesh_file(meshes: Path) -> None:
+    write_mesh(meshes / "meshes" / "movable.off", TETRAHEDRON, FACES[:3])  # one side is open
+    with pytest.raises(InputError) as caught:
+        load(meshes, FILED)
+    message = str(caught.value)
+    assert message.startswith(f"{meshes / 'case.toml'}: bodies.movable.file: ")
+    assert str(meshes / "meshes" / "movable.off") in message
+
+
+def test_bodies_in_different_units_are_refused(meshes: Path) -> None:
+    both = in_a_file(in_a_file(BODIES, role="static").replace('"mm"', '"in"\nfile_unit = "mm"'))
+    keep_out = '[[keep_out]]\nname = "rib"\nfile = "meshes/static.off"\nunit = "um"\n'
+    place = r"bodies\.static\.unit: .*found 'bodies\.static in in, bodies\.movable in mm'"
+    with pytest.raises(InputError, match=place):
+        load(meshes, both + CASE)
+    with pytest.raises(InputError, match=r"keep_out\[1\]\.unit: .*keep_out\[1\] in um, bodies\.movable in mm"):
+        load(meshes, in_a_file(BODIES) + CASE + keep_out)
+    (problem,) = load(meshes, both.replace('off"\nunit = "mm"', 'off"\nunit = "in"') + CASE)
+    assert problem.movable.vertices.tolist() == TETRAHEDRON
+    millimetres = [[3.0 - x, y, z] for x, y, z in TETRAHEDRON]
+    np.testing.assert_allclose(problem.static.vertices, np.array(millimetres) / 25.4, rtol=1e-15)
+
+
+def test_plain_data_that_names_a_file_needs_its_full_path(meshes: Path) -> None:
+    data = load(meshes, BODIES + CASE)[0].to_dict()
+    entry = {"file": "meshes/movable.off", "unit": "mm"}
+    with pytest.raises(InputError, match="there is no problem file to start from") as caught:
+        Problem.from_dict({**data, "bodies": {**data["bodies"], "movable": entry}})
+    assert caught.value.key == "bodies.movable.file"
+    entry["file"] = str(meshes / "meshes" / "movable.off")
+    made = Problem.from_dict({**data, "bodies": {**data["bodies"], "movable": entry}})
+    assert made.movable.vertices.tolist() == TETRAHEDRON
+
+
+# ------------------------------------------------------------------------------------------------------------ keep-outs
+
+RIB = """
+[[keep_out]]
+name = "rib"
+vertices = [[1, 1, 1], [2, 1, 1], [1, 2, 1], [1, 1, 2]]
+scale = [0.9, 1.1]
+clearance = 0.125
+[[keep_out]]
+file = "meshes/static.off"
+unit = "mm"
+seed = [9, 9, 9]
+scale = 2
+"""
+
+
+def test_keep_outs_count_in_every_case_unless_it_chooses(meshes: Path) -> None:
+    cases = CASE + "".join(
+        CASE.replace('"A"', f'"{name}"') + f"keep_out = {chosen}\n"
+        for name, chosen in (("B", "[]"), ("C", '["rib"]'), ("D", '["static", "rib"]'))
+    )
+    every, none, rib, both = load(meshes, BODIES + RIB + cases)
+    assert [[keep_out.name for keep_out in made.keep_out] for made in (every, none, rib, both)] == [
+        ["rib", "static"], [], ["rib"], ["static", "rib"],
+    ]  # fmt: skip
+    assert every.keep_out[0] is rib.keep_out[0]
+    first, second = every.keep_out
+    assert (first.scale, first.clearance, second.scale, second.clearance) == ((0.9, 1.1), 0.125, 2.0, 0.0)
+    assert second.body.seed.tolist() == [9.0, 9.0, 9.0]
+    for made in (every, none, both):
+        text = json.dumps(made.to_dict(), allow_nan=False)
+        assert json.dumps(Problem.from_dict(json.loads(text)).to_dict(), allow_nan=False) == text
+    unnamed = RIB.replace('name = "rib"\n', "")
+    assert load(meshes, BODIES + unnamed + CASE)[0].keep_out[0].name == "keep-out 1"
+
+
+BAD_KEEP_OUTS = [
+    ("scale = [0.9, 1.1]", "scale = [1.1, 0.9]", "keep_out[1].KeepOut.scale", "found (1.1, 0.9)", "low <= high"),
+    ("scale = [0.9, 1.1]", "scale = 0", "keep_out[1].KeepOut.scale", "found 0.0", "> 0"),
+    ("scale = [0.9, 1.1]", 'scale = "1"', "keep_out[1].scale", "found '1'", "[low, high]"),
+    ("scale = [0.9, 1.1]", "scales = 1", "keep_out[1].scales", "did you mean 'scale'?", "clearance"),
+    ("clearance = 0.125", "clearance = -1", "keep_out[1].KeepOut.clearance", "found -1.0", ">= 0"),
+    ("clearance = 0.125", "clearance = nan", "keep_out[1].clearance", "not finite", "least gap"),
+    ('name = "rib"', 'name = "static"', "keep_out[2].name", "the name is that of keep_out[1]", "no other keep-out"),
+    ("[1, 1, 2]]", "[1, 1, 1]]", "keep_out[1].body 'rib'", "plane", ""),
+    ('goal = "touch"', 'goal = "touch"\nkeep_out = ["ribs"]', "case[1] 'A'.keep_out[1]", "'rib'?", "rib, static"),
+    ('goal = "touch"', 'goal = "touch"\nkeep_out = "rib"', "case[1] 'A'.keep_out", "found 'rib'", "without it all do"),
+    ('goal = "touch"', 'goal = "touch"\nkeep_out = ["rib", "rib"]', "case[1] 'A'.keep_out[2].name", "keep_out[1]", ""),
+    ('unit = "mm"', "", "keep_out[2].unit", "missing key", '"mm"'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "key", "found", "allowed"), BAD_KEEP_OUTS)
+def test_a_bad_keep_out_names_file_and_key(
+    meshes: Path, old: str, new: str, key: str, found: str, allowed: str
+) -> None:
+    good = BODIES + RIB + CASE
+    load(meshes, good)
+    text = good.replace(old, new, 1)
+    assert text != good
+    with pytest.raises(InputError) as caught:
+        load(meshes, text)
+    assert caught.value.key == key
+    message = str(caught.value)
+    assert message.startswith(str(meshes / "case.toml"))
+    assert found in message
+    assert allowed in message.partition("allowed: ")[2]

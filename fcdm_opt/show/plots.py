@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, new_figure
+from fcdm_opt.tolerance.problem import TRACKING, Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solution import Solution
 
 LISTED = 24
@@ -240,7 +240,7 @@ def _draw_tolerance(axes: Any, problem: Problem) -> None:
 def _draw_points(axes: Any, problem: Problem, solution: Solution, size: float) -> None:
     common = {"linestyle": "none", "zorder": 5, "markeredgewidth": 1.6 * size}
     hollow = {**common, "markerfacecolor": "none"}
-    tracked = problem.goal in ("beyond", "at")  # else the pair made is all there is to follow
+    tracked = problem.goal in TRACKING  # else the pair made is all there is to follow
     axes.plot(
         *problem.nominal_pair,
         marker="*",

@@ -29,10 +29,13 @@ def scene_figure(
     transform: ArrayLike | None = None,
     features: Sequence[Feature] = (),
     contacts: ArrayLike = (),
+    keep_out: Sequence[Body] = (),
     title: str = "",
     caption: str = "",
 ) -> Figure:
     """Draw both bodies: body 1 in solid lines, body 2 in dashed ones, vertices by number, seeds as crosses.
+
+    Further bodies are grey, in dotted lines.
 
     Parameters
     ----------
@@ -46,6 +49,8 @@ def scene_figure(
         Elements in contact, drawn with emphasis.
     contacts : (k, 3) array
         Contact points, world frame.
+    keep_out : sequence of Body
+        Further static bodies, as they are; those far away are left out.
     title, caption : str
         Text above and below the picture.
     """
@@ -54,9 +59,17 @@ def scene_figure(
         one = one.moved(transform)
     points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
     view = _best_view(points, two.seed - one.seed)
+    reach = np.ptp(points, axis=0).max()
+    room = points.min(axis=0) - reach, points.max(axis=0) + reach
+    keep_out = [
+        b for b in keep_out if (b.vertices.max(axis=0) >= room[0]).all() and (b.vertices.min(axis=0) <= room[1]).all()
+    ]
+    points = np.vstack([points, *(np.clip(body.vertices, *room) for body in keep_out)])
     figure, axes = _page_for(points, view)
     _draw_body(axes, one, BLUE, "solid", 0.16, f"1, movable: {one.name}")
     _draw_body(axes, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {two.name}")
+    for body in keep_out:
+        _draw_body(axes, body, GREY, "dotted", 0.08, f"keep-out: {body.name}")
     for feature in features:
         for body, element in ((one, feature.one), (two, feature.two)):
             _draw_element(axes, body, element.kind, element.vertices)

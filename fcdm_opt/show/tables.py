@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solution import Solution
 
@@ -184,10 +185,40 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
             _print_text(out, f"{solution.problem.name}: {solution.status.value}{checks}", indent="   ")
+        for remark in _remarks(solution):
+            _print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
+    _print_notes(out, [body for row in rows for body in _bodies(row.solution.problem)])
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in ("build", "solve", "verify")}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total)
     out.print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
+
+
+def _bodies(problem: Problem) -> tuple[Body, ...]:
+    return (problem.movable, problem.static, *(keep_out.body for keep_out in problem.keep_out))
+
+
+def _print_notes(out: Any, bodies: Iterable[Body]) -> None:
+    """Print once how each body was made, where that is worth a note."""
+    for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
+        _print_text(out, text, indent="   ")
+
+
+def _remarks(solution: Solution) -> list[str]:
+    """Return what a case's row does not say: where its nominal pair was closed to, how clear it is of keep-outs."""
+    remarks = []
+    if (snapped := solution.problem.snapped) is not None:
+        was = f"where the gap was {snapped.gap:.3g}"
+        remarks.append(f"nominal {_pair(snapped.asked)}, {was}, closed to the curve at {_pair(snapped.pair)}")
+    for name, gap in solution.keep_out_gaps.items():
+        off = f"{abs(gap):.4g} {'clear' if gap > 0 else 'overlapping'}"
+        state = "touching" if abs(gap) <= solution.problem.contact_slack else off
+        remarks.append(f"keep-out {name}: {state}")
+    return remarks
+
+
+def _pair(values: Iterable[float]) -> str:
+    return "(" + ", ".join(f"{x:.9g}" for x in values) + ")"
 
 
 def _cells(row: SolvedCase) -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.tolerance.task import Task
+from fcdm_opt.tolerances import DEFAULT
 
 
 def displacement_rate(task: Task) -> float:
@@ -16,16 +17,30 @@ def displacement_rate(task: Task) -> float:
 
 
 def displacement_bound(task: Task) -> float:
-    """Return a lower bound of the weighted amount for "touch" and "clear" (design: bounds known to hold).
+    """Return a lower bound of the weighted amount (design: bounds known to hold).
 
-    The signed distance of the target pair changes by no more than the largest displacement of a vertex, and parameter
-    k displaces none by more than its reach d_k per unit, so need <= sum d_k |q_k| <= |w q| sqrt(sum (d_k / w_k)^2).
-    The gap over facet directions never exceeds the distance, so it may stand for it. 0 for other goals.
+    The signed distance of a part pair changes by no more than the largest displacement of a vertex, and parameter k
+    displaces none by more than its reach d_k per unit, so need <= sum d_k |q_k| <= |w q| sqrt(sum (d_k / w_k)^2). The
+    gap over facet directions is the signed distance where a pair overlaps, and never exceeds it: it may stand for it
+    where a gap is to be closed or an overlap undone, not where a gap is to be widened. 0 where nothing asks for either.
     """
-    if task.goal not in ("touch", "clear"):
+    if not np.isfinite(task.needs).any():
+        return _tracked_need(task) / displacement_rate(task)
+    gaps = task.pair_gaps(task.rest)
+    needs = [_tracked_need(task), *(task.needs - gaps)[gaps <= 0]]
+    if task.goal == "touch":
+        needs.append(task.contact_gap(gaps))
+    return float(max(needs)) / displacement_rate(task)
+
+
+def _tracked_need(task: Task) -> float:
+    """Return how far a vertex of body 1 moves at least where the tracked contact comes to the target pair.
+
+    The point that touches in the end belongs to the contact's elements, and is at rest its line's gap away from the
+    other body's. Of faces that stay flush every point moves alike along each normal: so as to close all gaps at once.
+    """
+    if task.goal not in ("at", "seat"):
         return 0.0
-    gap = task.gap(np.zeros(len(task.weights)))
-    need = abs(gap) if task.goal == "touch" else max(0.0, task.need - gap)
-    if task.goal == "clear" and gap > 0:
-        return 0.0  # facet directions understate the distance: the need may be less
-    return need / displacement_rate(task)
+    normals, gaps = task.face_gaps
+    together = np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] if len(gaps) else np.zeros(3)
+    return max(float(np.linalg.norm(together)), float(np.abs(task.line_gaps(task.rest)[1]).max()))

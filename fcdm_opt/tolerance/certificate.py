@@ -8,6 +8,7 @@ the bodies' faces and labels; that the nominal contact is one is checked too.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,13 @@ import numpy as np
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.tolerance.claim import Claim
-from fcdm_opt.tolerance.problem import MOST_TURNED
-from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
+from fcdm_opt.tolerance.keep_out import KeepOut
+from fcdm_opt.tolerance.problem import MOST_TURNED, TRACKING
+from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
-
-TRACKING = ("beyond", "at")  # goals that follow the nominal contact
 
 
 def verify(solution: Solution, tolerances: Tolerances = DEFAULT) -> Certificate:
@@ -47,8 +48,8 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT) -> Certificate:
         return Certificate((finite,))
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
         judge = _Judge(solution, tolerances)
-        stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.pair)
-        return Certificate((finite, *(check for stage in stages for check in stage())))
+        stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.seats)
+        return Certificate((finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage())))
 
 
 def _well_formed(solution: Solution) -> Check:
@@ -81,6 +82,20 @@ def _at_least(name: str, value: float, limit: float, note: str = "") -> Check:
 def _named(feature: Feature | None) -> Any:
     """Return a name of the feature that does not depend on the order in which its vertices are listed."""
     return feature and tuple((element.kind, frozenset(element.vertices)) for element in (feature.one, feature.two))
+
+
+def _across(gradients: Array) -> Array:
+    """Return the direction that rises most along the gradient it rises least along: between two of them."""
+    units = gradients / np.linalg.norm(gradients, axis=1)[:, None]
+    between = (units[:, None] + units[None]).reshape(-1, 2)
+    between = between / np.maximum(np.linalg.norm(between, axis=1), np.finfo(float).tiny)[:, None]
+    best: Array = between[(units @ between.T).min(axis=0).argmax()]
+    return best
+
+
+def _or_inf(values: Any) -> Array:
+    """Return values with infinity for nan, which no check passes."""
+    return np.where(np.isnan(values), np.inf, values)
 
 
 class _Judge:
@@ -145,11 +160,11 @@ class _Judge:
             Check("features", 1 <= claimed == distinct, distinct, claimed, "each contact feature once, at least one"),
         ]
         if self.problem.goal in TRACKING:
-            nominal = self.problem.nominal_contact
-            own = getattr(nominal, "features", None) or (getattr(nominal, "feature", None),)
+            own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
-            known = tracked <= allowed and len(tracked) == min(2, len(own))
-            checks.append(Check("nominal features", known, claimed, min(2, len(own)), ", ".join(map(str, own))))
+            most = len(own) if self.problem.goal == "seat" else min(2, len(own))
+            known = tracked <= allowed and len(tracked) == most
+            checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):
             error = claim.error(self.rho[None], self.transform[None])[0]
             checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
@@ -160,7 +175,10 @@ class _Judge:
         if not self.claims:
             return []
         lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
-        gradients = lines[:, :2]
+        # a plane through both seeds is in contact at all scales
+        gradients = lines[~(np.linalg.norm(lines[:, :2], axis=1) <= self.tolerances.determinant * self.size), :2]
+        if not len(gradients):
+            return [_at_most("sides", 0, 0, "no change of the scales opens or closes the contact")]
         units = gradients / np.linalg.norm(gradients, axis=1)[:, None]
         opposed = float(np.abs(units.sum(axis=0)).max())
         if len(units) == 2 and opposed <= self.tolerances.determinant:
@@ -168,36 +186,72 @@ class _Judge:
         upward = units.sum(axis=0)
         if (units @ upward).min() <= self.tolerances.determinant:
             return [_at_most("snug", opposed, np.inf, "no change of the scales leaves all contact lines on one side")]
-        step = self.tolerances.side * self.size * upward / (gradients @ upward).min()
-        step = step * min(1.0, float((self.rho / (2.0 * np.abs(step))).min()))  # scales stay positive
+        step = self._step(gradients, upward)
         before, after = (self._gap(self.rho + sign * step, self.transform) for sign in (-1, 1))
         least = min(self.limit, float((gradients @ step).min()) / 2.0)
+        more = self.scaled.gradients(self.rho, self.transform, self.limit)
+        more = more[np.linalg.norm(more, axis=1) > self.tolerances.determinant * self.size]
+        if not after < -least and len(more):  # vertices and parallel edges meet along more lines than the one claimed
+            upward = _across(more)
+            if (more @ upward).min() <= self.tolerances.determinant * self.size:
+                return [_at_most("snug", 0.0, np.inf, "no change of the scales leaves all contact lines on one side")]
+            step = self._step(more, upward)
+            before, after = (self._gap(self.rho + sign * step, self.transform) for sign in (-1, 1))
+        below = least if len(gradients) == len(lines) else -self.limit
         return [
-            Check("apart below", bool(before > least), before, least, "distance with both scales reduced"),
-            Check("overlapping above", bool(after < -least), after, -least, "with both scales enlarged"),
+            Check("apart below", bool(before > below), before, below, f"with the scales changed by {-step}"),
+            Check("overlapping above", bool(after < -least), after, -least, f"with the scales changed by {step}"),
         ]
+
+    def _step(self, gradients: Array, upward: Array) -> Array:
+        """Return a small change of the scales by which all contact lines are crossed."""
+        step = self.tolerances.side * self.size * upward / (gradients @ upward).min()
+        return np.asarray(step * min(1.0, float((self.rho / (2.0 * np.abs(step))).min())))  # scales stay positive
 
     def path(self) -> list[Check]:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
         if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
             return []
-        turned = sum(
-            abs(x) for (_, kind), x in zip(self.problem.motion.parameters, self.q, strict=True) if kind == "rotation"
-        )
-        count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
-        # between the points at which the solver looks, and both ends
-        s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
-        poses = np.array([self._pose(x) for x in s])
-        pairs = self._tracked(s, poses)
+        s, poses, pairs = self._way()
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
         errors = np.max([claim.error(pairs, poses) for claim in self.claims], axis=0)
         gaps = [abs(self._quick_gap(rho, T)) for rho, T in zip(pairs, poses, strict=True)]
-        worst = [int(np.argmax(np.where(np.isnan(x), np.inf, x))) for x in (errors, gaps)]
+        worst = [int(_or_inf(x).argmax()) for x in (errors, gaps)]
         return [
             _at_most("path starts at the nominal", start, self.tolerances.nominal, "relative distance of the scales"),
             _at_most("path features", errors[worst[0]], self.limit, f"worst at {s[worst[0]]:.6g} of the motion"),
             _at_most("path touching", gaps[worst[1]], self.limit, f"worst at {s[worst[1]]:.6g} of the motion"),
         ]
+
+    def seats(self) -> list[Check]:
+        """Check that flush contacts are aligned and share more than a point: at the end, and on the way if asked."""
+        if self.problem.goal != "seat":
+            return []
+        seats = self.problem.nominal_seats
+        kinds = {_named(name): seat.dimension for seat in seats for name in (seat.feature, seat.touching)}
+        claims = {k: claim for k, claim in enumerate(self.claims, 1) if _named(claim.feature) in kinds}
+        if not claims:
+            return [_at_most("seat", float("nan"), 0, "no flush contact is claimed")]
+        least = self.tolerances.shared * min(self.problem.movable.size, self.problem.static.size) / 2.0
+        s, poses, pairs = self._way()
+        checks = []
+        for k, claim in claims.items():
+            size = kinds[_named(claim.feature)]
+            what = "length" if size == 1 else "width"
+            off, *shared = claim.flush(self.rho[None], self.transform[None])[0]
+            checks += [
+                _at_most(f"seat {k} aligned", off, self.limit, f"{claim.feature}: vertices' distance from one plane"),
+                _at_least(f"seat {k} shared", shared[size - 1], least, f"{claim.feature}: {what} of what they share"),
+            ]
+            if self.problem.path == "coherent":
+                off, *shared = claim.flush(pairs, poses).T
+                worst, narrowest = int(_or_inf(off).argmax()), int(shared[size - 1].argmin())
+                at = [f"worst at {s[worst]:.6g} of the motion", f"{what}, least at {s[narrowest]:.6g} of the motion"]
+                checks += [
+                    _at_most(f"path seat {k} aligned", off[worst], self.limit, at[0]),
+                    _at_least(f"path seat {k} shared", shared[size - 1][narrowest], least, at[1]),
+                ]
+        return checks
 
     def pair(self) -> list[Check]:
         """Check the state and gap of the parts actually made."""
@@ -222,7 +276,36 @@ class _Judge:
             checks.append(_at_least("clearance", gap, problem.clearance - self.limit))
         return checks
 
+    def scene(self) -> list[Check]:
+        """Check that the part made keeps clear of each keep-out, at every scale of its range."""
+        return [self._kept_clear(keep_out) for keep_out in self.problem.keep_out]
+
+    def _kept_clear(self, keep_out: KeepOut) -> Check:
+        body, (low, high) = keep_out.body, keep_out.ends
+        scales = np.unique(np.linspace(low, high, self.tolerances.scale_points))
+        at_scale = ScaledPair(self.problem.movable, body)
+        gaps = [self._gap(np.array([self.problem.target[0], r]), self.transform, at_scale) for r in scales]
+        if low < high:  # what a convex part sweeps is the hull of both ends
+            arms = [part.vertices - body.seed for part in body.parts]
+            hulls = [Body.convex(body.seed + np.vstack([low * x, high * x]), seed=body.seed).parts[0] for x in arms]
+            swept = ScaledPair(self.problem.movable, replace(body, parts=tuple(hulls)))
+            gaps.append(self._gap(np.array([self.problem.target[0], 1.0]), self.transform, swept))
+        limit = max(self.limit, self.tolerances.tie * body.size)
+        note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
+        return _at_least(kept_clear(keep_out.name), float(np.min(gaps)), keep_out.clearance - limit, note)
+
     # ------------------------------------------------------------------------------------------------------- parts
+
+    def _way(self) -> tuple[Array, Array, Array]:
+        """Return positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
+        turned = sum(
+            abs(x) for (_, kind), x in zip(self.problem.motion.parameters, self.q, strict=True) if kind == "rotation"
+        )
+        count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
+        # between the points at which the solver looks, and both ends
+        s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
+        poses = np.array([self._pose(x) for x in s])
+        return s, poses, self._tracked(s, poses)
 
     def _pose(self, s: float) -> Array:
         problem = self.problem
@@ -231,23 +314,28 @@ class _Judge:
         except InputError:  # a screw whose axis has vanished on the way
             return np.full((4, 4), np.nan)
 
-    def _quick_gap(self, rho: Array, transform: Array) -> float:
+    def _quick_gap(self, rho: Array, transform: Array, scaled: ScaledPair | None = None) -> float:
         """Signed distance by coal; where coal cannot tell, by explicit vertices; nan for scales that are none."""
+        scaled = scaled or self.scaled
         if not (np.isfinite(transform).all() and np.isfinite(rho).all() and rho.min() > 0):
             return float("nan")
-        gap = self.scaled.signed_distance(rho, transform)
-        return float(self.scaled.separations(rho, transform).min()) if np.isnan(gap) else gap
+        gap = scaled.signed_distance(rho, transform)
+        return scaled.separation(rho, transform) if np.isnan(gap) else gap
 
-    def _gap(self, rho: Array, transform: Array) -> float:
-        """Signed distance by coal, confirmed by explicit vertices; where they disagree exact arithmetic decides."""
-        gap = self._quick_gap(rho, transform)
+    def _gap(self, rho: Array, transform: Array, scaled: ScaledPair | None = None) -> float:
+        """Signed distance by coal, confirmed by explicit vertices; where they disagree exact arithmetic decides.
+
+        Of the problem's two bodies, or of another pair.
+        """
+        scaled = scaled or self.scaled
+        gap = self._quick_gap(rho, transform, scaled)
         if np.isnan(gap):
             return gap
-        separation = float(self.scaled.separations(rho, transform).min())
+        separation = scaled.separation(rho, transform)
         agree = separation <= gap + self.limit and (separation > 0 or gap <= separation + self.limit)
         if agree or np.isnan(separation):
             return gap
-        return self.scaled.exact_separation(rho, transform)
+        return scaled.exact_separation(rho, transform)
 
     def _state(self, gap: float) -> str:
         if np.isnan(gap):
@@ -270,7 +358,9 @@ class _Judge:
 
         A single line leaves one degree of freedom: its point nearest to the straight way from nominal to target.
         """
-        lines = np.array([claim.lines(poses) for claim in self.claims[:2]])
+        own = {_named(feature) for feature in self.problem.nominal_features}
+        leading = [claim for claim in self.claims if _named(claim.feature) in own] or self.claims
+        lines = np.array([claim.lines(poses) for claim in leading[:2]])
         if len(lines) == 2:
             (a, b, c), (d, e, f) = lines[0].T, lines[1].T
             determinant = a * e - b * d

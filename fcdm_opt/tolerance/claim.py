@@ -58,7 +58,7 @@ class Claim:
         self._bodies = movable, static
         self._seeds = movable.seed, static.seed
         self._host: _Host | None = None
-        hosts = [
+        self._hosts = hosts = [
             host
             for first, second in product(_carriers(movable, feature.one), _carriers(static, feature.two))
             if (host := self._hosted(first, second, scaled, rho, transform)) is not None
@@ -113,9 +113,26 @@ class Claim:
         """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
 
         The largest of: distance between the two elements, distance of their common point from either, and how far
-        either part reaches across the plane through it. Infinite where no part has such elements.
+        either part reaches across the plane through it; least over the part pairs that have such elements, as a face
+        may be spread over several. Infinite where none has.
         """
-        return np.full(len(poses), np.inf) if self._host is None else self._error(self._host, pairs, poses)
+        errors = [self._error(host, pairs, poses) for host in self._hosts]
+        return np.min([np.full(len(poses), np.inf), *errors], axis=0)
+
+    def flush(self, pairs: Array, poses: Array) -> Array:
+        """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths.
+
+        How far their vertices are from one plane, or of two edges from one line; the length of what they share, and
+        its width, of the part pair in which that is widest.
+        """
+        found = np.tile([np.inf, 0.0, 0.0], (len(poses), 1))
+        for host in self._hosts:
+            normals = _normals(host.direction, host.one, host.two, poses)
+            placed = self._placed(host.first, host.second, pairs, poses)
+            for k, (n, x, y) in enumerate(zip(normals, *placed, strict=True)):
+                off, shared = _off_common_plane(x, y, n), extent(x, y, n)
+                found[k] = min(found[k, 0], off), *max(tuple(found[k, 1:]), shared, key=lambda pair: pair[::-1])
+        return found
 
     def _error(self, host: _Host, pairs: Array, poses: Array) -> Array:
         one, two, first, second, direction = host
@@ -138,19 +155,59 @@ class Claim:
         )
 
 
+def _off_common_plane(x: Array, y: Array, n: Array) -> float:
+    """Return how far vertices are from one plane along its normal, or those of two edges from one line."""
+    if len(x) == len(y) == 2:
+        longer, other = sorted((x, y), key=lambda ends: float(np.linalg.norm(ends[1] - ends[0])), reverse=True)
+        along = (longer[1] - longer[0]) / np.linalg.norm(longer[1] - longer[0])
+        return float(np.linalg.norm(np.cross(other - longer[0], along), axis=1).max())
+    return float(np.ptp(np.concatenate([x, y]) @ n))
+
+
+def extent(x: Array, y: Array, n: Array) -> tuple[float, float]:
+    """Return length and width of what two segments or convex polygons of one plane share, seen along its normal.
+
+    Its corners are the corners of either that the other holds, and where their sides cross.
+    """
+    sides = [np.roll(own, -1, axis=0) - own for own in (x, y)]
+    across = np.cross(sides[0][:, None], sides[1][None]) @ n
+    lengths = [np.linalg.norm(own, axis=1) for own in sides]
+    across = np.where(np.abs(across) > DEFAULT.tie * np.outer(*lengths), across, np.nan)  # parallel sides cross nowhere
+    between = y[None] - x[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.cross(between, sides[1][None]) @ n / across
+        t = np.cross(between, sides[0][:, None]) @ n / across
+    i, j = np.nonzero((s >= 0) & (s <= 1) & (t >= 0) & (t <= 1))
+    slack = DEFAULT.touch * min(float(own.max()) for own in lengths)
+    held = x[_outside(y, x, n) <= slack], y[_outside(x, y, n) <= slack]
+    points = np.concatenate([*held, x[i] + s[i, j, None] * sides[0][i]])
+    if not len(points):
+        return 0.0, 0.0
+    apart = points[:, None] - points[None]
+    far = np.linalg.norm(apart, axis=2)
+    first, second = np.unravel_index(far.argmax(), far.shape)
+    length = float(far[first, second])
+    if length == 0.0:
+        return 0.0, 0.0
+    return length, float(np.ptp(np.cross(apart[first, second] / length, points - points[0]) @ n))
+
+
+def _outside(element: Array, points: Array, n: Array) -> Array:
+    """Return how far points of the plane are outside a segment or a convex polygon, <= 0 inside."""
+    if len(element) == 2:
+        side = element[1] - element[0]
+        length = np.linalg.norm(side)
+        t = np.clip((points - element[0]) @ side / length, 0.0, length)
+        return np.asarray(np.linalg.norm(points - element[0] - t[:, None] * side / length, axis=1))
+    outward = np.cross(np.roll(element, -1, axis=0) - element, n)
+    outward *= np.sign(((element - element.mean(axis=0)) * outward).sum(axis=1, keepdims=True))
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    return np.asarray(((points[:, None] - element) * outward).sum(axis=2).max(axis=1))
+
+
 def _carriers(body: Body, element: Element) -> list[_Place]:
     """Return (part, vertex rows) wherever a part of the body has the element; face rows in loop order."""
-    found: list[_Place] = []
-    corners = sorted(element.vertices)
-    for k, part in enumerate(body.parts):
-        rows: dict[str, list[tuple[int, ...]]] = {
-            "V": [(v,) for v in range(len(part.vertices))],
-            "E": [tuple(edge) for edge in part.edges[:, :2].tolist()],
-            "F": list(part.loops),
-        }
-        named = zip(rows[element.kind], part.elements[element.kind], strict=True)
-        found += [(k, own) for own, name in named if sorted(name.vertices) == corners and name.kind == element.kind]
-    return found
+    return [(k, own) for k, part in enumerate(body.parts) for own in part.carriers(element)]
 
 
 def _normals(direction: Direction, one: Array, two: Array, poses: Array) -> Array:

@@ -10,10 +10,10 @@ import math
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
-from functools import reduce
+from functools import partial, reduce
 from operator import rshift
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationError
@@ -21,13 +21,16 @@ from pydantic import Discriminator, Field, Tag, ValidationError
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Step
+from fcdm_opt.tolerance.keep_out import KeepOut, keep_outs
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.schema import (
     REFUSED,
     STEPS,
     Bodies,
+    BodyEntry,
     Bound,
     Entry,
+    KeepOutEntry,
     Number,
     Pair,
     PublishedEntry,
@@ -39,6 +42,14 @@ from fcdm_opt.tolerance.schema import (
 from fcdm_opt.tolerances import DEFAULT
 
 # ----------------------------------------------------------------------------------------------------------- cases
+
+
+class Scene(NamedTuple):
+    """The bodies of a file; keep-outs by name."""
+
+    movable: Body
+    static: Body
+    keep_out: Mapping[str, KeepOut]
 
 
 class Defaults(Entry):
@@ -58,7 +69,7 @@ class Defaults(Entry):
         default=((0.8, 3.0), (0.8, 3.0)),
         description="[[low_1, high_1], [low_2, high_2]], scales that are shown and numbered",
     )
-    goal: str | None = Field(default=None, description='"beyond", "at", "touch" or "clear"')
+    goal: str | None = Field(default=None, description='"beyond", "at", "seat", "touch" or "clear"')
     pair: str = Field(
         default="any", description='"any", "clear" or "touch": required state of the target pair, besides the goal'
     )
@@ -74,6 +85,9 @@ class Defaults(Entry):
     )
     snap: Number = Field(
         default=DEFAULT.snap, description="relative distance within which a nominal pair may be closed to the curve"
+    )
+    keep_out: list[str] | None = Field(
+        default=None, description='names of the [[keep_out]] bodies that count: ["rib", ...]; without it all do'
     )
     motion: list[StepEntry] = Field(
         default=[],
@@ -92,7 +106,7 @@ class Case(Defaults):
 
     name: str = Field(description="name of the case (text), once in a file")
 
-    def problem(self, movable: Body, static: Body, defaults: Defaults) -> Problem:
+    def problem(self, scene: Scene, defaults: Defaults) -> Problem:
         """Return the problem; keys of the case come before those of `defaults`."""
         given = {key: getattr(entry, key) for entry in (defaults, self) for key in entry.model_fields_set}
         if "motion" not in given:
@@ -107,7 +121,17 @@ class Case(Defaults):
             given["weights"] = _by_name("weights", given["weights"], motion, ("_per_deg", "_per_rad"), math.degrees)
         if given.get("published") is not None:
             given["published"] = _published_values(given["published"], steps)
-        return Problem(movable, static, **given)
+        given["keep_out"] = _chosen(given.get("keep_out"), scene.keep_out)
+        return Problem(scene.movable, scene.static, **given)
+
+
+def _chosen(names: list[str] | None, keep_out: Mapping[str, KeepOut]) -> tuple[KeepOut, ...]:
+    """Return the keep-outs of these names, all for None."""
+    for k, name in enumerate(names or (), 1):
+        if name not in keep_out:
+            what = f"no such keep-out{closest(name, keep_out)}"
+            raise InputError(what, key=f"keep_out[{k}]", found=name, allowed=", ".join(keep_out) or "none is given")
+    return tuple(keep_out[name] for name in (keep_out if names is None else names))
 
 
 def _placed(key: str, makers: Sequence[Any]) -> list[Any]:
@@ -168,6 +192,9 @@ class ProblemFile(Entry):
         Annotated[str, Tag("<file>")] | Annotated[Bodies, Tag("<bodies>")],
         Discriminator(lambda value: "<file>" if isinstance(value, str) else "<bodies>"),
     ] = Field(description='[bodies.movable] and [bodies.static], or the path of a file that has them: "other.toml"')
+    keep_out: list[KeepOutEntry] = Field(
+        default=[], description="[[keep_out]] tables: further static bodies that the movable one must keep clear of"
+    )
     defaults: Defaults = Field(default=Defaults(), description="a table with any key of a case but its name")
     case: list[Case] = Field(default=[], description="[[case]] tables")
 
@@ -195,7 +222,7 @@ class ProblemFile(Entry):
 
     def problems(self, file: Path | None = None) -> tuple[Problem, ...]:
         """Return a problem for each case; `file` is where the contents come from."""
-        movable, static = self._both(file)
+        scene = self._scene(file)
         if not self.case:
             raise InputError("there is no case", file=file, key="case", allowed="one [[case]] table or more")
         made: dict[str, Problem] = {}
@@ -214,12 +241,29 @@ class ProblemFile(Entry):
                     allowed="a name that no other case has",
                 )
             try:
-                made[case.name] = case.problem(movable, static, self.defaults)
+                made[case.name] = case.problem(scene, self.defaults)
             except InputError as reason:
                 raise reason.within(file=file, key=key) from reason
         return tuple(made.values())
 
-    def _both(self, file: Path | None) -> tuple[Body, Body]:
+    def _scene(self, file: Path | None) -> Scene:
+        """Return the bodies; a mesh file's path starts where the entry stands that names it."""
+        bodies, home = self._bodies(file)
+        _same_units(bodies, self.keep_out, file)
+        try:
+            movable, static = bodies.both(home and home.parent)
+        except InputError as reason:
+            raise reason.within(file=home) from reason
+        folder = file and file.parent
+        try:
+            makers = [partial(entry.keep_out, f"keep-out {k}", folder) for k, entry in enumerate(self.keep_out, 1)]
+            others = keep_outs(_placed("keep_out", makers))
+        except InputError as reason:
+            raise reason.within(file=file) from reason
+        return Scene(movable, static, {keep_out.name: keep_out for keep_out in others})
+
+    def _bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
+        """Return the entries of both bodies, and the file that they stand in."""
         bodies, home = self.bodies, file
         if isinstance(bodies, str):
             if file is None:
@@ -237,10 +281,24 @@ class ProblemFile(Entry):
                     found=bodies,
                     allowed="a file with [bodies.movable] and [bodies.static]",
                 )
-        try:
-            return bodies.both()
-        except InputError as reason:
-            raise reason.within(file=home) from reason
+        return bodies, home
+
+
+def _same_units(bodies: Bodies, keep_out: Sequence[BodyEntry], file: Path | None) -> None:
+    """Refuse bodies that come in different units."""
+    entries = {"bodies.movable": bodies.movable, "bodies.static": bodies.static}
+    entries |= {f"keep_out[{k}]": entry for k, entry in enumerate(keep_out, 1)}
+    units = {place: entry.unit for place, entry in entries.items() if entry.unit is not None}
+    first = next(iter(units), "")
+    for place, unit in units.items():
+        if unit != units[first]:
+            raise InputError(
+                "the bodies come in different units",
+                file=file,
+                key=f"{place}.unit",
+                found=f"{place} in {unit}, {first} in {units[first]}",
+                allowed="one unit for all bodies; file_unit says what a mesh file is in",
+            )
 
 
 def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
@@ -301,14 +359,20 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
     """Return a problem as plain data; see `Problem.to_dict`."""
     asked = problem.request
     kinds = dict(problem.motion.parameters)
-    case = {key: plain(asked[key]) for key in Case.model_fields if asked[key] is not None and asked[key] != {}}
+    keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] is not None and asked[key] != {}]
+    case = {key: plain(asked[key]) for key in keys}
     case["motion"] = [STEPS[type(step)].plain(step) for step in problem.motion.steps]
     for key, suffix in (("limits", "_rad"), ("weights", "_per_rad")):
         if key in case:
             case[key] = {n + suffix * (kinds[n] == "rotation"): plain(value) for n, value in asked[key].items()}
     if asked["published"] is not None:
         case["published"] = _published_entries(problem)
-    return {"bodies": {"movable": _body(problem.movable), "static": _body(problem.static)}, "case": [case]}
+    others = [
+        {**_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
+        for keep_out in problem.keep_out
+    ]
+    bodies = {"movable": _body(problem.movable), "static": _body(problem.static)}
+    return {"bodies": bodies, **({"keep_out": others} if others else {}), "case": [case]}
 
 
 def _published_entries(problem: Problem) -> list[dict[str, float]]:
@@ -331,4 +395,8 @@ def _body(body: Body) -> dict[str, Any]:
     ]
     if parts != [list(range(1, len(body.vertices) + 1))]:
         entry["parts"] = parts
+    if any(body.deviation):
+        entry["deviation"] = list(body.deviation)
+    if body.notes:
+        entry["notes"] = list(body.notes)
     return {**entry, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}

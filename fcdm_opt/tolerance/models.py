@@ -9,11 +9,12 @@ from fcdm_opt.tolerance import rays
 from fcdm_opt.tolerance.bounds import displacement_bound, displacement_rate
 from fcdm_opt.tolerance.relaxation import Found, choices
 from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.task import Answer, Task
+from fcdm_opt.tolerance.task import Answer, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
 REACH = 3.0  # starts away from rest, in typical amounts
 WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
+ALTERED = 2  # pairs that came up in one program and are kept apart in other directions, among keep-outs
 FALLBACK_CHOICES = 3  # choices of features tried then
 SCAN_POINTS, HALVINGS = 200, 45  # of a direction, and of the step that first meets the goal
 LARGE = 0.5  # of the size: displacements beyond this are large
@@ -26,28 +27,23 @@ def satisfied(task: Task) -> Answer | None:
     """Stage 0: nothing to do."""
     if not task.allows(task.rest) or not task.meets(task.rest, DEFAULT.line):
         return None
-    return Answer(Status.ALREADY_SATISFIED, task.rest, "0: met without motion")
+    return Answer(Status.ALREADY_SATISFIED, task.rest, "0: met without motion", modelled=task.modelled(()))
 
 
 def straight(task: Task) -> Answer | None:
     """Stage 1 for "touch" and "clear" along one translation: exact, and smallest by construction.
 
     Directions and supports do not change, so each part pair overlaps in an open interval of the parameter and touches
-    at its ends; one that slides by flush touches all along and never overlaps. A clearance is left to stage 4: the
-    distance of corners is not linear.
+    at its ends; one that slides by flush touches all along and never overlaps. Where a clearance forbids the motion
+    that undoes all overlaps, the task is left to stage 4: the distance of corners is not linear.
     """
-    if (
-        task.tracked
-        or task.keep_out
-        or task.need > 0
-        or [kind for _, kind in task.motion.parameters] != ["translation"]
-    ):
+    if task.tracked or [kind for _, kind in task.motion.parameters] != ["translation"]:
         return None
     along = (task.transform(np.ones(1)) - task.transform(task.rest))[:3, 3]
     slack = DEFAULT.line * task.size
-    blocked: list[tuple[float, float]] = []
-    flush: list[tuple[float, float]] = []
-    for parts in np.ndindex(len(task.movable.parts), len(task.static.parts)):
+    blocked: dict[Parts, tuple[float, float]] = {}
+    flush: dict[Parts, tuple[float, float]] = {}
+    for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
         _, rows, separations = task.separations(parts, task.pose(task.rest))
         rate = rows[:, :3] @ along
         level = np.abs(rate) <= DEFAULT.tie
@@ -55,26 +51,35 @@ def straight(task: Task) -> Answer | None:
         ends = at[rate[~level] > 0].max(initial=-np.inf), at[rate[~level] < 0].min(initial=np.inf)
         beside = separations[level].max(initial=-np.inf)
         if beside <= slack and ends[0] <= ends[1] + slack:
-            (flush if beside >= -slack or ends[0] >= ends[1] - slack else blocked).append(ends)
+            (flush if beside >= -slack or ends[0] >= ends[1] - slack else blocked)[parts] = ends
+    met = {**blocked, **flush}
+    partner = [ends for parts, ends in met.items() if task.opponents[parts[1]].keep_out < 0]
     low, high = task.limits[0]
     nearest = min(max(0.0, low), high)
-    candidates = [nearest, *(min(max(end, low), high) for ends in blocked + flush for end in ends)]
-    free = [
-        x
-        for x in candidates
-        if not any(a + slack < x < b - slack for a, b in blocked)
-        and (not task.must_touch or any(a - slack <= x <= b + slack for a, b in blocked + flush))
-    ]
+    candidates = [nearest, *(min(max(end, low), high) for ends in met.values() for end in ends)]
+    ways = {
+        x: {parts for parts, (a, b) in blocked.items() if a + slack < x < b - slack}
+        for x in sorted(candidates, key=abs)
+        if not task.must_touch or any(a - slack <= x <= b + slack for a, b in partner)
+    }
     stage = "1: one translation, intervals of overlap"
-    if not free:
+    least = next((x for x, in_the_way in ways.items() if not in_the_way), None)
+    if least is None:
         return Answer(Status.INFEASIBLE, None, stage, np.inf)
-    q = np.array([min(free, key=abs)])
-    return Answer(Status.SOLVED, q, stage, task.amount(q), ON_THE_WAY, _pairs_modelled(task))
+    q = np.array([least])
+    if task.needs.max() > 0 and not task.meets(q, DEFAULT.line):
+        return None
+    others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
+    stop = {parts for parts in others if np.abs(np.array(met[parts]) - least).min() <= slack}
+    stop.update(*(found for x, found in ways.items() if abs(x) < abs(least) and found <= others))
+    names = tuple(dict.fromkeys(task.named(parts) for parts in sorted(stop)))
+    near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
+    return Answer(Status.SOLVED, q, stage, task.amount(q), names or ON_THE_WAY, task.modelled(near))
 
 
 def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
-    if task.tracked or task.keep_out or task.need > 0 or len(task.weights) != 1:
+    if task.tracked or task.needs.max() > 0 or len(task.weights) != 1:
         return None
     stage = "2: one parameter, safe steps to the first contact"
     ways = [sign / task.weights for sign in (1.0, -1.0)]
@@ -89,9 +94,19 @@ def one_parameter(task: Task) -> Answer | None:
     amount, nearer = min((first.amount, 0), (second.amount, 1))
     clear = [np.inf if way.clear_to >= end else way.clear_to for way, end in zip((first, second), ends, strict=True)]
     if not np.isfinite(amount):  # proved where both ways are clear to their ends
+        if task.keep_out and min(clear) < np.inf:
+            return None
         return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
     bound = min(max(min(clear), displacement_bound(task)), amount)  # the two differ by rounding at most
-    return Answer(Status.SOLVED, amount * ways[nearer], stage, bound, ON_THE_WAY, _pairs_modelled(task))
+    q = amount * ways[nearer]
+    return Answer(Status.SOLVED, q, stage, bound, _stops(task, q) or ON_THE_WAY, _pairs_modelled(task))
+
+
+def _stops(task: Task, q: Array) -> tuple[str, ...]:
+    """Return the keep-outs that a motion takes the part to."""
+    near = task.pair_gaps(q) - task.needs <= DEFAULT.requirement * task.size
+    others = [parts for parts in np.ndindex(near.shape) if near[parts] and task.opponents[parts[1]].keep_out >= 0]
+    return tuple(dict.fromkeys(map(task.named, others)))
 
 
 def nonlinear(task: Task) -> Answer:
@@ -122,7 +137,7 @@ def nonlinear(task: Task) -> Answer:
 
 
 def _pairs_modelled(task: Task) -> dict[str, int]:
-    return {"part_pairs_kept": task.part_pairs, "part_pairs_total": task.part_pairs}
+    return task.modelled(list(np.ndindex(len(task.movable.parts), len(task.opponents))))
 
 
 def _better(one: Found | None, two: Found | None) -> Found | None:
@@ -153,8 +168,11 @@ def _first_found(task: Task) -> tuple[Found | None, bool]:
             if best is not None and relaxation.promise >= best.amount:
                 break
             best = _better(best, relaxation.smallest(starts, method, _enough(task, best)))
-            for other in relaxation.alternatives():
-                best = _better(best, other.smallest(starts[:1], method, _enough(task, best)))
+            others = [relaxation]
+            for _ in range(ALTERED if task.keep_out else 1):
+                others = [other for one in others for other in one.alternatives()]
+                for other in others:
+                    best = _better(best, other.smallest(starts[:1], method, _enough(task, best)))
             reached = reached or relaxation.reached
         if best is not None:
             break
@@ -203,7 +221,7 @@ def _nearer(task: Task, best: Found) -> Array | None:
     Probes stand at fixed fractions of the best amount in fixed directions: where one is on the other side of the
     contact than rest, the contact lies on its ray.
     """
-    rest = 0.0 if task.tracked else task.gap(task.rest) - task.need
+    rest = 0.0 if task.tracked else task.misses(task.rest)[0]
     for fraction in PROBE_FRACTIONS:
         for q in fraction * best.amount * rays.directions(task):
             if not task.allows(q):
@@ -211,6 +229,6 @@ def _nearer(task: Task, best: Found) -> Array | None:
             if task.tracked:
                 if task.meets(q, DEFAULT.line):
                     return q
-            elif (task.gap(q) - task.need) * rest < 0:
+            elif task.misses(q)[0] * rest < 0:
                 return rays.shortened(task, q)
     return None

@@ -6,10 +6,10 @@ Everything is checked, and every default resolved, when a `Problem` is made: sta
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,18 +17,34 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Screw
+from fcdm_opt.tolerance import arguments
+from fcdm_opt.tolerance.keep_out import keep_outs
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.curve.features import Feature
+    from fcdm_opt.curve.flush import Flush
     from fcdm_opt.curve.segments import Segment, SwitchingPoint
 
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
-GOALS = ("beyond", "at", "touch", "clear")
+GOALS = ("beyond", "at", "seat", "touch", "clear")
+TRACKING = ("beyond", "at", "seat")  # goals that follow the nominal contact
 PAIR_STATES = ("any", "clear", "touch")
 PATHS = ("coherent", "free")
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
-LARGEST = 1e30  # of any number: sums and products of lengths, weights and scales stay finite
+
+
+class Snapped(NamedTuple):
+    """How a nominal pair was closed to the decision curve: the pair asked for, that on the curve, the gap closed."""
+
+    asked: Array
+    pair: Array
+    gap: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"asked": self.asked.tolist(), "pair": self.pair.tolist(), "gap": self.gap}
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +73,9 @@ class Problem:
         Scales in which the decision curve is shown and its switching points are numbered.
     motion : Motion
         The family of motions to choose from.
-    goal : "beyond", "at", "touch" or "clear", optional
-        Default: "beyond" at a switching point with a requirement, else "touch".
+    goal : "beyond", "at", "seat", "touch" or "clear", optional
+        Default: "beyond" at a switching point with a requirement, "seat" where the nominal contact is flush, else
+        "touch".
     pair : "any", "clear" or "touch"
         State of the target pair that is required besides the goal.
     clearance : float
@@ -73,11 +90,15 @@ class Problem:
         Replaces single weights, in amount per length unit or radian. Attribute: (k,) array of all weights.
     limits : mapping of parameter name to (lower, upper), optional
         Length units or radians. Attribute: (k, 2) array, infinite where nothing is given.
-    keep_out, resolution
-        Not available in this version: anything but the defaults is refused.
+    keep_out : sequence of KeepOut or Body
+        Further static bodies that the movable body, moved and at its target scale, must keep clear of; a plain body
+        at scale 1 and without clearance. Attribute: tuple of KeepOut, each with a name of its own.
+    resolution
+        Not available in this version: anything but the default is refused.
     snap : float
-        Relative distance within which a nominal pair near the curve may be closed to it. This version closes none: a
-        goal that needs a nominal contact refuses a pair that is not on the curve.
+        For goals that need a nominal contact: a nominal pair off the curve, whose gap is at most `snap` times the size
+        of the bodies, is closed to the nearest point of the curve in the (rho_1, rho_2) plane, or to a switching point
+        whose scales differ by no more than `snap`. See `snapped`. "touch" and "clear" leave the pair as it is.
     name : str
         Name of the case.
     published : sequence of floats, optional
@@ -113,7 +134,7 @@ class Problem:
     length: Any = None
     weights: Any = None
     limits: Any = None
-    keep_out: tuple[Body, ...] = ()
+    keep_out: Any = ()
     resolution: Any = None
     snap: float = DEFAULT.snap
     name: str = ""
@@ -125,22 +146,25 @@ class Problem:
         self._check_motion()
         names = [parameter.name for parameter in self.motion.parameters]
         self._set(
-            nominal=_nominal(self.nominal),
-            tolerance=_tolerance(self.tolerance),
-            target=None if self.target is None else _pair(self.target, "target", "two scales > 0", positive=True),
-            box=_box(self.box),
-            clearance=_real(self.clearance, "clearance", "a finite length >= 0", lambda x: x >= 0),
-            length=self.length if self.length is None else _positive(self.length, "length"),
+            nominal=arguments.nominal(self.nominal),
+            tolerance=arguments.tolerance(self.tolerance),
+            target=None
+            if self.target is None
+            else arguments.pair(self.target, "target", "two scales > 0", positive=True),
+            box=arguments.box(self.box),
+            clearance=arguments.length(self.clearance, "clearance"),
+            keep_out=keep_outs(self.keep_out),
+            length=self.length if self.length is None else arguments.positive(self.length, "length"),
             weights={
-                key: _positive(value, f"weights.{key}")
-                for key, value in _by_parameter(self.weights, "weights", names).items()
+                key: arguments.positive(value, f"weights.{key}")
+                for key, value in arguments.by_parameter(self.weights, "weights", names).items()
             },
             limits={
-                key: _interval(value, f"limits.{key}")
-                for key, value in _by_parameter(self.limits, "limits", names).items()
+                key: arguments.interval(value, f"limits.{key}")
+                for key, value in arguments.by_parameter(self.limits, "limits", names).items()
             },
-            snap=_real(self.snap, "snap", "a finite number >= 0", lambda x: x >= 0),
-            published=_published(self.published, names),
+            snap=arguments.real(self.snap, "snap", "a finite number >= 0", lambda x: x >= 0),
+            published=arguments.published(self.published, names),
         )
         self._check_choices()
         self._check_nominal()
@@ -172,15 +196,13 @@ class Problem:
     def _check_choices(self) -> None:
         for key, choices, later in (
             ("requirement", (None, *SIGNS), ()),
-            ("goal", (None, *GOALS), ("seat",)),
+            ("goal", (None, *GOALS), ()),
             ("pair", PAIR_STATES, ()),
             ("path", PATHS, ()),
         ):
-            _choice(getattr(self, key), key, choices, later)
+            arguments.choice(getattr(self, key), key, choices, later)
         if not (isinstance(self.amount, str) and self.amount == "weighted"):
             raise InputError("not available in this version", key="amount", found=self.amount, allowed='"weighted"')
-        if not isinstance(self.keep_out, list | tuple) or len(self.keep_out) > 0:
-            raise InputError("not available in this version", key="keep_out", found=self.keep_out, allowed="()")
         if self.resolution is not None:
             raise InputError("not available in this version", key="resolution", found=self.resolution, allowed="None")
         for key in ("name", "published_text"):
@@ -232,7 +254,7 @@ class Problem:
     # --------------------------------------------------------------------------------------------- resolved values
 
     def _resolve(self, names: list[str]) -> None:
-        tolerance = None if self.tolerance is None else frozen(_per_body(self.tolerance))
+        tolerance = None if self.tolerance is None else frozen(arguments.per_body(self.tolerance))
         weights, limits = self.weights, self.limits
         length = self.movable.size / 2 if self.length is None else self.length
         made = np.array(self.motion.weights(length))
@@ -241,8 +263,9 @@ class Problem:
         for key, interval in limits.items():
             bounds[names.index(key)] = interval
         self._set(tolerance=tolerance, length=length, weights=frozen(made), limits=frozen(bounds))
+        self._set(goal=self._chosen_goal())
         self._set(target=self._made_pair())
-        self._set(goal=self._resolved_goal())
+        self._check_goal()
 
     def _made_pair(self) -> Array:
         if self.requirement is None:
@@ -259,21 +282,32 @@ class Problem:
             )
         return frozen(target)
 
-    def _resolved_goal(self) -> str:
-        if self.goal is None:
-            return "beyond" if self.requirement and self._at_switching_point else "touch"
-        goal = str(self.goal)
-        if goal not in ("beyond", "at"):
-            return goal
+    def _chosen_goal(self) -> str:
+        if self.goal is not None:
+            return str(self.goal)
+        if self.requirement and self._at_switching_point:
+            return "beyond"
+        if self.nominal_seats:
+            return "seat"
+        for key in ("nominal_contact", "nominal_pair", "_closed"):  # "touch" takes the nominal pair as asked for
+            self.__dict__.pop(key, None)
+        return "touch"
+
+    def _check_goal(self) -> None:
+        goal = self.goal
+        if goal not in TRACKING:
+            return
         if self.nominal_contact is None:
-            rho = self.nominal_pair.tolist()
+            asked = self.nominal_pair
+            nearest = self.curve.nearest(asked)
+            near = f"nearest to it is {nearest.tolist()}" if np.isfinite(nearest).all() else "the bodies have none near"
             raise InputError(
-                f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: '
-                f"the gap there is {self.curve.gap(self.nominal_pair):.6g} (> 0 apart, < 0 overlapping), and this "
-                "version moves no pair onto the curve",
+                f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
+                f"the gap there is {self.curve.gap(asked):.6g} (> 0 apart, < 0 overlapping), and one of "
+                f"{self.snap * self.size:.3g} (snap times the size) would be closed",
                 key="nominal",
-                found=rho,
-                allowed='a switching point, a pair on the curve, or goal "touch" or "clear"',
+                found=asked.tolist(),
+                allowed='a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"',
             )
         if goal == "beyond" and not self._at_switching_point:
             raise InputError(
@@ -290,7 +324,15 @@ class Problem:
                 found=self.target.tolist(),
                 allowed=f"both scales off {self.nominal_pair.tolist()}",
             )
-        return goal
+        if goal == "seat" and not self.nominal_seats:
+            contact = self.nominal_contact
+            found = getattr(contact, "configurations", None) or (getattr(contact, "configuration", ""),)
+            raise InputError(
+                'goal "seat" keeps flush contacts flush, but the nominal contact shares no more than a point',
+                key="goal",
+                found=f'"seat" at a nominal contact {" and ".join(found)}',
+                allowed='a nominal contact F-F, F-E or E-E parallel; "at" or "touch" at this one',
+            )
 
     @property
     def size(self) -> float:
@@ -316,17 +358,81 @@ class Problem:
     @cached_property
     def nominal_contact(self) -> Segment | SwitchingPoint | None:
         """The switching point or segment that the nominal pair lies on, None where it lies on neither."""
+        return self._located if self._closed is None else self._closed[0]
+
+    @cached_property
+    def _located(self) -> Segment | SwitchingPoint | None:
+        """What the nominal pair lies on as asked for."""
         if isinstance(self.nominal, int):
             return self.curve.switching_points[self.nominal - 1]
         return self.curve.locate(self._asked_pair, DEFAULT.nominal)
 
     @cached_property
+    def _closed(self) -> tuple[Segment | SwitchingPoint, Snapped] | None:
+        """What a nominal pair slightly off the curve is closed to, None where it is left as it is.
+
+        A switching point within `snap` comes first; goal "beyond" speaks of nothing else.
+        """
+        if self.goal not in (None, *TRACKING) or isinstance(self.nominal, int):
+            return None
+        from fcdm_opt.curve.segments import Segment, SwitchingPoint
+
+        located = self._located
+        if isinstance(located, SwitchingPoint) or (isinstance(located, Segment) and self.goal != "beyond"):
+            return None
+        asked = np.array(self._asked_pair)
+        gap = float(self.curve.gap(asked))
+        for point in self.curve.switching_points:
+            if np.abs(point.rho / asked - 1.0).max() <= self.snap:
+                return point, Snapped(asked, point.rho, gap)
+        nearest = self.curve.nearest(asked)
+        if located is not None or not (abs(gap) <= self.snap * self.size and np.isfinite(nearest).all()):
+            return None
+        contact = self.curve.locate(nearest, DEFAULT.nominal)
+        return None if contact is None else (contact, Snapped(asked, nearest, gap))
+
+    @property
+    def snapped(self) -> Snapped | None:
+        """How the nominal pair was closed to the curve, None where it was not."""
+        return None if self._closed is None else self._closed[1]
+
+    @cached_property
     def nominal_pair(self) -> Array:
-        """Nominal scales, (2,): those of the switching point where it is one."""
+        """Nominal scales, (2,): those of the switching point where it is one, and on the curve where closed to it."""
         from fcdm_opt.curve.segments import SwitchingPoint
 
         contact = self.nominal_contact
-        return frozen(contact.rho if isinstance(contact, SwitchingPoint) else self._asked_pair)
+        if isinstance(contact, SwitchingPoint):
+            return frozen(contact.rho)
+        return frozen(self._asked_pair if self.snapped is None else self.snapped.pair)
+
+    @cached_property
+    def nominal_seats(self) -> tuple[Flush, ...]:
+        """The flush contacts at the nominal pair, tracked or besides; none off the curve."""
+        from fcdm_opt.curve.flush import flush_contacts
+
+        if self.nominal_contact is None:
+            return ()
+        return flush_contacts(self.movable, self.static, self.nominal_pair)
+
+    @property
+    def nominal_features(self) -> tuple[Feature, ...]:
+        """The features of the nominal contact: two at a switching point, one inside a segment, none off the curve."""
+        from fcdm_opt.curve.segments import Segment
+
+        contact = self.nominal_contact
+        if contact is None:
+            return ()
+        return (contact.feature,) if isinstance(contact, Segment) else contact.features
+
+    @property
+    def tracked_features(self) -> tuple[Feature, ...]:
+        """The features that the goal follows: the nominal ones, for "seat" all flush contacts there besides."""
+        if self.goal not in TRACKING:
+            return ()
+        own = self.nominal_features
+        others = self.nominal_seats if self.goal == "seat" else ()
+        return (*own, *dict.fromkeys(seat.touching for seat in others if not {seat.feature, seat.touching} & set(own)))
 
     @property
     def _asked_pair(self) -> Any:
@@ -373,116 +479,3 @@ class Problem:
         from fcdm_opt.tolerance.files import problem_from_dict
 
         return problem_from_dict(data)
-
-
-# ---------------------------------------------------------------------------------------------------- input checks
-
-
-def _is_real(value: Any) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-
-
-def _real(value: Any, key: str, allowed: str, passes: Any = lambda x: True) -> float:
-    if not _is_real(value) or not abs(value) <= LARGEST or not passes(value):
-        raise InputError("unusable number", key=key, found=value, allowed=allowed)
-    return float(value)
-
-
-def _positive(value: Any, key: str) -> float:
-    return _real(value, key, "a finite number > 0", lambda x: x > 0)
-
-
-def _items(value: Any) -> list[Any]:
-    """Return the items of a sequence or array; nothing else has any."""
-    return list(value) if isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim) else []
-
-
-def _pair(value: Any, key: str, allowed: str, *, positive: bool = False) -> tuple[float, float]:
-    pair = _items(value)
-    if len(pair) != 2 or not all(_is_real(x) and abs(x) <= LARGEST and (x > 0 or not positive) for x in pair):
-        raise InputError("unusable pair", key=key, found=value, allowed=allowed)
-    return float(pair[0]), float(pair[1])
-
-
-def _nominal(value: Any) -> int | str | tuple[float, float]:
-    allowed = 'the number of a switching point (from 1), a scale pair (rho_1, rho_2) > 0, or "drawn"'
-    if isinstance(value, str) and value == "drawn":
-        return value
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 1:
-        return int(value)
-    return _pair(value, "nominal", allowed, positive=True)
-
-
-def _tolerance(value: Any) -> Any:
-    """Return the tolerance in the shape given, in plain numbers."""
-    if value is None:
-        return None
-    allowed = "tau, (tau_1, tau_2) or ((minus_1, plus_1), (minus_2, plus_2)), all finite and >= 0"
-
-    def numbers(given: Any, depth: int) -> Any:
-        if _is_real(given) and math.isfinite(given) and given >= 0:
-            return float(given)
-        items = _items(given)
-        shaped = [numbers(item, depth + 1) for item in items]
-        if depth == 2 or len(shaped) != 2 or isinstance(shaped[0], float) != isinstance(shaped[1], float):
-            raise InputError("unusable tolerance", key="tolerance", found=value, allowed=allowed)
-        return tuple(shaped)
-
-    return numbers(value, 0)
-
-
-def _per_body(tolerance: Any) -> list[tuple[float, float]]:
-    """Return (minus, plus) of both bodies."""
-    bodies = (tolerance, tolerance) if isinstance(tolerance, float) else tolerance
-    return [(x, x) if isinstance(x, float) else x for x in bodies]
-
-
-def _box(value: Any) -> tuple[tuple[float, float], ...]:
-    allowed = "((low_1, high_1), (low_2, high_2)) with 0 < low < high"
-    sides = _items(value)
-    if len(sides) != 2:
-        raise InputError("unusable box", key="box", found=value, allowed=allowed)
-    box = tuple(_pair(side, "box", allowed, positive=True) for side in sides)
-    if not all(low < high for low, high in box):
-        raise InputError("empty box", key="box", found=value, allowed=allowed)
-    return box
-
-
-def _interval(value: Any, key: str) -> tuple[float, float]:
-    ends = _items(value)
-    ordered = len(ends) == 2 and all(map(_is_real, ends)) and ends[0] <= ends[1]
-    if not ordered or ends[0] == math.inf or ends[1] == -math.inf:
-        raise InputError("unusable limits", key=key, found=value, allowed="(lower, upper) with lower <= upper")
-    return float(ends[0]), float(ends[1])
-
-
-def _by_parameter(values: Any, key: str, names: Iterable[str]) -> dict[str, Any]:
-    allowed = ", ".join(names)
-    if values is None:
-        return {}
-    if not isinstance(values, Mapping):
-        raise InputError("not a mapping", key=key, found=values, allowed=f"a mapping with some of the names {allowed}")
-    for name in values:
-        if name not in names:
-            raise InputError("no such parameter of the motion", key=f"{key}.{name}", found=name, allowed=allowed)
-    return dict(values)
-
-
-def _published(values: Any, names: list[str]) -> tuple[float, ...] | None:
-    if values is None:
-        return None
-    allowed = f"{len(names)} finite numbers: {', '.join(names)}"
-    items = _items(values)
-    if len(items) != len(names):
-        raise InputError("not one value for each motion parameter", key="published", found=values, allowed=allowed)
-    return tuple(_real(value, "published", allowed) for value in items)
-
-
-def _choice(value: Any, key: str, choices: tuple[str | None, ...], later: tuple[str, ...]) -> None:
-    if value is None or isinstance(value, str):
-        if value in choices:
-            return
-        what = "not available in this version" if value in later else f"unknown {key}"
-    else:
-        what = f"unknown {key}"
-    raise InputError(what, key=key, found=value, allowed=", ".join(f'"{choice}"' for choice in choices if choice))

@@ -16,9 +16,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.flush import Overlap
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.equations import FeaturePoints, Scene, intersection
+from fcdm_opt.tolerance.seat import independent, tilts
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
@@ -48,7 +50,9 @@ class Outcome(NamedTuple):
 
 
 def goal_rows(task: Task) -> list[Row]:
-    """Return what the goals "beyond" and "at" ask of the tracked point."""
+    """Return what the goals "beyond", "at" and "seat" ask of the tracked point."""
+    if task.goal == "seat":
+        return _seat_rows(task)
     if len(task.tracked) == 1:
         return [Row(("on",), np.empty(0), 0.0, 0.0, "target on the moved segment")]
     # more equations than parameters: a band within rounding, as solvers refuse such programs
@@ -61,6 +65,54 @@ def goal_rows(task: Task) -> list[Row]:
         )
         for k in range(2)
     ]
+
+
+def _seat_rows(task: Task) -> list[Row]:
+    """Return what keeps flush contacts aligned and brings them to the target pair, without rows that depend on others.
+
+    Rows that hold whatever the parameters do, and repeated ones, would make gradients dependent. Alignment along the
+    whole way needs no tilt to first order, which is linear; at its end alone it is asked for as it is.
+    """
+    rates = tilts(task.seats, task.spins)
+    turns = [turn for seat in task.seats for turn in seat.turns]
+    scale = task.size / task.unit
+    rows = [
+        Row(("turned",), scale * rate, 0.0, 0.0, "flush contacts stay aligned")
+        if task.coherent
+        else Row(("aligned",), np.concatenate([scale * m, p]), 0.0, 0.0, "flush contacts end aligned")
+        for (m, p), rate in zip(turns, rates, strict=True)
+    ]
+    lines = (*task.tracked, *task.besides)
+    rows += [
+        Row(
+            ("target", line.kind),
+            np.append(line.values, line.steepness(np.eye(3)) * task.unit),
+            0.0,
+            0.0,
+            "target on the moved segment",
+        )
+        for line in lines
+    ]
+    moving = (task.limits != 0).any(axis=1)
+    # beside rest, where a turn may change nothing to first order, and without a tilt
+    beside = task.steps * moving / np.arange(1, len(moving) + 1)
+    beside -= np.linalg.lstsq(rates, rates @ beside, rcond=DEFAULT.nominal)[0] if len(rates) else 0.0
+    slopes = np.empty((len(lines), len(task.weights)))
+    for k, step in enumerate(np.diag(DEFAULT.least_unit * task.steps)):
+        gaps = [task.line_gaps(beside + sign * step)[1] for sign in (1.0, -1.0)]
+        slopes[:, k] = (gaps[0] - gaps[1]) / (2.0 * step[k] * task.unit)
+    return [rows[k] for k in independent(np.vstack([scale * rates, slopes]) * task.steps * moving)]
+
+
+def still_row(task: Task, parameter: int) -> Row:
+    """Keep a parameter at zero."""
+    return Row(("turned",), np.eye(len(task.weights))[parameter] / task.steps, 0.0, 0.0, "flush contacts stay aligned")
+
+
+def shared_row(task: Task, overlap: Overlap, least: float) -> Row:
+    """Keep flush elements over one another by a length, along a direction that stays."""
+    values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
+    return Row(("over",), values, least / task.unit, INF, "flush contacts stay on one another")
 
 
 def line_row(task: Task, s: float, feature: FeaturePoints, scale: float, apart: bool, name: str) -> Row:
@@ -147,6 +199,13 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
     if name == "target":
         a, b, c, _ = symbols.end.line(detail[0], values)
         return (c - a * symbols.target[0] - b * symbols.target[1]) / values[13]
+    if name == "turned":
+        return casadi.dot(values, symbols.q)
+    if name == "aligned":
+        return casadi.dot(values[:3], symbols.end.transform[:3, :3] @ values[3:])
+    if name == "over":
+        point = symbols.end.scaled(symbols.target[0], values[3:6]) - symbols.seeds[3:]
+        return casadi.dot(values[:3], point - values[6:])
     s, feature = values[0], values[1:14]
     scene = Scene.of(symbols.motion, s * symbols.q, symbols.seeds)
     a, b, c, n = scene.line(detail[0], feature)

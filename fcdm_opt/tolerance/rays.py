@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerance.bounds import displacement_rate
 from fcdm_opt.tolerance.task import Parts, Task
 from fcdm_opt.tolerances import DEFAULT
@@ -54,20 +55,22 @@ def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None
     from scipy.optimize import brentq
 
     def miss(s: float) -> float:
-        return task.gap(s * q, normals) - task.need
+        return task.misses(s * q, normals)[0]
 
     end = miss(1.0)
     if abs(end) <= DEFAULT.cut * task.unit or miss(0.0) * end >= 0:
         return q
     shorter = q * brentq(miss, 0.0, 1.0, xtol=DEFAULT.line, rtol=4 * np.finfo(float).eps)
-    return shorter if task.allows(shorter) else q
+    clear = task.misses(shorter, normals)[1] >= -DEFAULT.cut * task.unit
+    return shorter if clear and task.allows(shorter) else q
 
 
 def reach(task: Task, direction: Array) -> float:
     """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or out of each other's way."""
-    away = float(np.linalg.norm(task.movable.seed - task.static.seed)) + task.need
-    for body, rho in zip((task.movable, task.static), task.target, strict=True):
-        away += rho * max(float(np.linalg.norm(part.vertices - body.seed, axis=1).max()) for part in body.parts)
+    seed = task.movable.seed
+    own = task.target[0] * max(_reach(part, seed) for part in task.movable.parts)
+    others = [o for o in task.opponents if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
+    away = own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others)
     ends = [math.inf]
     steps = [step for step in task.motion.steps for _ in step.own_parameters]
     for step, (_, kind), slope, (low, high) in zip(steps, task.motion.parameters, direction, task.limits, strict=True):
@@ -95,29 +98,44 @@ def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0
         Amount to go to.
     start : float
         Amount to go from.
+
+    Notes
+    -----
+    A contact that a keep-out forbids is passed by: the way is then searched on from there.
     """
     from scipy.optimize import brentq
 
-    rate = displacement_rate(task)
+    rate, slack = displacement_rate(task), DEFAULT.line * task.size
 
     def miss(amount: float) -> float:
-        return task.gap(amount * direction) - task.need
+        return task.misses(amount * direction)[0]
 
-    here, value = start, miss(start)
+    here, (value, clear) = start, task.misses(start * direction)
     side = math.copysign(1.0, value)
     floor = DEFAULT.march * task.size / rate
     proved, sure = 0.0, len(direction) == 1
     for _ in range(STEPS):
         if here >= limit:
             return Contact(math.inf, limit if sure else proved)
-        step = abs(value) / rate
+        step = max(abs(value), -clear) / rate
+        forbidden = -clear > abs(value) and step >= floor
         proved = here if sure else proved
         sure = sure and step >= floor
         ahead = min(here + max(step, floor), limit)
-        there = miss(ahead)
-        if there * side <= 0:
+        there, cleared = task.misses(ahead * direction)
+        if forbidden:  # all the way: contacts there do not count
+            side = math.copysign(1.0, there)
+        elif there * side <= 0 and there * value <= 0:
             if there != 0:
                 ahead = float(brentq(miss, here, ahead, xtol=DEFAULT.line * ahead, rtol=4 * np.finfo(float).eps))
-            return Contact(ahead, proved)
-        here, value = ahead, there
+                there, cleared = task.misses(ahead * direction)
+            if cleared >= -slack:
+                return Contact(ahead, proved)
+            side = -side
+        here, value, clear = ahead, there, cleared
     return Contact(math.inf, proved)
+
+
+def _reach(part: ConvexPart, point: Array, scale: float = 1.0) -> float:
+    """Return the distance of a part's farthest vertex, at a scale, from a point."""
+    return float(np.linalg.norm(part.seed + scale * (part.vertices - part.seed) - point, axis=1).max())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -22,6 +23,7 @@ VARIANTS = 40  # choices for several overlapping pairs, at most
 RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
 ALTERNATIVES = 4  # directions tried for a pair that comes up on the way
 KEPT = 6  # starts of the first round that later rounds keep
+KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
 HELD = 3  # vertices of either part that a new separating plane holds at once
 
 
@@ -146,8 +148,7 @@ class Relaxation:
         gaps, pose = np.ndindex(len(self.task.movable.parts), len(self.task.opponents)), self.task.pose(q)
         return {
             "constraints": len(self._rows),
-            "part_pairs_kept": len(kept),
-            "part_pairs_total": self.task.part_pairs,
+            **self.task.modelled(kept),
             "directions_total": sum(len(self.task.separations(parts, pose)[2]) for parts in gaps),
         }
 
@@ -160,12 +161,14 @@ class Relaxation:
 
     def _forbid(self, s: float, pose: Array, fault: Fault | None) -> bool:
         """Forbid a fault of the tracked contact at path position s."""
-        if fault is None or not self._is_new(s, *fault.key):
+        if fault is None:
+            return self._keep_flush(s, pose)
+        if not self._is_new(s, *fault.key):
             return False
         task, rotation = self.task, pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, fault.site, fault.parts, fault.normal, rotation)
         scale = feature.steepness(rotation)
-        pair = _numbered(fault.parts)
+        pair = task.named(fault.parts)
         if fault.kind == "unsupported":
             part = (task.movable, task.static)[fault.body - 1].parts[fault.parts[fault.body - 1]]
             name = f"a vertex of body {fault.body}, part {fault.parts[fault.body - 1] + 1}, behind the tracked feature"
@@ -176,6 +179,26 @@ class Relaxation:
         else:
             self._rows.append(program.line_row(task, s, feature, scale, False, f"{pair} stays in contact on the way"))
         return True
+
+    def _keep_flush(self, s: float, pose: Array) -> bool:
+        """Keep flush contacts that a motion opens at path position s: faces over one another, or else nothing turns.
+
+        The last is more than is needed, where a turn opens them to second order only.
+        """
+        task, added = self.task, False
+        for seat in task.seats if s == 1.0 else ():
+            if seat.misfit(pose, task.target) <= DEFAULT.cut * task.size:
+                overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
+                if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
+                    self._rows.append(program.shared_row(task, overlap, least))
+                    added = True
+        moving = (task.limits != 0).any(axis=1)
+        turning = np.flatnonzero(moving & task.spins.any(axis=1))
+        if task.seats and not added and 0 < len(turning) < moving.sum() and self._is_new("still"):
+            self._rows = [row for row in self._rows if row.template[0] not in ("turned", "aligned")]
+            self._rows += [program.still_row(task, int(k)) for k in turning]
+            added = True
+        return added
 
     def close(self, q: Array, slack: float) -> bool:
         """Close the closing pair along the direction in which it is furthest apart, if by more than `slack`."""
@@ -188,7 +211,7 @@ class Relaxation:
             return False
         rotation = pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, (kind, i, j), self.closing, rows[worst, :3], rotation)
-        name = f"{_numbered(self.closing)} closes"
+        name = f"{task.named(self.closing)} closes"
         self._rows.append(program.target_row(task, feature, feature.steepness(rotation), name))
         return True
 
@@ -237,7 +260,7 @@ class Relaxation:
         else:
             opponent = task.opponents[parts[1]]
             need, point = opponent.need, _placed(task, opponent)[vertex]
-        self._rows.append(program.plane_row(task, block, body, point, need, f"{_numbered(parts)} stays apart"))
+        self._rows.append(program.plane_row(task, block, body, point, need, f"{task.named(parts)} stays apart"))
         return True
 
     def _heights(self, parts: Parts, q: Array, normal: Array) -> tuple[Array, Array]:
@@ -255,10 +278,6 @@ def _placed(task: Task, opponent: Opponent) -> Array:
     return part.seed - task.static.seed + opponent.scale * (part.vertices - part.seed)
 
 
-def _numbered(parts: Parts) -> str:
-    return f"part pair {parts[0] + 1}, {parts[1] + 1}"
-
-
 def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]:
     """Yield the programs to try from a motion on.
 
@@ -269,7 +288,8 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     gaps = task.pair_gaps(task.start) if asks else np.zeros((1, 1))
     there = task.pair_gaps(q) if asks else gaps
     everything = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
-    closes = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
+    apart = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
+    closes = apart or (task.must_touch and bool(task.keep_out))  # which may move the part away from a contact
     low = {parts: _ways_apart(task, parts, q) for parts in everything if gaps[parts] < task.needs[parts[1]]}
     pairs = [parts for parts in everything if parts[1] < len(task.static.parts)]
     variants = [dict.fromkeys(low, 0)]
@@ -277,10 +297,12 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
         pairs = pairs[:1]
     else:
         variants += [{**variants[0], parts: k} for parts in low for k in range(1, len(low[parts]))]
+        if task.keep_out:  # between bodies on several sides one other direction is seldom enough
+            variants = [*variants[:VARIANTS], *_combinations(low)]
     # a pair that must touch besides may do so already where it is only kept from overlapping
-    asked: list[Parts | None] = [*([None] if task.tracked or not closes else []), *(pairs[:CHOICES] if closes else [])]
+    asked: list[Parts | None] = [*([None] if task.tracked or not apart else []), *(pairs[:CHOICES] if closes else [])]
     for closing in asked:
-        for variant in variants[:VARIANTS]:
+        for variant in variants[: 2 * VARIANTS if task.keep_out else VARIANTS]:
             relaxation = Relaxation(task, closing)
             if closing is not None:
                 relaxation.close(q, -np.inf)
@@ -290,6 +312,29 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
                 relaxation.keep_apart(parts, q, normal)
                 relaxation.promise = max(relaxation.promise, amount)
             yield relaxation
+
+
+def _combinations(low: dict[Parts, list[tuple[float, Array]]]) -> Iterator[dict[Parts, int]]:
+    """Yield choices of one direction for each pair that differ in several from the first, least need first."""
+
+    def need(choice: tuple[int, ...]) -> tuple[float, float]:
+        amounts = [ways[k][0] for ways, k in zip(low.values(), choice, strict=True)]
+        return max(amounts), sum(amounts)
+
+    first = (0,) * len(low)
+    waiting = [(*need(first), first)] if low else []
+    known = {first}
+    for _ in range(4 * VARIANTS):
+        if not waiting:
+            return
+        *_, choice = heappop(waiting)
+        if sum(k > 0 for k in choice) > 1:
+            yield dict(zip(low, choice, strict=True))
+        for place, (k, ways) in enumerate(zip(choice, low.values(), strict=True)):
+            further = (*choice[:place], k + 1, *choice[place + 1 :])
+            if k + 1 < len(ways) and further not in known:
+                known.add(further)
+                heappush(waiting, (*need(further), further))
 
 
 def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:

@@ -1,4 +1,4 @@
-"""What a problem file may hold, entry by entry: bodies, steps of a motion, reference values.
+"""What a problem file may hold, entry by entry: bodies, keep-outs, steps of a motion, reference values.
 
 Each entry is a model that knows its way both from plain data and back; the descriptions of its fields are the format's
 documentation and the "allowed" of every message.
@@ -9,8 +9,10 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from decimal import Decimal
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -29,6 +31,7 @@ from pydantic_core import PydanticCustomError
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Rotation, Screw, Step, Translation
+from fcdm_opt.tolerance.keep_out import KeepOut
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Label = Annotated[int, Field(strict=True, ge=1)]
@@ -36,6 +39,7 @@ Pair = tuple[Number, Number]
 Point = tuple[Number, Number, Number]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
 Bound = Annotated[float, Field(strict=True)] | Literal["inf", "-inf"]
+Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
 REFUSED = "refused"
 _PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
@@ -119,10 +123,12 @@ class Entry(BaseModel):
 
 
 class BodyEntry(Entry):
-    """A body: a union of convex parts with one seed."""
+    """A body with its seed: a union of convex parts, or a mesh from a file."""
 
     name: str | None = Field(default=None, description="name in messages and pictures (text)")
-    vertices: list[Point] = Field(description="[[x, y, z], ...], at least four; label k is the k-th")
+    vertices: list[Point] | None = Field(
+        default=None, description='[[x, y, z], ...], at least four; label k is the k-th; or a mesh: file = "peg.stl"'
+    )
     parts: list[list[Label]] | None = Field(
         default=None,
         description="1-based vertex labels of each convex part; without it the body is the hull of its vertices",
@@ -134,9 +140,89 @@ class BodyEntry(Entry):
         default="centroid",
         description='"centroid" (of the volume), "vertices" (their mean), "box" (its centre) or [x, y, z]',
     )
+    deviation: Pair | None = Field(
+        default=None,
+        description="[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it",
+    )
+    notes: list[str] = Field(default=[], description="how the body was made: text that is shown with results")
+    file: str | None = Field(
+        default=None,
+        description="mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file",
+    )
+    unit: Unit | None = Field(
+        default=None,
+        description='unit of all lengths here, goes with file: "m", "cm", "mm", "um", "in" or "ft"',
+    )
+    file_unit: Unit | None = Field(
+        default=None, description="unit of the numbers in a mesh file that does not say; default: unit"
+    )
+    decomposition: Literal["auto", "exact", "coacd"] | None = Field(
+        default=None,
+        description='how a mesh, of a file or of vertices and faces, is cut into parts: "auto", "exact" or "coacd"',
+    )
 
-    def body(self, role: str) -> Body:
-        """Return the body; `role` is its name where none is given."""
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = self.model_fields_set
+        drawn, read = ("vertices", "parts", "faces", "deviation", "notes"), ("file_unit", "unit")
+        wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
+        if wrong and self.file is not None:
+            raise refusal(
+                "a body is given by its file or by its vertices, not by both",
+                found=f"file and {wrong}",
+                allowed="file, unit, file_unit, decomposition, seed, name",
+                inside=(wrong,),
+            )
+        if wrong:
+            raise refusal(
+                "this key goes with file", found=getattr(self, wrong), allowed='file = "peg.stl"', inside=(wrong,)
+            )
+        needed = "vertices" if self.file is None else "unit"
+        if self.decomposition and self.file is None and (self.faces is None or {"parts", "deviation", "notes"} & given):
+            raise refusal(
+                "only a mesh is cut into parts",
+                found=", ".join(sorted(given)),
+                allowed="decomposition with file and unit, or with vertices and faces alone",
+                inside=("decomposition",),
+            )
+        if getattr(self, needed) is None:
+            found = f"only {', '.join(sorted(given))}" if given else "an empty table"
+            allowed = str(type(self).model_fields[needed].description)
+            raise refusal("missing key", found=found, allowed=allowed, inside=(needed,))
+        return self
+
+    def body(self, role: str, folder: Path | None) -> Body:
+        """Return the body.
+
+        Parameters
+        ----------
+        role : str
+            Its name where none is given and it comes from no file.
+        folder : path or None
+            Where the path of a mesh file starts.
+        """
+        return self._drawn(role) if self.file is None else self._read(folder)
+
+    def _read(self, folder: Path | None) -> Body:
+        path = Path(str(self.file)).expanduser()
+        if folder is None and not path.is_absolute():
+            raise InputError(
+                "there is no problem file to start from", key="file", found=self.file, allowed="a full path"
+            )
+        try:
+            return Body.from_file(
+                (folder or path) / path,
+                unit=str(self.unit),
+                file_unit=self.file_unit,
+                decomposition=self.decomposition or "auto",
+                seed=self.seed,
+                name=self.name,
+            )
+        except InputError as reason:
+            raise InputError(f"the body cannot be taken from its file: {reason}", key="file") from reason
+
+    def _drawn(self, role: str) -> Body:
+        assert self.vertices is not None
         count = len(self.vertices)
         for key, groups in (("parts", self.parts), ("faces", self.faces)):
             for k, group in enumerate(groups or (), 1):
@@ -146,7 +232,11 @@ class BodyEntry(Entry):
         parts = [range(count)] if self.parts is None else _shifted(self.parts)
         faces = None if self.faces is None else _shifted(self.faces)
         name = role if self.name is None else self.name
-        return Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name)
+        if self.decomposition is not None and faces is not None:
+            return Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
+        deviation = (0.0, 0.0) if self.deviation is None else self.deviation
+        body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name, deviation=deviation)
+        return replace(body, notes=tuple(self.notes)) if self.notes else body
 
 
 def _shifted(groups: list[list[int]]) -> list[list[int]]:
@@ -159,15 +249,28 @@ class Bodies(Entry):
     movable: BodyEntry = Field(description="the body that moves: a table with vertices, seed, ...")
     static: BodyEntry = Field(description="the body at rest: a table with vertices, seed, ...")
 
-    def both(self) -> tuple[Body, Body]:
-        """Return (movable, static)."""
+    def both(self, folder: Path | None) -> tuple[Body, Body]:
+        """Return (movable, static); `folder` is where paths of mesh files start."""
         made = []
         for role in ("movable", "static"):
             try:
-                made.append(getattr(self, role).body(role))
+                made.append(getattr(self, role).body(role, folder))
             except InputError as reason:
                 raise reason.within(key=f"bodies.{role}") from reason
         return made[0], made[1]
+
+
+class KeepOutEntry(BodyEntry):
+    """A further static body that the movable one must keep clear of."""
+
+    scale: Number | Pair = Field(
+        default=1.0, description="a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between"
+    )
+    clearance: Number = Field(default=0.0, description="least gap, length units; 0: touching allowed, overlapping not")
+
+    def keep_out(self, role: str, folder: Path | None) -> KeepOut:
+        """Return the keep-out, see `body`."""
+        return KeepOut(self.body(role, folder), self.scale, clearance=self.clearance)
 
 
 # ---------------------------------------------------------------------------------------------------------- motion

@@ -38,6 +38,11 @@ class Status(Enum):
         return self in (Status.SOLVED, Status.ALREADY_SATISFIED, Status.PAIR_OVERLAPS, Status.NOT_VERIFIED)
 
 
+def kept_clear(name: str) -> str:
+    """Return the name of the check that a keep-out is kept clear of."""
+    return f"keep-out {name!r}: clearance"
+
+
 class Check(NamedTuple):
     """One check of a certificate: `value` was compared with `limit`."""
 
@@ -96,7 +101,7 @@ class Solution:
     active : tuple of str
         What stops the motion from being smaller.
     modelled : dict
-        How many features, part pairs and path points were constraints, of how many.
+        How many features, part pairs, keep-outs and path points were constraints, of how many.
     stage : str
         Which stage of the solver settled it, and why.
     sensitivity : dict or None
@@ -129,6 +134,14 @@ class Solution:
         """Whether a motion was found and the judge passed it."""
         return self.status.found and self.certificate is not None and self.certificate.passed
 
+    @property
+    def keep_out_gaps(self) -> dict[str, float]:
+        """Signed distance of the part made from each keep-out after the motion, as judged; length units, by name."""
+        checks = self.certificate.checks if self.certificate else ()
+        found = {check.name: check.value for check in checks}
+        names = [keep_out.name for keep_out in self.problem.keep_out]
+        return {name: found[kept_clear(name)] for name in names if kept_clear(name) in found}
+
     def with_certificate(self, certificate: Certificate, seconds: Mapping[str, float]) -> Solution:
         """Return the solution with the judge's verdict, the status it implies, and the times."""
         status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
@@ -154,6 +167,8 @@ class Solution:
             "pair": self.pair.tolist(),
             "pair_gap": _plain(self.pair_gap),
             "pair_state": self.pair_state,
+            "keep_out_gaps": {name: _plain(gap) for name, gap in self.keep_out_gaps.items()},
+            "snapped": None if self.problem.snapped is None else self.problem.snapped.to_dict(),
             "active": list(self.active),
             "modelled": dict(self.modelled),
             "stage": self.stage,

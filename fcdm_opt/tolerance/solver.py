@@ -6,21 +6,20 @@ from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 
-import numpy as np
-
-from fcdm_opt.curve.contact import touching_contact
+from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.segments import Segment
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance import models
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.shift import shift
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.task import Answer, Task
 
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "satisfied": models.satisfied,
+    "shift": shift,
     "straight": models.straight,
     "one parameter": models.one_parameter,
     "nlp": models.nonlinear,
@@ -110,25 +109,11 @@ def _report(problem: Problem, task: Task, answer: Answer) -> Solution:
         transform=frozen(task.transform(q)),
         amount=task.amount(q),
         rho=frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-        features=_tracked_features(problem) if task.tracked else _touching_features(task, q, slack),
+        features=problem.tracked_features if task.tracked else _touching_features(task, q, slack),
     )
-
-
-def _tracked_features(problem: Problem) -> tuple[Feature, ...]:
-    contact = problem.nominal_contact
-    if isinstance(contact, Segment):
-        return (contact.feature,)
-    return contact.features if contact is not None else ()
 
 
 def _touching_features(task: Task, q: Array, slack: float) -> tuple[Feature, ...]:
     """Return how the target pair touches: one feature a touching part pair, each once; none where it is apart."""
-    pose = task.pose(q)
-    found = []
-    for i, j in np.ndindex(len(task.movable.parts), len(task.static.parts)):
-        _, rows, separations = task.separations((i, j), pose)
-        if abs(separations.max()) <= slack:
-            one, two = task.movable.parts[i], task.static.parts[j]
-            tight = np.abs(separations) <= slack
-            found.append(touching_contact(one, two, rows[tight, :3], pose).feature)
-    return tuple(dict.fromkeys(found))
+    found = meetings(task.movable, task.static, task.pose(q), task.target, slack)
+    return tuple(dict.fromkeys(meeting.contact.feature for meeting in found))

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
-from fcdm_opt.curve.contact import supporting_contact
+from fcdm_opt.curve.contact import located, supporting_contact
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
-from fcdm_opt.tolerance.problem import MOST_TURNED, Problem
+from fcdm_opt.tolerance.keep_out import KeepOut
+from fcdm_opt.tolerance.problem import MOST_TURNED, TRACKING, Problem
+from fcdm_opt.tolerance.seat import besides, held, seat_of, spins
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -59,23 +64,16 @@ class Answer:
     modelled: dict[str, int] | None = None
 
 
-class KeepOut(NamedTuple):
-    """A further static body that the moved, re-scaled part must keep clear of: its scale, and the least gap."""
-
-    body: Body
-    scale: float
-    clearance: float
-
-
 class Opponent(NamedTuple):
     """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out.
 
-    `need` is the least gap it asks for, -inf where it asks for none.
+    `need` is the least gap it asks for, -inf where it asks for none; `keep_out` counts from 0, -1 for the static body.
     """
 
     part: ConvexPart
     scale: float
     need: float
+    keep_out: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,8 @@ class Task:
     motion : Motion
     weights : (k,) array
     limits : (k, 2) array
-    goal : "beyond", "at", "touch" or "clear"
+        Zero for parameters that "seat" holds.
+    goal : "beyond", "at", "seat", "touch" or "clear"
     nominal, target : (2,) arrays
     signs : (2,) array
         Side of the target that "beyond" asks for.
@@ -103,8 +102,12 @@ class Task:
     size : float
         Length that relative tolerances refer to.
     flush : tuple
-        Of each tracked feature, itself where more than a point is in contact and must stay so.
+        Of each tracked feature of "beyond" and "at", itself where more than a point is in contact and must stay so.
     keep_out : tuple of KeepOut
+    seats : tuple of Flush
+        The flush contacts that "seat" keeps, tracked or not.
+    besides : tuple of FeaturePoints
+        One feature for each plane of flush contacts that is not tracked.
     seconds : dict
         Time spent on "build", the compiling of templates, on the way.
     """
@@ -125,30 +128,37 @@ class Task:
     size: float
     flush: tuple[Feature | None, ...] = ()
     keep_out: tuple[KeepOut, ...] = ()
+    seats: tuple[Flush, ...] = ()
+    besides: tuple[FeaturePoints, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
         """Return the task of a problem."""
-        tracked: tuple[FeaturePoints, ...] = ()
+        pieces: tuple[Piece | Flush, ...] = ()
         flush: tuple[Feature | None, ...] = ()
-        if problem.goal in ("beyond", "at"):
+        seats = problem.nominal_seats if problem.goal == "seat" else ()
+        if problem.goal in TRACKING:
             contact = problem.nominal_contact
             assert contact is not None  # Problem refuses these goals off the curve
             if isinstance(contact, SwitchingPoint):
-                pieces: tuple[Piece, ...] = contact.pieces
+                pieces = contact.pieces
             else:
                 pieces = (contact.piece_at(problem.nominal_pair),)
-            tracked = tuple(
-                feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in pieces
-            )
-            flush = tuple(p.feature if p.feature.is_flush else None for p in pieces)
+            if problem.goal == "seat":
+                pieces = tuple(seat_of(piece, seats) or piece for piece in pieces)
+            else:
+                flush = tuple(p.feature if p.feature.is_flush else None for p in pieces)
+        tracked, others = (
+            tuple(feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in some)
+            for some in (pieces, besides(seats, pieces, problem.target))
+        )
         return cls(
             problem.movable,
             problem.static,
             problem.motion,
             problem.weights,
-            problem.limits,
+            _held_limits(problem, seats),
             problem.goal,
             problem.nominal_pair,
             problem.target,
@@ -159,14 +169,42 @@ class Task:
             problem.path == "coherent" and bool(tracked),
             problem.size,
             flush,
+            problem.keep_out,
+            seats,
+            others,
         )
+
+    def line_gaps(self, q: Array) -> tuple[Array, Array]:
+        """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
+
+        The lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `besides`.
+        """
+        pose, asked = self.pose(q), (*self.tracked, *self.besides)
+        lines = [Tracked.at(self.movable, self.static, pose, line.parts, line.site, line.sign) for line in asked]
+        rows = np.array([line.line for line in lines])
+        return np.array([line.normal for line in lines]), rows[:, 2] - rows[:, :2] @ self.target
+
+    @cached_property
+    def face_gaps(self) -> tuple[Array, Array]:
+        """Normals and separations at the target pair, at rest, of the contacts of "seat" that are face on face."""
+        faces = [seat for seat in self.seats if seat.whole]
+        return np.array([seat.normal for seat in faces]), np.array([seat.gap(self.target) for seat in faces])
+
+    @cached_property
+    def spins(self) -> Array:
+        """Axis of each parameter's turning at rest, (k, 3), see `seat.spins`."""
+        return spins(self.motion, self.movable, self.static)
 
     @cached_property
     def opponents(self) -> tuple[Opponent, ...]:
         """The static body's parts, then those of the keep-outs."""
         need = self.need if self.must_clear else -np.inf
         contact = [Opponent(part, float(self.target[1]), need) for part in self.static.parts]
-        others = [Opponent(part, k.scale, k.clearance) for k in self.keep_out for part in k.body.parts]
+        others = [
+            Opponent(part, scale, keep_out.clearance, k)
+            for k, keep_out in enumerate(self.keep_out)
+            for part, scale in keep_out.obstacles
+        ]
         return (*contact, *others)
 
     @cached_property
@@ -178,6 +216,21 @@ class Task:
     def part_pairs(self) -> int:
         """Number of pairs of convex parts."""
         return len(self.movable.parts) * len(self.opponents)
+
+    def named(self, parts: Parts) -> str:
+        """Return a part pair in words: the keep-out it is with, or the numbers of both parts."""
+        keep_out = self.opponents[parts[1]].keep_out
+        if keep_out < 0:
+            return f"part pair {parts[0] + 1}, {parts[1] + 1}"
+        return f"keep-out {self.keep_out[keep_out].name!r}"
+
+    def modelled(self, kept: Collection[Parts]) -> dict[str, int]:
+        """Return how many part pairs and keep-outs are kept, of how many."""
+        keep_outs = {self.opponents[j].keep_out for _, j in kept} - {-1}
+        counts = {"part_pairs_kept": len(set(kept)), "part_pairs_total": self.part_pairs}
+        return counts | (
+            {"keep_outs_kept": len(keep_outs), "keep_outs_total": len(self.keep_out)} if self.keep_out else {}
+        )
 
     @property
     def steps(self) -> Array:
@@ -212,7 +265,15 @@ class Task:
             typical = float(np.abs(self.target / self.nominal - 1.0).max()) * self.size
         else:
             typical = abs(self.gap(self.rest) - self.need)
-        return max(typical, DEFAULT.least_unit * self.size)
+        return max(typical, self._in_the_way, DEFAULT.least_unit * self.size)
+
+    @property
+    def _in_the_way(self) -> float:
+        """How far the nearest keep-out is from being clear, without motion; negative where all are."""
+        if not self.keep_out:
+            return 0.0
+        short = self.needs - self.pair_gaps(self.rest)
+        return float(short[:, len(self.static.parts) :].max())
 
     def amount(self, q: Array) -> float:
         """Return the weighted motion amount."""
@@ -258,27 +319,62 @@ class Task:
         """Return the signed gap of every part pair at the scales made, (parts of 1, opponents).
 
         The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
-        for a pair: none exceeds the distance.
+        for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
+        exceeds what is needed and the least gap.
         """
         pose = self.pose(q)
         gaps = np.empty((len(self.movable.parts), len(self.opponents)))
-        for j, opponent in enumerate(self.opponents):
+        for columns, packed in self._groups:
+            opponent = self.opponents[columns.start]
             here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            for i, one in enumerate(self.movable.parts):
-                packed = (*one.packed, *opponent.part.packed, here, rho)
-                gaps[i, j] = kernels.least_separation(*packed)
-                if normals and (i, j) in normals:
-                    n = normals[i, j] / np.linalg.norm(normals[i, j])
-                    gaps[i, j] = max(gaps[i, j], kernels.separation(*packed, n))
+            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, here, rho, opponent.need)
+        for (i, j), normal in (normals or {}).items():
+            one, opponent = self.movable.parts[i], self.opponents[j]
+            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
+            n = normal / np.linalg.norm(normal)
+            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, here, rho, n))
         return gaps
+
+    @cached_property
+    def _groups(self) -> tuple[tuple[slice, tuple[Array, Ints, Ints]], ...]:
+        """Opponents of one body and scale, as a slice of all, and packed together."""
+        kinds = [(id(own.part.seed), own.scale, own.keep_out) for own in self.opponents]
+        starts = [0, *(k for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]), len(kinds)]
+        runs = [slice(first, last) for first, last in pairwise(starts)]
+        return tuple((run, packed_together([own.part for own in self.opponents[run]])) for run in runs)
 
     def gap(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> float:
         """Return the signed gap of the target pair, see `pair_gaps`."""
         return self.contact_gap(self.pair_gaps(q, normals))
 
+    def misses(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> tuple[float, float]:
+        """Return how far goal "touch" or "clear" is from being met, and by how much keep-outs are cleared besides.
+
+        The first is 0 where "touch" has its contact, and not negative where "clear" has its gaps, those to keep-outs
+        among them; the second is infinite where there are none besides.
+        """
+        excess = self.pair_gaps(q, normals) - self.needs
+        contact = float(excess[:, : len(self.static.parts)].min())
+        others = float(excess[:, len(self.static.parts) :].min(initial=np.inf))
+        return (contact, others) if self.must_touch else (min(contact, others), np.inf)
+
     def contact_gap(self, gaps: Array) -> float:
         """Return the least of `pair_gaps` over the static body's parts."""
         return float(gaps[:, : len(self.static.parts)].min())
+
+    def _way_between(self, parts: Parts, q: Array) -> Array:
+        """Return the direction along which two parts that are apart are their distance apart.
+
+        The differences of their points are {v: n_i . v >= gap_i} over facet directions; the nearest to 0 is a least
+        distance problem, solved through non-negative least squares (Lawson and Hanson).
+        """
+        from scipy.optimize import nnls
+
+        _, rows, gaps = self.separations(parts, self.pose(q))
+        ahead = gaps > 0
+        weights, _ = nnls(np.vstack([rows[ahead, :3].T, gaps[ahead] / gaps.max()]), np.array([0.0, 0.0, 0.0, 1.0]))
+        way: Array = rows[ahead, :3].T @ weights
+        return way
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s.
@@ -301,35 +397,41 @@ class Task:
         path = self.nominal + s * (self.target - self.nominal)
         return path + (c - a * path[0] - b * path[1]) / (a * a + b * b) * np.array([a, b]), pose, tracked
 
-    def path_faults(self, q: Array) -> list[tuple[float, Array, Fault | None]]:
+    def path_faults(self, q: Array, *, first: bool = False) -> list[tuple[float, Array, Fault | None]]:
         """Return why the tracked contact is not real along the path (at its end only where coherence is not asked).
 
         The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
-        exist, or a flush contact opens.
+        exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
         """
         worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
         turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
         for s in np.linspace(1.0, 0.0, count + 1)[: count if self.coherent else 1]:
             rho, pose, tracked = self.tracked_contact(q, s)
-            if not (np.isfinite(rho).all() and rho.min() > 0 and self._stays_flush(pose, tracked)):
+            if not (np.isfinite(rho).all() and rho.min() > 0 and self._stays_flush(pose, rho, tracked)):
                 worst.setdefault((), (float(s), pose, None))
+                if first:
+                    break
                 continue
             for fault in contact_faults(self.movable, self.static, pose, rho, tracked, DEFAULT.cut * self.size):
                 known = worst.get(fault.key)
                 if known is None or known[2] is None or fault.excess > known[2].excess:
                     worst[fault.key] = (float(s), pose, fault)
+            if first and worst:
+                break
         return list(worst.values())
 
-    def _stays_flush(self, pose: Array, tracked: tuple[Tracked, ...]) -> bool:
-        return all(
-            whole is None
-            or whole
-            == supporting_contact(
-                self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]], feature.normal, pose
-            ).feature
+    def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
+        return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats) and all(
+            whole is None or whole == self._support(feature, pose, rho)
             for whole, feature in zip(self.flush, tracked, strict=False)
         )
+
+    def _support(self, feature: Tracked, pose: Array, rho: Array) -> Feature:
+        """Return what touches along a tracked feature's normal."""
+        one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
+        contact = supporting_contact(one, two, feature.normal, pose)
+        return located(one, two, pose, feature.normal, contact, rho).feature
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.
@@ -339,9 +441,25 @@ class Task:
         if self.tracked:
             rho, _, _ = self.tracked_contact(q)
             excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
-            if not (excess >= -slack * self.target).all() or (path and self.path_faults(q)):
+            if not (excess >= -slack * self.target).all() or (path and self.path_faults(q, first=True)):
                 return False
         if not np.isfinite(self.needs).any():
             return True
         gaps, slack = self.pair_gaps(q, normals), slack * self.size
+        short = np.argwhere((gaps > 0) & (gaps < self.needs - slack)).tolist()
+        if short:  # facet directions understate the distance of corners and edges
+            ways = {(i, j): self._way_between((i, j), q) for i, j in short}
+            gaps = self.pair_gaps(q, {**(normals or {}), **ways})
         return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
+
+
+def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:
+    """Return the limits, zero for parameters that cannot change without tilting a flush contact on the way.
+
+    A parameter whose limits exclude zero keeps them.
+    """
+    if not seats or problem.path != "coherent":
+        return problem.limits
+    still = held(seats, problem.motion, problem.movable, problem.static)
+    still &= (problem.limits[:, 0] <= 0) & (problem.limits[:, 1] >= 0)
+    return frozen(np.where(still[:, None], 0.0, problem.limits))
