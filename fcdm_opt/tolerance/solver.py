@@ -16,11 +16,13 @@ from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.shift import shift
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.task import Answer, Task
+from fcdm_opt.tolerance.translations import translations
 
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "satisfied": models.satisfied,
     "shift": shift,
     "straight": models.straight,
+    "translations": translations,
     "one parameter": models.one_parameter,
     "nlp": models.nonlinear,
 }

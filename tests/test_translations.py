@@ -1,0 +1,129 @@
+"""Several translations: the least shift, against all candidates that boxes with parallel sides leave."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import generators, runs
+
+import fcdm_opt as fo
+from fcdm_opt.tolerance import translations
+
+AXES = "xyz"
+
+
+def corners(low: Any, high: Any) -> np.ndarray:
+    return np.array(list(product(*zip(low, high, strict=True))), dtype=float)
+
+
+def random_box(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    low = rng.integers(-6, 6, 3).astype(float)
+    return low, low + rng.integers(1, 6, 3)
+
+
+def least_shift(moving: Any, fixed: list[Any], others: list[Any], axes: str, touch: bool) -> float | None:
+    """The least shift of all that end at a side of some box, or do not move, along each axis."""
+    low, high = moving
+    places = [sorted({0.0, *(x for a, b in fixed + others for x in (a[k] - high[k], b[k] - low[k]))}) for k in range(3)]
+    places = [own if AXES[k] in axes else [0.0] for k, own in enumerate(places)]
+    best = None
+    for t in product(*places):
+        a, b = low + t, high + t
+        if any((a < q).all() and (b > p).all() for p, q in fixed + others):
+            continue
+        if touch and not any((a <= q).all() and (b >= p).all() for p, q in fixed):
+            continue
+        best = min(float(np.linalg.norm(t)), np.inf if best is None else best)
+    return best
+
+
+@runs(150)
+@given(generators, st.sampled_from(["xy", "yz", "xyz"]), st.sampled_from(["touch", "clear"]))
+def test_the_least_shift_of_boxes_is_found(rng, axes, goal):
+    moving, fixed = random_box(rng), [random_box(rng) for _ in range(int(rng.integers(1, 3)))]
+    others = [random_box(rng) for _ in range(int(rng.integers(0, 3)))]
+    motion = fo.Translation(axes[0])
+    for axis in axes[1:]:
+        motion = motion >> fo.Translation(axis)
+    problem = fo.Problem(
+        fo.Body.convex(corners(*moving), name="block"),
+        fo.Body.from_parts([corners(*own) for own in fixed], seed=(0, 0, 0), name="stop"),
+        nominal=(1.0, 1.0),
+        target=(1.0, 1.0),
+        goal=goal,
+        motion=motion,
+        keep_out=[fo.KeepOut(fo.Body.convex(corners(*own)), name=f"no {k}") for k, own in enumerate(others)],
+    )
+    least, solution = least_shift(moving, fixed, others, axes, goal == "touch"), fo.solve(problem)
+    if least is None:
+        assert solution.status is fo.Status.INFEASIBLE
+        return
+    assert solution.usable
+    assert solution.amount == pytest.approx(least, abs=1e-9)
+    assert solution.lower_bound == pytest.approx(least, abs=1e-9)
+
+
+def test_limits_that_leave_no_place_are_proved():
+    cube = corners((-1, -1, -1), (1, 1, 1))
+    wall = corners((-5, -5, -1.5), (5, 5, 0.5))
+    asked = fo.Problem(
+        fo.Body.convex(cube),
+        fo.Body.convex(wall),
+        target=(1.0, 1.0),
+        nominal=(1.0, 1.0),
+        goal="clear",
+        motion=fo.Translation("x") >> fo.Translation("z"),
+        limits={"TX": (-1, 1), "TZ": (-0.5, 1.4)},
+    )
+    solution = fo.solve(asked)
+    assert solution.status is fo.Status.INFEASIBLE
+    assert solution.stage.startswith("1: translations")
+    wider = fo.solve(asked.changed(limits={"TX": (-1, 1), "TZ": (-0.5, 1.6)}))
+    assert wider.parameters == pytest.approx({"TX": 0.0, "TZ": 1.5})
+
+
+def test_weights_choose_the_cheaper_way_out():
+    cube, post = corners((-1, -1, -1), (1, 1, 1)), corners((0.5, -9, 0.2), (9, 9, 9))
+
+    def solved(**weights: float) -> dict[str, float]:
+        motion = fo.Translation("x") >> fo.Translation("z")
+        asked = fo.Problem(
+            fo.Body.convex(cube), fo.Body.convex(post), target=(1.0, 1.0), goal="clear", motion=motion, weights=weights
+        )
+        return dict(fo.solve(asked).parameters)
+
+    assert solved() == pytest.approx({"TX": -0.5, "TZ": 0.0})
+    assert solved(TX=2.0) == pytest.approx({"TX": 0.0, "TZ": -0.8})
+
+
+def test_a_clearance_round_a_corner_is_a_distance():
+    """Past the edge of a block the least way keeps the distance from the edge, not from the planes of its sides."""
+    cube = corners((-1, -1, -1), (1, 1, 1))
+    block = corners((1.2, -9, 1.3), (9, 9, 9))
+    asked = fo.Problem(
+        fo.Body.convex(cube),
+        fo.Body.convex(block),
+        target=(1.0, 1.0),
+        goal="clear",
+        clearance=1.0,
+        motion=fo.Translation("x") >> fo.Translation("z"),
+    )
+    solution = fo.solve(asked)
+    assert solution.usable
+    # from (0.2, 0.3), the way between the edges, straight on to distance 1
+    assert solution.amount == pytest.approx(1.0 - np.hypot(0.2, 0.3), abs=1e-6)
+
+
+def test_too_many_ways_are_left_to_the_program(monkeypatch):
+    monkeypatch.setattr(translations, "MOST_WAYS", 3)
+    cube, post = corners((-1, -1, -1), (1, 1, 1)), corners((0.5, -9, 0.2), (9, 9, 9))
+    motion = fo.Translation("x") >> fo.Translation("z")
+    asked = fo.Problem(fo.Body.convex(cube), fo.Body.convex(post), target=(1.0, 1.0), goal="clear", motion=motion)
+    solution = fo.solve(asked)
+    assert solution.stage.startswith("4")
+    assert solution.amount == pytest.approx(0.5)
