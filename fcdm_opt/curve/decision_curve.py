@@ -144,7 +144,9 @@ class DecisionCurve:
         if self.segments:
             return "contact"
         middle = np.mean(self.box, axis=1)
-        return "apart" if self.gap(middle) >= 0 else "overlapping"
+        # parts that touch at all scales may overlap by rounding
+        slack = DEFAULT.planarity * float(np.linalg.norm(self.pose[9:]) + middle @ self._reach)
+        return "apart" if float(self.gap(middle)) >= -slack else "overlapping"
 
     def _segment(self, run: Run, span: tuple[Array, Array], index: int) -> Segment:
         piece, (start, end) = run.whole, span
@@ -156,7 +158,7 @@ class DecisionCurve:
             frozen(before.end),
             (run.whole.feature, successor.whole.feature),
             frozen([before.line, after.line]),
-            (run.whole.contact, successor.whole.contact),
+            (before.contact.labelled(run.whole.feature), after.contact.labelled(successor.whole.feature)),
             (before, after),
             (self.movable, self.static),
             self.pose,

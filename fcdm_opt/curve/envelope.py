@@ -15,7 +15,7 @@ import numpy as np
 
 from fcdm_opt.curve import joining, kernels
 from fcdm_opt.curve.contact import located
-from fcdm_opt.curve.region import Piece, Region, same_pair
+from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
@@ -43,6 +43,7 @@ class Union:
 
     Attributes
     ----------
+    movable, static : Body
     regions : tuple of Region
         In the order of the part pairs.
     cells : (m, 4) array
@@ -51,15 +52,20 @@ class Union:
         Regions that matter in cell c: members[shares[c]:shares[c + 1]].
     hiding : tuple of Region
         Others, each of which holds parts of the box that no cell covers.
+    shared : tuple of bool
+        Of each region, whether other pairs that end with it along one line were left out for it.
     walked : int
         Part pairs that were looked at more closely than by bounds.
     """
 
+    movable: Body
+    static: Body
     regions: tuple[Region, ...]
     hiding: tuple[Region, ...]
     cells: Array
     members: Ints
     shares: Ints
+    shared: tuple[bool, ...]
     walked: int
 
     @classmethod
@@ -75,7 +81,7 @@ class Union:
             Of rho_1 and rho_2; infinite ones leave no pair out.
         """
         rim = [(low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box]
-        pairs, states, hides, sites, rows, points, chains, spans, cells, members, shares = kernels.relevant_pairs(
+        pairs, states, roles, sites, rows, points, chains, spans, cells, members, shares = kernels.relevant_pairs(
             *movable.packed,
             *static.packed,
             transform,
@@ -96,12 +102,13 @@ class Union:
             return Region(one, two, transform, (i, j), "float" if known else "exact", walked if known else None)
 
         used = set(members.tolist())
-        order = sorted(used.union(np.flatnonzero(hides).tolist()), key=lambda p: tuple(pairs[p]))
+        order = sorted(used.union(np.flatnonzero(roles[:, 0]).tolist()), key=lambda p: tuple(pairs[p]))
         listed = [p for p in order if p in used]
         number = np.zeros(len(pairs), np.int64)
         number[listed] = np.arange(len(listed))
         hiding = tuple(region(p) for p in order if p not in used)
-        return cls(tuple(region(p) for p in listed), hiding, cells, number[members], shares, len(pairs))
+        regions, shared = tuple(region(p) for p in listed), tuple(bool(roles[p, 1]) for p in listed)
+        return cls(movable, static, regions, hiding, cells, number[members], shares, shared, len(pairs))
 
     @cached_property
     def chains(self) -> list[list[Run]]:
@@ -121,18 +128,68 @@ class Union:
             self.shares,
             _LIMITS,
         )
-        made = [
-            _named(regions[k], regions[k].piece(number).cut(*span), bool(snug))
-            for (k, number, snug), span in zip(owner.tolist(), spans.tolist(), strict=True)
-        ]
-        joined = [made[first:last] for first, last in pairwise(chain.tolist())]
-        return [_joined(chain) for chain in _sorted(joined)]
+        made = []
+        for (k, number, snug, dropped), span in zip(owner.tolist(), spans.tolist(), strict=True):
+            piece = _named(regions[k], regions[k].piece(number).cut(*span), bool(snug))
+            made.append(self._equals(piece) if dropped or self.shared[k] else [piece])
+        chains = [_one_each(made[first:last]) for first, last in pairwise(chain.tolist())]
+        return [_joined(chain) for chain in _sorted(chains)]
+
+    def _equals(self, piece: Piece) -> list[Piece]:
+        """Return the pieces of all part pairs that touch all along a visible stretch."""
+        middle, found = _middle(piece), [piece]
+        pose = kernels.relative_pose(self.regions[0].transform, self.movable.seed, self.static.seed)
+        bounds = kernels.pair_bounds(*self.movable.packed, *self.static.packed, pose, middle)
+        near = DEFAULT.nominal * max(self.movable.size, self.static.size)
+        for i, j in np.argwhere(bounds <= near).tolist():
+            region = pair_region(self.movable.parts[i], self.static.parts[j], self.regions[0].transform, (i, j))
+            for other in region.pieces if (i, j) != piece.parts else ():
+                if _one_line(piece, other) and piece.travel @ other.travel > 0:
+                    shift = float((piece.base - other.base) @ other.travel)
+                    slack = DEFAULT.nominal * (float(np.abs(middle).sum()) + 1.0)
+                    lo, hi = (
+                        end if abs(s + shift - end) <= slack else s + shift
+                        for s, end in ((piece.lo, other.lo), (piece.hi, other.hi))
+                    )
+                    if other.lo <= lo < hi <= other.hi:
+                        found.append(_named(region, other.cut(lo, hi), piece.snug))
+        return found
+
+
+def _one_each(chain: list[list[Piece]]) -> list[Piece]:
+    """Choose one piece of each stretch, whatever the order of the parts.
+
+    A feature stays as long as it lasts along one line; of several that last equally long the first by its labels.
+    """
+    chosen: list[Piece] = []
+    while len(chosen) < len(chain):
+        first = len(chosen)
+        lasting = {_key(piece) for piece in chain[first]}
+        stop = first + 1
+        while stop < len(chain) and _one_line(chain[stop - 1][0], chain[stop][0]):
+            both = lasting & {_key(piece) for piece in chain[stop]}
+            if not both:
+                break
+            lasting, stop = both, stop + 1
+        name = min(lasting)
+        chosen += [next(piece for piece in stretch if _key(piece) == name) for stretch in chain[first:stop]]
+    return chosen
+
+
+def _key(piece: Piece) -> tuple[object, ...]:
+    feature = piece.feature
+    return feature.kind, tuple(sorted(feature.one.vertices)), tuple(sorted(feature.two.vertices))
+
+
+def _middle(piece: Piece) -> Array:
+    """Return the middle of a stretch, or a place as far on as (1, 1) where an end is at infinity."""
+    ends = [piece.end_at(s) for s in (piece.lo, piece.hi) if np.isfinite(s)]
+    return np.mean(ends, axis=0) if len(ends) == 2 else sum(ends, np.zeros(2)) + np.abs(piece.travel)
 
 
 def _named(region: Region, piece: Piece, snug: bool) -> Piece:
-    """Return a visible piece, with the name of what touches in its middle, or as far on as (1, 1) where it has none."""
-    ends = [piece.end_at(s) for s in (piece.lo, piece.hi) if np.isfinite(s)]
-    middle = np.mean(ends, axis=0) if len(ends) == 2 else sum(ends, np.zeros(2)) + np.abs(piece.travel)
+    """Return a visible piece, with the name of what touches in its middle."""
+    middle = _middle(piece)
     contact = located(region.one, region.two, region.pose, piece.normal, piece.contact, middle)
     return piece if contact is piece.contact and not snug else replace(piece, contact=contact, snug=snug)
 

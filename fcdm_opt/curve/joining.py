@@ -32,8 +32,8 @@ def interval(lines, base, travel, limits):
 def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, shares, limits):
     """Return what is on the boundary of a union: (owner, spans, chains).
 
-    owner (m, 3): region, piece of it, 1 where it is snug; spans (m, 2): its stretch; chain c is rows chains[c] to
-    chains[c + 1].
+    owner (m, 4): region, piece of it, 1 where it is snug, 1 where another piece was dropped for it; spans (m, 2): its
+    stretch; chain c is rows chains[c] to chains[c + 1].
     """
     region_of = np.empty(len(pieces), np.int64)
     for region in range(len(piece_starts) - 1):
@@ -64,11 +64,12 @@ def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, sha
                     used += 1
     kept = _without_repeats(_merged(found[:used]), pieces, limits)
     order, chains = _chained(kept, pieces, region_of, parts, limits[2])
-    owner, spans = np.empty((len(order), 3), np.int64), np.empty((len(order), 2))
+    owner, spans = np.empty((len(order), 4), np.int64), np.empty((len(order), 2))
     for k in range(len(order)):
         piece = int(kept[order[k], 0])
         own = region_of[piece]
-        owner[k, 0], owner[k, 1], owner[k, 2] = own, piece - piece_starts[own], int(kept[order[k], 3])
+        owner[k, 0], owner[k, 1] = own, piece - piece_starts[own]
+        owner[k, 2], owner[k, 3] = int(kept[order[k], 3]), int(kept[order[k], 4])
         spans[k, 0], spans[k, 1] = kept[order[k], 1], kept[order[k], 2]
     return owner, spans, chains
 
@@ -121,8 +122,11 @@ def _merged(found):
 
 @kernel
 def _without_repeats(spans, pieces, limits):
-    """Keep one of the stretches that coincide, (k, 4): piece, lo, hi, 1 where overlap on both sides makes it snug."""
-    kept, count = np.empty((4 * len(spans) + 4, 4)), 0
+    """Keep one of the stretches that coincide, (k, 5): piece, lo, hi, then 1 or 0.
+
+    1 where overlap on both sides makes it snug, and where another was dropped for it or part of it.
+    """
+    kept, count = np.zeros((4 * len(spans) + 4, 5)), 0
     rest, room, some = np.empty((len(spans) + 4, 2)), np.empty((len(spans) + 4, 2)), np.empty((2, 2))
     for k in range(len(spans)):
         piece = int(spans[k, 0])
@@ -151,16 +155,20 @@ def _without_repeats(spans, pieces, limits):
                     kept = _longer(kept)
                 for r in range(outside):
                     kept[count, 0], kept[count, 1], kept[count, 2] = other, some[r, 0], some[r, 1]
-                    kept[count, 3] = kept[known, 3]
+                    kept[count, 3], kept[count, 4] = kept[known, 3], kept[known, 4]
                     count += 1
                 kept[count, 0], kept[count, 1], kept[count, 2], kept[count, 3] = other, begin, stop, 1.0
+                kept[count, 4] = kept[known, 4]
                 count += 1
                 kept[known, 0] = -1.0
+            else:
+                kept[known, 4] = 1.0
             left = _take_out(rest, room, left, lo, hi, limits[1], scale)
         while count + left > len(kept):
             kept = _longer(kept)
         for r in range(left):
             kept[count, 0], kept[count, 1], kept[count, 2], kept[count, 3] = piece, rest[r, 0], rest[r, 1], 0.0
+            kept[count, 4] = 0.0
             count += 1
     return kept[:count][kept[:count, 0] >= 0.0]
 

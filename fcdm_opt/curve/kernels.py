@@ -1369,10 +1369,11 @@ def relevant_pairs(
     Bodies as `packing.packed_together` gives them: places (parts + 1, 2), the first row and entry of each part. Box:
     (low, high) of rho_1, then of rho_2; one that is not finite is one cell with all pairs.
 
-    Return (pairs, states, hides, sites, rows, points, chains, spans, cells, members, shares). Pairs (k, 2) were walked,
+    Return (pairs, states, roles, sites, rows, points, chains, spans, cells, members, shares). Pairs (k, 2) were walked,
     with the results of `walk` one after the other: spans (k + 1, 3) are the first row, point and chain of each. Of the
     others no point is on the curve inside the box. Cells (m, 4) with members[shares[c]:shares[c + 1]], indices of
-    pairs: no others are on the curve there, and none hide it. Pairs that overlap in a whole cell have `hides` 1.
+    pairs: no others are on the curve there, and none hide it. Roles (k, 2): 1 where a pair overlaps in a whole cell,
+    and where another was left out that ends with it along one line.
     """
     n1, n2 = len(places1) - 1, len(places2) - 1
     pose = relative_pose(transform, seed1, seed2)
@@ -1396,7 +1397,7 @@ def relevant_pairs(
     bounds, ends = np.empty((128, 6)), np.zeros(17, np.int64)
     cells, shares = np.empty((64, 4)), np.zeros(65, np.int64)
     members = np.empty(256, np.int64)
-    hides = np.zeros(n1 * n2, np.int64)
+    roles = np.zeros((n1 * n2, 2), np.int64)
     kept, used = 0, 0
     stack = np.empty((4 * _DEPTH + 5, 7))  # x0, x1, y0, y1, depth, where the enclosing cell's list starts, its length
     lists, depths = np.empty((_DEPTH + 2) * n1 * n2, np.int64), np.empty(n1 * n2)
@@ -1446,7 +1447,7 @@ def relevant_pairs(
                 walked[code] = p
             value = _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
             if value > slack:
-                covered, hides[p] = True, 1
+                covered, roles[p, 0] = True, 1
                 break
             depths[best] = _INF  # tried
             if value == -_INF or states[p] == EMPTY:
@@ -1479,6 +1480,8 @@ def relevant_pairs(
                 if other == code or inside[k] == 0 or (inside[k] == 1 and other < code):
                     lists[own + left], depths[left] = other, depths[k]
                     left += 1
+                elif inside[k] == 1:
+                    roles[p, 1] = 1
             count = left
         if covered:
             continue
@@ -1515,7 +1518,7 @@ def relevant_pairs(
             kept += 1
             shares[kept] = used
     return (
-        pairs[:made], states[:made], hides[:made], sites[: spans[made, 0]], rows[: spans[made, 0]],
+        pairs[:made], states[:made], roles[:made], sites[: spans[made, 0]], rows[: spans[made, 0]],
         points[: spans[made, 1]], chains[: spans[made, 2]], spans[: made + 1], cells[:kept], members[:used],
         shares[: kept + 1],
     )  # fmt: skip

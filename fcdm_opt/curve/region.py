@@ -148,13 +148,29 @@ class Region:
         """Whether the region has a boundary, is empty, or is the whole quadrant."""
         if self._walked:
             return "bounded" if len(self._walked[3]) else "empty"
-        return self.exact.status
+        return "empty" if self.clear else self.exact.status
+
+    @cached_property
+    def clear(self) -> bool:
+        """Whether a facet direction keeps the parts apart, or just touching, at all scales to within `planarity`.
+
+        Such as faces in one plane through both seeds: which parts overlap by rounding, or at scales of 1e12, is no
+        boundary.
+        """
+        if self._walked:
+            return self.status == "empty"
+        rows = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
+        reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
+        sizes = np.array([*reach, np.linalg.norm(self.pose[9:])])
+        return bool((rows[:, 3:] * [1.0, 1.0, -1.0] <= DEFAULT.planarity * sizes).all(axis=1).any())
 
     @cached_property
     def lines(self) -> Array:
         """Contact lines (a, b, c) of the boundary, (k, 3): the region is where a rho_1 + b rho_2 > c for all."""
         if self._walked:
             return self._walked[1][:, 3:]
+        if self.clear:
+            return np.empty((0, 3))
         return np.array([piece.line for piece in self.exact.pieces]).reshape(-1, 3)
 
     @cached_property
@@ -168,7 +184,7 @@ class Region:
         if self._walked:
             spans = self._walked[3][:, :2].tolist()
             return tuple(tuple(map(self._walked_piece, range(first, first + count))) for first, count in spans)
-        return tuple(map(self._from_exact, self.exact.chains))
+        return () if self.clear else tuple(map(self._from_exact, self.exact.chains))
 
     @cached_property
     def table(self) -> Array:

@@ -128,7 +128,10 @@ class SwitchingPoint:
                 known = [Meeting(before.parts, before.normal, before.contact.labelled(merged))]
         pairs = {piece.parts for piece in self.pieces}
         others = meetings(*self.bodies, self.pose, self.rho, slack)
-        return (*known, *(other for other in others if other.parts not in pairs))
+        others = [other for other in others if other.parts not in pairs]
+        # parts that are cut along a larger contact touch along its border too
+        within = [any(_holds(whole, other) for whole in (*known, *others)) for other in others]
+        return (*known, *(other for other, inner in zip(others, within, strict=True) if not inner))
 
     @property
     def contact_features(self) -> tuple[Feature, ...]:
@@ -158,6 +161,15 @@ class SwitchingPoint:
     def label(self) -> str:
         """The contact features' labels."""
         return " & ".join(feature.label for feature in self.contact_features)
+
+
+def _holds(whole: Meeting, other: Meeting) -> bool:
+    """Tell whether a contact is between corners of the elements of a larger one."""
+    large, small = (
+        [set(element.vertices) for element in (own.contact.feature.one, own.contact.feature.two)]
+        for own in (whole, other)
+    )
+    return large != small and all(inner <= outer for inner, outer in zip(small, large, strict=True))
 
 
 def middle(sets: Sequence[Array]) -> Array:

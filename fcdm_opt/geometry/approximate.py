@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.hull import Hull, convex_hull, unit_normals
 from fcdm_opt.tolerances import DEFAULT
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fcdm_opt.geometry.mesh import Mesh
 
 SEED = 0
-FINEST = 1e-3  # of the size: bounds of the deviation are not made better than this, or than
+FINEST = 2e-3  # of the size: bounds of the deviation are not made better than this, or than
 SHARE = 0.1  # of themselves
 SPACING, NEAREST = 2e-2, 4  # of samples of a surface, of the size; how many of their triangles are looked at
 BLOCK = 1 << 22  # products of points and planes worked out at a time
@@ -36,8 +36,9 @@ def approximate(mesh: Mesh) -> tuple[Array, tuple[Ints, ...], tuple[float, float
     parts : tuple of int arrays
         Rows of `points` whose hulls the parts are.
     deviation : (float, float)
-        Upper bounds: of the distance of any point on a part's surface from the solid, and of the distance of any point on
-        the mesh from the parts. Larger than the truth by at most `FINEST` of the size or `SHARE` of themselves.
+        Upper bounds: of the distance of any point on a part's surface from the solid, and of the distance of any point
+        on the mesh from the parts. Where they are not the truth they are at most `FINEST` of the size, or larger by
+        `SHARE` of themselves.
 
     Raises
     ------
@@ -92,15 +93,19 @@ def _deviation(
     local: Array, triangles: Ints, mesh: Mesh, frame: tuple[Array, float], points: Array, hulls: list[Hull]
 ) -> tuple[float, float]:
     fans = [
-        points[hull.used[[loop[0], *loop[k : k + 2]]]] for hull in hulls for loop in hull.loops for k in range(1, len(loop) - 1)
+        points[hull.used[[loop[0], *loop[k : k + 2]]]]
+        for hull in hulls
+        for loop in hull.loops
+        for k in range(1, len(loop) - 1)
     ]
     origin, size = frame
     planes = []
     for hull in hulls:
         normals = np.array([unit_normals(points[hull.used[list(loop)]]) for loop in hull.loops])
-        planes.append((normals, np.array([n @ points[hull.used[loop[0]]] for n, loop in zip(normals, hull.loops, strict=True)])))
+        bases = points[hull.used[[loop[0] for loop in hull.loops]]]
+        planes.append((normals, (normals * bases).sum(axis=1)))
 
-    def inside_a_part(asked: Array) -> Array:
+    def inside_a_part(asked: Array) -> Flags:
         found = np.zeros(len(asked), bool)
         for normals, levels in planes:
             step = max(1, BLOCK // len(levels))
@@ -113,10 +118,10 @@ def _deviation(
     return out, _farthest(surface, others, inside_a_part)
 
 
-def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Array]) -> float:
+def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flags]) -> float:
     """Return an upper bound of the distance of points of triangles from what a surface encloses.
 
-    The distance from a triangle of the surface is convex: no point of another triangle is further from it than a corner.
+    The distance from one triangle is convex: no point of another triangle is further from it than a corner of that.
     Triangles whose bound is not yet good, from those of the surface near their centres, are cut into four.
     """
     from scipy.spatial import cKDTree
@@ -127,24 +132,25 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Arra
     while len(triangles):
         centres = triangles.mean(axis=1)
         off, nearest = tree.query(centres, NEAREST)
-        others = surface[owners[nearest]]
-        bounds = _distances(triangles[:, None], others).max(axis=2).min(axis=1)
-        good = bounds <= max(FINEST, (1 + SHARE) * known)
+        bounds = _distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
+        limit = max(FINEST, (1 + SHARE) * known)
+        good = bounds <= limit
         closed = max(closed, float(bounds[good].max(initial=0.0)))
-        triangles, centres, others, off = triangles[~good], centres[~good], others[~good], off[~good, 0]
-        inner = contains(centres)
-        there = _distances(centres[~inner, None, None], others[~inner])[:, :, 0].min(axis=1)
-        known = max(known, float(there.max(initial=0.0)))
+        triangles, centres, off = triangles[~good], centres[~good], off[~good, 0]
         radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1)
-        whole = inner & (off - SPACING > radii)  # inside as a whole
-        close = np.flatnonzero(inner & ~whole)
-        if close.size:  # all triangles that may be nearer than the nearest sample
-            found = tree.query_ball_point(centres[close], off[close] + SPACING)
+        inner = contains(centres)
+        small = inner & (radii <= limit)
+        closed = max(closed, float(radii[small].max(initial=0.0)))
+        whole = small | (inner & (off - SPACING > radii))  # inside as a whole
+        left = np.flatnonzero(~whole)
+        if left.size:  # exactly: all triangles that may be nearer than the nearest sample
+            found = tree.query_ball_point(centres[left], off[left] + SPACING)
             counts = np.array([len(own) for own in found])
-            around = owners[np.concatenate(found).astype(np.int64)]
-            depths = _distances(np.repeat(centres[close], counts, axis=0)[:, None], surface[around])[:, 0]
-            starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-            whole[close] = np.minimum.reduceat(depths, starts) > radii[close]
+            around = surface[owners[np.concatenate(found).astype(np.int64)]]
+            there = _distances(np.repeat(centres[left], counts, axis=0)[:, None], around)[:, 0]
+            there = np.minimum.reduceat(there, np.concatenate([[0], np.cumsum(counts)[:-1]]))
+            known = max(known, float(there[~inner[left]].max(initial=0.0)))
+            whole[left] = inner[left] & (there > radii[left])
         triangles = _quartered(triangles[~whole])
     return closed
 
@@ -157,8 +163,10 @@ def _distances(points: Array, triangles: Array) -> Array:
     share = (spokes * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), np.finfo(float).tiny)
     rim = np.linalg.norm(spokes - np.clip(share, 0, 1)[..., None] * along, axis=-1).min(axis=-1)
     normal = np.cross(along[..., 0, :], along[..., 1, :])
-    length = np.maximum(np.linalg.norm(normal, axis=-1), np.finfo(float).tiny)
-    above = (np.cross(normal[..., None, :], along) * spokes).sum(axis=-1).min(axis=-1) >= 0
+    length = np.linalg.norm(normal, axis=-1)
+    broad = length > DEFAULT.nominal * (along**2).sum(axis=-1).max(axis=-1)  # of slivers the rim tells as much
+    length = np.where(broad, length, 1.0)
+    above = broad & ((np.cross(normal[..., None, :], along) * spokes).sum(axis=-1).min(axis=-1) >= 0)
     height = np.abs((spokes[..., 0, :] * normal).sum(axis=-1)) / length
     distances: Array = np.where(above, height, rim)
     return distances

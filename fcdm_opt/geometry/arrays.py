@@ -11,6 +11,7 @@ from fcdm_opt.errors import InputError
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 LARGEST = 1e50  # of any coordinate: volumes stay finite
 
 

@@ -273,7 +273,8 @@ class Body(_Sealed):
         mesh = checked_mesh(vertices, faces, name=name)
         origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
         made = decompose(mesh, origin, method=decomposition)
-        body = cls._made(made.points, list(made.parts), None, origin, name, made.surface)
+        apart = made.method == "coacd"
+        body = cls._made(made.points, list(made.parts), None, origin, name, surface=made.surface, apart=apart)
         return replace(body, deviation=made.deviation, notes=(made.why, *mesh.repairs))
 
     @classmethod
@@ -326,13 +327,15 @@ class Body(_Sealed):
         given: list[list[int]] | None,
         seed: Any,
         name: str,
+        *,
         surface: Surface | None = None,
+        apart: bool = False,
     ) -> Body:
         if not rows:
             raise InputError("a body needs at least one part", key=f"body '{name}'")
         keys = [f"body '{name}'" + (f": part {k + 1}" if len(rows) > 1 else "") for k in range(len(rows))]
         hulls = [convex_hull(points[part], part, key) for part, key in zip(rows, keys, strict=True)]
-        faces, elements = own_elements(points, hulls, given, name, surface)
+        faces, elements = own_elements(points, hulls, given, name, surface=surface, apart=apart)
         unseeded = [
             ConvexPart(frozen(points[hull.used]), frozen(points[0]), hull.loops, frozen(hull.edges, np.int64), named)
             for hull, named in zip(hulls, elements, strict=True)

@@ -12,14 +12,17 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.tolerances import DEFAULT
+
+Signs = NDArray[np.int8]
 
 if TYPE_CHECKING:
     from flint import fmpq
 
-    Point = tuple[fmpq, fmpq, fmpq]
+    Point = tuple[fmpq, ...]
 
 
 class Cell(NamedTuple):
@@ -50,21 +53,19 @@ class Arrangement:
     """
 
     def __init__(self, vertices: Array, used: Ints) -> None:
-        from flint import fmpq
-
         spread = vertices - vertices[used[0]]
-        self._origin = tuple(fmpq(*float(x).as_integer_ratio()) for x in vertices[used[0]])
+        self._origin = _exactly(vertices[used[0]])
         self.size = float(np.abs(spread[used]).max())
         # far from the origin a drawn vertex is off its plane by its coordinates' last digit
         digits = 4 * float(np.spacing(np.abs(vertices[used]).max())) / self.size
         self.slack = max(DEFAULT.planarity, digits)
-        self._exact = [tuple(fmpq(*float(x).as_integer_ratio()) for x in row) for row in vertices]
-        self._drawn = len(vertices)
+        self._exact = [_exactly(row) for row in vertices]
         self._rows = {point: k for k, point in reversed(list(enumerate(self._exact)))}
         self._near: dict[tuple[int, ...], int] = {}
         self._cuts: dict[tuple[int, int, int], int] = {}
         self._local, self._signs = spread / self.size, np.empty((0, len(vertices)), np.int8)
-        self._normals, self._levels, self._equations = np.empty((0, 3)), np.empty(0), list[tuple[fmpq, ...]]()
+        self._normals, self._levels = np.empty((0, 3)), np.empty(0)
+        self._equations: list[Point] = []
         self._planes, self._count = 0, len(vertices)
         self.planar = True
 
@@ -81,7 +82,7 @@ class Arrangement:
         return self._local[: self._count]
 
     @property
-    def signs(self) -> Ints:
+    def signs(self) -> Signs:
         """The side (1, 0, -1) of each plane that each point lies on, (planes, points)."""
         return self._signs[: self._planes, : self._count]
 
@@ -121,7 +122,7 @@ class Arrangement:
                 return None
         return self.plane(points)
 
-    def signs_of(self, quads: Ints, points: Ints) -> Ints:
+    def signs_of(self, quads: Ints, points: Ints) -> Signs:
         """Return the sides that points lie on of planes through four points each, not on one line."""
         a, b, c, d = self._local[quads.T]
         one, two = np.cross(b - a, c - a), np.cross(b - a, d - a)
@@ -171,9 +172,7 @@ class Arrangement:
 
     def point(self, coordinates: Array) -> int:
         """Add a point, given in floats; return its row."""
-        from flint import fmpq
-
-        return self._placed(tuple(fmpq(*float(x).as_integer_ratio()) for x in coordinates))
+        return self._placed(_exactly(coordinates))
 
     def _added(self, key: tuple[int, int, int]) -> int:
         a, b, plane = key
@@ -181,7 +180,7 @@ class Arrangement:
         share = above / (above - below)
         point = tuple(x + share * (y - x) for x, y in zip(self._exact[a], self._exact[b], strict=True))
         if not self.planar:  # drawn faces that are no planes: rounded now, or digits multiply from cut to cut
-            point = tuple(type(share)(*_rounded(x).as_integer_ratio()) for x in point)
+            point = _exactly([_rounded(x) for x in point])
         row = self._placed(point)
         on = (self._signs[: self._planes, a] == 0) & (self._signs[: self._planes, b] == 0)
         on[plane] = True
@@ -223,7 +222,7 @@ class Arrangement:
         on: Array = (self.signs[cell.planes[:, None], cell.points] == 0).astype(np.float32)
         return on
 
-    def pruned(self, cell: Cell, doubtful: Array | None = None) -> Cell:
+    def pruned(self, cell: Cell, doubtful: Flags | None = None) -> Cell:
         """Return a cell without points that are no corners: another point is on all their planes, and on more."""
         on = self.on(cell)
         asked = np.arange(len(cell.points)) if doubtful is None else np.flatnonzero(doubtful)
@@ -247,7 +246,7 @@ class Arrangement:
         ends = cell.points[low[i[edges]]].tolist(), cell.points[high[j[edges]]].tolist()
         made = [self.cut(a, b, plane) for a, b in zip(*ends, strict=True)]
 
-        def part(strictly: Array, out: Array, side: int) -> Cell:
+        def part(strictly: Flags, out: Flags, side: int) -> Cell:
             left = on[:, strictly].any(axis=1)  # else no more than an edge of that face is left, on the cut
             points = np.unique([*cell.points[~out].tolist(), *made])
             whole = Cell(points, np.append(cell.planes[left], plane), np.append(cell.sides[left], side))
@@ -273,9 +272,7 @@ class Arrangement:
             cell = self.split(cell, plane)[0 if side > 0 else 1]
         return cell
 
-    def split_facets(
-        self, facets: Iterable[Facet], plane: int
-    ) -> tuple[list[Facet], list[Facet], list[Facet]]:
+    def split_facets(self, facets: Iterable[Facet], plane: int) -> tuple[list[Facet], list[Facet], list[Facet]]:
         """Return what of facets lies below, above and on a plane."""
         sign = self.signs[plane].tolist()
         parts: tuple[list[Facet], list[Facet], list[Facet]] = [], [], []
@@ -297,12 +294,19 @@ class Arrangement:
         return parts
 
 
-def _sides(heights: Array, slack: float) -> Ints:
+def _sides(heights: Array, slack: float) -> Signs:
     return np.where(np.abs(heights) <= slack, 0, np.sign(heights)).astype(np.int8)
 
 
 def _cross(u: Sequence[fmpq], v: Sequence[fmpq]) -> tuple[fmpq, ...]:
     return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+
+
+def _exactly(point: Iterable[float]) -> Point:
+    """Return floats as rationals."""
+    from flint import fmpq
+
+    return tuple(fmpq(*float(x).as_integer_ratio()) for x in point)
 
 
 def _rounded(x: fmpq) -> float:

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
 from fcdm_opt.geometry.cover import cover, is_star_shaped
 from fcdm_opt.geometry.hull import convex_hull, unit_normals
-from fcdm_opt.geometry.partition import RULES, merged, partition
+from fcdm_opt.geometry.partition import RULES, Rule, merged, partition
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
@@ -95,7 +95,7 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     reflex = _reflex_edges(mesh, used)
     if not reflex and _is_whole(mesh, used):
         return Decomposition("convex", "one part: the mesh is convex", mesh.vertices, (used,))
-    known = f"{reflex} reflex edges"
+    known = f"{reflex} reflex edge{'s' if reflex > 1 else ''}" if reflex else "several shells"
     if method == "coacd" or (method == "auto" and reflex > MOST_REFLEX and find_spec("coacd")):
         asked = "asked for" if method == "coacd" else f"{known}, more than {MOST_REFLEX}"
         return _approximated(mesh, asked)
@@ -111,11 +111,11 @@ def _approximated(mesh: Mesh, asked: str) -> Decomposition:
     return Decomposition("coacd", why, frozen(points), parts, deviation=deviation)
 
 
-def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[object]) -> Decomposition:
+def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomposition:
     solid = _Solid.of(mesh)
     space = solid.space
     best: list[Cell] | None = None
-    for rule in RULES[: len(rules)]:
+    for rule in rules:
         cells = partition(space, solid.hull, solid.inner, rule)
         for last in (False, True):
             joined = merged(space, cells, last=last)
@@ -151,7 +151,8 @@ def _numbered(space: Arrangement, drawn: int, cells: Sequence[Cell]) -> tuple[Ar
     first = [number[tuple(point)] for point in (points + 0.0).tolist()]
     kept = [k for k in range(len(points)) if k < drawn or first[k] == k]
     place = {k: row for row, k in enumerate(kept)}
-    rows = dict(zip([*range(drawn), *used], [place[k] if k < drawn else place[first[k]] for k in range(len(points))], strict=True))
+    final = [place[k] if k < drawn else place[first[k]] for k in range(len(points))]
+    rows = dict(zip([*range(drawn), *used], final, strict=True))
     return points[kept], tuple(frozen(sorted({rows[k] for k in cell.points.tolist()}), np.int64) for cell in cells)
 
 

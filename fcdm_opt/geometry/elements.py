@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, NamedTuple, overload
 
 import numpy as np
@@ -16,6 +15,7 @@ from fcdm_opt.geometry.union import surface_of_parts
 from fcdm_opt.tolerances import DEFAULT
 
 Faces = tuple[tuple[int, ...], ...]
+_PLACES = 9  # decimals of lengths, relative to the size, that are compared
 
 
 class Element(NamedTuple):
@@ -40,7 +40,7 @@ class Elements(Mapping[str, Sequence[Element]]):
     vertices: Sequence[Element]
     edges: Sequence[Element]
     faces: Sequence[Element]
-    spans: Mapping[tuple[str, int], Span] = field(default_factory=lambda: MappingProxyType({}))
+    spans: Mapping[tuple[str, int], Span] = field(default_factory=dict)
 
     def __getitem__(self, kind: str) -> Sequence[Element]:
         """Return the elements of one kind."""
@@ -120,11 +120,18 @@ class Span(NamedTuple):
         """
         shares = np.linalg.lstsq((corners[1:] - corners[0]).T, point - corners[0])[0]
         drawn = self.corners[0] + shares @ (self.corners[1:] - self.corners[0])
-        return self.elements[int(np.argmin([_distance(drawn, region) for region in self.regions]))]
+        off = np.array([_distance(drawn, region) for region in self.regions])
+        return self.elements[int((off <= off.min() + DEFAULT.nominal * np.ptp(self.corners, axis=0).max()).argmax())]
 
 
 def own_elements(
-    points: Array, hulls: list[Hull], given: list[list[int]] | None, name: str, surface: Surface | None = None
+    points: Array,
+    hulls: list[Hull],
+    given: list[list[int]] | None,
+    name: str,
+    *,
+    surface: Surface | None = None,
+    apart: bool = False,
 ) -> tuple[Faces, list[Elements]]:
     """Return the body's faces and, for each part, the body's element that each vertex, edge, face belongs to.
 
@@ -139,17 +146,21 @@ def own_elements(
         Of the body.
     surface : Surface, optional
         The body's faces and edges, where they are known better than from the parts.
+    apart : bool
+        Every element of a part is the body's own: of approximate parts, which do not fit together.
 
     Raises
     ------
     InputError
         Where a given face is no face of the body, or only a piece of one.
     """
-    if given is None and surface is None and len(hulls) == 1:  # every face of the part is the body's own
-        (hull,) = hulls
-        faces = _labels(hull.used, hull.loops)
-        edges = np.sort(hull.used[hull.edges[:, :2]], axis=1) + 1
-        return faces, [Elements(_Named("V", hull.used[:, None] + 1), _Named("E", edges), _Named("F", faces))]
+    if given is None and surface is None and (apart or len(hulls) == 1):
+        named = [_labels(hull.used, hull.loops) for hull in hulls]
+        ends = [np.sort(hull.used[hull.edges[:, :2]], axis=1) + 1 for hull in hulls]
+        return tuple(dict.fromkeys(face for own in named for face in own)), [
+            Elements(_Named("V", hull.used[:, None] + 1), _Named("E", edges), _Named("F", faces))
+            for hull, edges, faces in zip(hulls, ends, named, strict=True)
+        ]
     if surface is None:
         surface = surface_of_parts(points, hulls, given, name)
     faces = tuple(label(face) for face in surface.faces)
@@ -173,7 +184,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
     face_names = [Element("F", face) for face in faces]
     place = {row: k for k, row in enumerate(rows.tolist())}
 
-    def hits(candidates: Array, samples: Array) -> dict[int, int]:
+    def hits(candidates: Ints, samples: Array) -> dict[int, int]:
         found = {int(face): int(surface.lies_on(int(face), samples).sum()) for face in candidates}
         return {face: count for face, count in found.items() if count}
 
@@ -197,13 +208,13 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         low, high = np.minimum(share[i], share[j]), np.maximum(share[i], share[j])
         common = (np.minimum(high, 1.0) - np.maximum(low, 0.0)) * lengths
         along = np.flatnonzero(collinear[i] & collinear[j] & (common > slack))
-        along = along[np.argsort(-common[along], kind="stable")]
+        along = np.array(sorted(along.tolist(), key=lambda k: (-round(common[k], _PLACES), edge_names[k])), np.int64)
         samples = ends[0] + FRACTIONS[:, None] * (ends[1] - ends[0])
         if along.size:  # the faces beside a true edge are not what the part's edge lies on
             places = surface.along_edges(samples)[1][:, along]
             samples = samples[((places < 0) | (places > 1)).all(axis=1)]
         on = hits(np.flatnonzero(flat[i] & flat[j]), samples)
-        order = sorted(on, key=lambda face: -on[face])
+        order = sorted(on, key=lambda face: (-on[face], faces[face]))
         names = [edge_names[k] for k in along] + [face_names[face] for face in order]
         regions = [surface.points[surface.edges[[k]]] for k in along] + [surface.polygons(face) for face in order]
         return _first(own, names, regions, ends)
@@ -214,7 +225,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         on = flat[[place[row] for row in loop]].all(axis=0) & (surface.planes[0] @ normal > 0)
         samples = middle + FRACTIONS[:, None, None] * (outline - middle)
         candidates = hits(np.flatnonzero(on), samples.reshape(-1, 3))
-        order = sorted(candidates, key=lambda own: -candidates[own])
+        order = sorted(candidates, key=lambda own: (-candidates[own], faces[own]))
         names = [face_names[own] for own in order]
         return _first(Element("F", label(loop)), names, [surface.polygons(own) for own in order], outline)
 

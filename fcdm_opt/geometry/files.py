@@ -82,8 +82,10 @@ def drawn_mesh(
         raise InputError(what, file=path, key="file_unit", found=file_unit, allowed="none")
     try:
         data = path.read_bytes()
-    except OSError as reason:
-        raise InputError(f"cannot be read: {reason.strerror or reason}", file=path) from reason
+    except (OSError, ValueError) as reason:  # a path with a null is no value
+        what = getattr(reason, "strerror", None) or str(reason)
+        raise InputError(f"cannot be read: {what}", file=repr(str(path)) if "\0" in str(path) else path) from reason
+    data = data.removeprefix(b"\xef\xbb\xbf")  # some editors begin a text with a mark
     if not data.strip():
         raise InputError("the file is empty", file=path)
     try:

@@ -113,7 +113,7 @@ def edges_of(facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
 def reflex_edges(
     space: Arrangement, facets: Sequence[Facet], around: dict[Edge, list[Facet]]
 ) -> dict[Edge, list[Facet]]:
-    """Return the edges at which the solid is not convex: one of its facets rises above another, or more than two meet."""
+    """Return the edges at which the solid is not convex: one facet rises above another, or more than two meet."""
     rows = {plane: space.signs[plane].tolist() for plane in {facet.plane for facet in facets}}
 
     def rises(one: Facet, two: Facet) -> bool:
@@ -223,7 +223,8 @@ def merged(space: Arrangement, cells: Sequence[Cell], *, last: bool = False) -> 
         walls = {pair: plane for pair, plane in walls.items() if not {i, j} & set(pair)}
         sides = dict(zip([*one.planes.tolist(), *two.planes.tolist()], [*one.sides, *two.sides], strict=True))
         del sides[wall]
-        whole = space.pruned(Cell(np.union1d(one.points, two.points), np.array(list(sides)), np.array(list(sides.values()))))
+        planes, outer = np.array(list(sides.items())).T
+        whole = space.pruned(Cell(np.union1d(one.points, two.points), planes, outer))
         if own:
             walls |= _walls(space, {i: whole}, own) | _walls(space, own, {i: whole})
         own[i] = whole

@@ -31,10 +31,12 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     if len(hulls) == 1:
         edges, hidden = np.sort(hulls[0].used[hulls[0].edges[:, :2]], axis=1), np.empty((0, 2), np.int64)
     else:
-        edges, hidden = _true_edges(points, hulls, rows, planes, owner, size)
+        known = np.unique(np.concatenate([*(hull.used for hull in hulls), *given]).astype(np.int64))
+        edges, hidden = _true_edges(points, hulls, rows, planes, owner, known, size)
     triangles, owners = [], []
+    sides = {pair for face in given for pair in zip(face, face[1:] + face[:1], strict=True)}
     for k, face in enumerate(given):
-        fans = _fans_of_outline(points, face, edges, slack) if drawn else None
+        fans = _fans_of_outline(points, face, edges, sides, slack) if drawn else None
         if fans is None:
             loops = [rows[part][own] for (part, own), one in owner.items() if one == k]
             fans = [(loop[0], *pair) for loop in loops for pair in pairwise(loop[1:])]
@@ -44,15 +46,21 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     return Surface(points, corners, np.array(owners, np.int64), faces, edges, hidden, faces)
 
 
-def _fans_of_outline(points: Array, face: list[int], edges: Ints, slack: float) -> list[tuple[int, ...]] | None:
-    """Return triangles of a face given by its corners in order; None where that order does not follow edges."""
+def _fans_of_outline(
+    points: Array, face: list[int], edges: Ints, sides: set[tuple[int, int]], slack: float
+) -> list[tuple[int, ...]] | None:
+    """Return triangles of a face given by its corners in order; None where that order does not follow edges.
+
+    Reflex edges need not be edges of any part: `sides`, those of all faces, have them.
+    """
     base, along = points[edges[:, 0]], np.diff(points[edges], axis=1)[:, 0]
     length = np.linalg.norm(along, axis=1)
     spokes = points[face][:, None] - base
     share = (spokes * along).sum(axis=2) / length
     off = np.linalg.norm(spokes - (share / length)[:, :, None] * along, axis=2)
     on = (off <= slack) & (share >= -slack) & (share <= length + slack)
-    if not (on & np.roll(on, -1, axis=0)).any(axis=1).all():
+    along_edges = (on & np.roll(on, -1, axis=0)).any(axis=1)
+    if not all(ok or (b, a) in sides for ok, a, b in zip(along_edges, face, face[1:] + face[:1], strict=True)):
         return None
     try:
         return [tuple(own) for own in triangulated(points, [tuple(face)], [0], slack, "face")[0].tolist()]
@@ -61,7 +69,7 @@ def _fans_of_outline(points: Array, face: list[int], edges: Ints, slack: float) 
 
 
 def _true_edges(
-    points: Array, hulls: list[Hull], rows: Any, planes: Any, owner: Any, size: float
+    points: Array, hulls: list[Hull], rows: Any, planes: Any, owner: Any, known: Ints, size: float
 ) -> tuple[Ints, Ints]:
     """Return the union's edges, by their ends, and the parts' edges that are hidden in other parts.
 
@@ -74,8 +82,7 @@ def _true_edges(
     pieces: dict[frozenset[Any], list[tuple[int, int]]] = {}
     hidden: set[tuple[int, int]] = set()
     ends = np.unique(np.vstack([np.sort(hull.used[hull.edges[:, :2]], axis=1) for hull in hulls]), axis=0)
-    used = np.unique(ends)
-    cut = {(a, b): _cut_at(points, [a, b], used, slack) for a, b in ends.tolist()}
+    cut = {(a, b): _cut_at(points, [a, b], known, slack) for a, b in ends.tolist()}
     for a, b in dict.fromkeys(piece for own in cut.values() for piece in own):
         along = points[b] - points[a]
         frame = np.linalg.svd((along / np.linalg.norm(along))[None])[2][1:]
@@ -208,7 +215,9 @@ def _faces_from_parts(points: Array, rows: Any, planes: Any, size: float) -> lis
 
     slack = DEFAULT.nominal * size
     seams = _seams(rows, planes)
-    places = [(part, face) for part, loops in enumerate(rows) for face in range(len(loops)) if (part, face) not in seams]
+    places = [
+        (part, face) for part, loops in enumerate(rows) for face in range(len(loops)) if (part, face) not in seams
+    ]
     hidden = _hidden(points, rows, planes, places, slack)
     places = [place for place in places if place not in hidden]
     keys = np.array([(*planes[part][face][0], planes[part][face][1] / size) for part, face in places])

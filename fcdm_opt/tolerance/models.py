@@ -15,6 +15,7 @@ from fcdm_opt.tolerances import DEFAULT
 REACH = 3.0  # starts away from rest, in typical amounts
 WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
 ALTERED = 2  # pairs that came up in one program and are kept apart in other directions, among keep-outs
+PATIENCE = 16  # programs in a row that better nothing, among keep-outs
 FALLBACK_CHOICES = 3  # choices of features tried then
 SCAN_POINTS, HALVINGS = 200, 45  # of a direction, and of the step that first meets the goal
 LARGE = 0.5  # of the size: displacements beyond this are large
@@ -164,15 +165,18 @@ def _first_found(task: Task) -> tuple[Found | None, bool]:
         tries += [("sqpmethod", wide_starts, FALLBACK_CHOICES), ("ipopt", [task.start], FALLBACK_CHOICES)]
     best, reached = None, False
     for method, starts, most in tries:
+        idle = 0  # programs since the last that was better
         for relaxation in sorted(choices(task, task.start), key=lambda choice: choice.promise)[:most]:
-            if best is not None and relaxation.promise >= best.amount:
+            if best is not None and (relaxation.promise >= best.amount or (task.keep_out and idle > PATIENCE)):
                 break
-            best = _better(best, relaxation.smallest(starts, method, _enough(task, best)))
-            others = [relaxation]
-            for _ in range(ALTERED if task.keep_out else 1):
-                others = [other for one in others for other in one.alternatives()]
-                for other in others:
-                    best = _better(best, other.smallest(starts[:1], method, _enough(task, best)))
+            queue = [(relaxation, starts, ALTERED if task.keep_out else 1)]
+            while queue and not (task.keep_out and idle > PATIENCE):
+                program, own, further = queue.pop(0)
+                found = program.smallest(own, method, _enough(task, best))
+                idle = 0 if found is not None and _better(best, found) is found else idle + 1
+                best = _better(best, found)
+                if further:
+                    queue += [(other, starts[:1], further - 1) for other in program.alternatives()]
             reached = reached or relaxation.reached
         if best is not None:
             break

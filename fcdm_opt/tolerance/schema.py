@@ -204,7 +204,11 @@ class BodyEntry(Entry):
         return self._drawn(role) if self.file is None else self._read(folder)
 
     def _read(self, folder: Path | None) -> Body:
-        path = Path(str(self.file)).expanduser()
+        try:
+            path = Path(str(self.file)).expanduser()
+        except RuntimeError as reason:
+            allowed = "the path of a mesh file"
+            raise InputError("no such home folder", key="file", found=self.file, allowed=allowed) from reason
         if folder is None and not path.is_absolute():
             raise InputError(
                 "there is no problem file to start from", key="file", found=self.file, allowed="a full path"
