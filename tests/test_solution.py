@@ -35,7 +35,7 @@ QUESTIONS: dict[str, tuple[Status, dict[str, Any]]] = {
     "satisfied": (Status.ALREADY_SATISFIED, {"target": (1, 1), "goal": "clear"}),
     "infeasible": (Status.INFEASIBLE, {"target": (1, 1), "goal": "touch", "motion": Translation("z")}),
     "not found": (Status.NOT_FOUND, {"target": (1, 1), "goal": "touch", "limits": {"TX": (-0.1, 0.1)},
-                                     "motion": Translation("x") >> Translation("z")}),
+                                     "motion": Translation("x") >> Rotation("z")}),
     "turned": (Status.SOLVED, {"target": (2.5, 1), "goal": "touch", "motion": Rotation("z") >> Translation((1, 1, 0))}),
 }  # fmt: skip
 EVERY_QUESTION = pytest.mark.parametrize("question", QUESTIONS)

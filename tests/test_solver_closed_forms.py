@@ -176,7 +176,7 @@ def test_limits_choose_between_two_mirror_angles(low, high, sign):
 
 def test_a_rotation_meets_what_no_translation_along_the_face_can():
     refused(problem(HALF, PLATE, target=(1.6, 1), motion=Y), Status.INFEASIBLE)
-    refused(problem(HALF, PLATE, target=(1.6, 1), motion=Y >> Z), Status.NOT_FOUND)
+    refused(problem(HALF, PLATE, target=(1.6, 1), motion=Y >> Z), Status.INFEASIBLE)
     asked = problem(HALF, PLATE, target=(1.6, 1), motion=Y >> Rotation("z"))
     solution = solved(asked, asked.length * swung(1.6), TY=0.0)
     assert abs(solution.parameters["RZ"]) == pytest.approx(swung(1.6), abs=1e-8)
@@ -232,7 +232,9 @@ def test_limits_that_exclude_every_answer_are_infeasible_where_that_is_proved():
 def test_without_a_proof_the_status_does_not_claim_one():
     narrow = {"TX": (-0.1, 0.1), "T": (-0.1, 0.1)}
     both = problem(HALF, PLATE, target=(1, 1), motion=X >> Translation((1, 1, 0)), limits=narrow)
-    assert refused(both, Status.NOT_FOUND).lower_bound <= 0.5 / math.sqrt(1.5)
+    refused(both, Status.INFEASIBLE)  # translations alone are proved
+    turned = problem(HALF, PLATE, target=(1, 1), motion=X >> Rotation("z"), limits={"TX": (-0.1, 0.1), "RZ": (-1, 1)})
+    assert 0 < refused(turned, Status.NOT_FOUND).lower_bound <= 0.5
     refused(problem(HALF, PLATE, target=(1, 1), goal="clear", clearance=1, limits={"TX": (-0.4, 1)}), Status.NOT_FOUND)
 
 

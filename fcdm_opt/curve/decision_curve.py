@@ -20,6 +20,7 @@ from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.tolerances import DEFAULT
 
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
+_SHARES = ((0.5, 0.5), (0.29, 0.63), (0.71, 0.41))  # of the box, where a curve that does not pass it is asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +144,11 @@ class DecisionCurve:
                 return _STATUS[state]
         if self.segments:
             return "contact"
-        middle = np.mean(self.box, axis=1)
-        # parts that touch at all scales may overlap by rounding
-        slack = DEFAULT.planarity * float(np.linalg.norm(self.pose[9:]) + middle @ self._reach)
-        return "apart" if float(self.gap(middle)) >= -slack else "overlapping"
+        (a, b), (c, d) = ((low, min(high, 2.0 * low + 1.0)) for low, high in self.box)
+        places = np.array([(a + p * (b - a), c + q * (d - c)) for p, q in _SHARES])
+        # parts that touch at all scales may overlap by rounding, and at a single scale pair parts may just fit
+        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._reach)
+        return "overlapping" if (np.atleast_1d(self.gap(places)) < -slack).any() else "apart"
 
     def _segment(self, run: Run, span: tuple[Array, Array], index: int) -> Segment:
         piece, (start, end) = run.whole, span
@@ -251,7 +253,9 @@ class DecisionCurve:
                 ends[-1:] = [lo, hi]  # two regions meet in one point: a snug fit
             else:
                 ends += [lo, hi]
-        return np.array([s for s in ends if span[0] <= s <= span[1] and 0 < s < np.inf])
+        low, high = span[0] * (1.0 - DEFAULT.line), span[1] * (1.0 + DEFAULT.line)
+        apart = [s for k, s in enumerate(ends) if not (k and s <= ends[k - 1] * (1.0 + DEFAULT.line))]
+        return np.array([float(np.clip(s, *span)) for s in apart if low <= s <= high and 0 < s < np.inf])
 
     def rho2(self, rho1: ArrayLike) -> Array:
         """Return the least contact scale rho_2 in the box for each rho_1, nan where there is none."""
@@ -287,17 +291,18 @@ class DecisionCurve:
         return float(gaps[0]) if pairs.ndim == 1 else gaps.reshape(pairs.shape[:-1])
 
     def _exact_gap(self, rho: Array, near: float) -> float:
-        """Return the gap at positive scales where it is within rounding of 0, by rational arithmetic."""
-        if self._convex:
-            return self.regions[0].exact.separation(rho.tolist())
-        close = np.argwhere(kernels.pair_bounds(*self._bodies[:6], self.pose, rho) <= near).tolist()
-        regions = [pair_region(self.movable.parts[i], self.static.parts[j], self.transform) for i, j in close]
-        sides = [region.sides(rho[None])[0] for region in regions]
-        return min(
-            region.exact.separation(rho.tolist())
-            for region, side in zip(regions, sides, strict=True)
-            if side == min(sides)
-        )
+        """Return the gap at positive scales where it is within rounding of 0: its sign by rational arithmetic."""
+        bounds = np.zeros((1, 1)) if self._convex else kernels.pair_bounds(*self._bodies[:6], self.pose, rho)
+        least = np.inf
+        for i, j in np.argwhere(bounds <= near).tolist():
+            one, two = self.movable.parts[i], self.static.parts[j]
+            region = self.regions[0] if self._convex else pair_region(one, two, self.transform)
+            rows = self._rows if self._convex else kernels.facet_rows(*one.packed, *two.packed, self.pose)[1]
+            size, side = abs(float((rows[:, 5] - rows[:, 3:5] @ rho).max())), int(region.sides(rho[None])[0])
+            exact = region.exact.separation(rho.tolist()) if side else 0.0
+            # of parts that barely meet at all scales no line that the exact curve has need be near
+            least = min(least, exact if abs(exact) <= 2.0 * near else side * max(size, float(np.finfo(float).tiny)))
+        return least
 
     @property
     def _bodies(self) -> tuple[Array | Ints, ...]:

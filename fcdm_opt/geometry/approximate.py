@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from fcdm_opt.geometry.mesh import Mesh
 
 SEED = 0
-FINEST = 2e-3  # of the size: bounds of the deviation are not made better than this, or than
+FINEST = 5e-3  # of the size: bounds of the deviation are not made better than this, or than
 SHARE = 0.1  # of themselves
-SPACING, NEAREST = 2e-2, 4  # of samples of a surface, of the size; how many of their triangles are looked at
+SPACING, NEAREST = 1e-2, 4  # of samples of a surface, of the size; how many of their triangles are looked at
+MOST_PIECES = 50_000  # of triangles looked at, before a coarser bound is taken
 BLOCK = 1 << 22  # products of points and planes worked out at a time
 
 
@@ -122,35 +123,40 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
     """Return an upper bound of the distance of points of triangles from what a surface encloses.
 
     The distance from one triangle is convex: no point of another triangle is further from it than a corner of that.
-    Triangles whose bound is not yet good, from those of the surface near their centres, are cut into four.
+    Nor is one further away than its centre and its radius together. Triangles whose bound is not yet good are cut into
+    four.
     """
     from scipy.spatial import cKDTree
 
     samples, owners = _samples(surface)
     tree = cKDTree(samples)
-    known, closed = 0.0, 0.0
+    known, closed, work = 0.0, 0.0, 0
     while len(triangles):
+        work += len(triangles)
         centres = triangles.mean(axis=1)
         off, nearest = tree.query(centres, NEAREST)
         bounds = _distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
-        limit = max(FINEST, (1 + SHARE) * known)
-        good = bounds <= limit
+        good = bounds <= max(FINEST, (1 + SHARE) * known)
+        if work > MOST_PIECES:  # what is known so far holds for them all
+            return max(closed, float(bounds.max()))
         closed = max(closed, float(bounds[good].max(initial=0.0)))
         triangles, centres, off = triangles[~good], centres[~good], off[~good, 0]
         radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1)
         inner = contains(centres)
-        small = inner & (radii <= limit)
-        closed = max(closed, float(radii[small].max(initial=0.0)))
-        whole = small | (inner & (off - SPACING > radii))  # inside as a whole
+        whole = inner & (off - SPACING > radii)  # inside as a whole
         left = np.flatnonzero(~whole)
         if left.size:  # exactly: all triangles that may be nearer than the nearest sample
             found = tree.query_ball_point(centres[left], off[left] + SPACING)
-            counts = np.array([len(own) for own in found])
-            around = surface[owners[np.concatenate(found).astype(np.int64)]]
-            there = _distances(np.repeat(centres[left], counts, axis=0)[:, None], around)[:, 0]
-            there = np.minimum.reduceat(there, np.concatenate([[0], np.cumsum(counts)[:-1]]))
+            asked = np.repeat(np.arange(len(left)), [len(own) for own in found])
+            pairs = np.unique(asked * len(surface) + owners[np.concatenate(found).astype(np.int64)])
+            asked, around = np.divmod(pairs, len(surface))
+            each = _distances(centres[left[asked], None], surface[around])[:, 0]
+            there = np.minimum.reduceat(each, np.searchsorted(asked, np.arange(len(left))))
             known = max(known, float(there[~inner[left]].max(initial=0.0)))
-            whole[left] = inner[left] & (there > radii[left])
+            reach = np.where(inner[left], 0.0, there) + radii[left]
+            near = reach <= max(FINEST, (1 + SHARE) * known)
+            closed = max(closed, float(reach[near].max(initial=0.0)))
+            whole[left] = near | (inner[left] & (there > radii[left]))
         triangles = _quartered(triangles[~whole])
     return closed
 

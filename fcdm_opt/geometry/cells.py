@@ -61,12 +61,12 @@ class Arrangement:
         self.slack = max(DEFAULT.planarity, digits)
         self._exact = [_exactly(row) for row in vertices]
         self._rows = {point: k for k, point in reversed(list(enumerate(self._exact)))}
-        self._near: dict[tuple[int, ...], int] = {}
         self._cuts: dict[tuple[int, int, int], int] = {}
         self._local, self._signs = spread / self.size, np.empty((0, len(vertices)), np.int8)
         self._normals, self._levels = np.empty((0, 3)), np.empty(0)
         self._equations: list[Point] = []
         self._planes, self._count = 0, len(vertices)
+        self._near = {name: int(k) for k in used[::-1] for name in self._cells(self._local[k])}
         self.planar = True
 
     # ------------------------------------------------------------------------------------------------------- contents
@@ -191,8 +191,7 @@ class Arrangement:
         """Return the row of a point, added unless it is there already."""
         row = self._rows.get(point)
         local = np.array([_rounded(x - o) for x, o in zip(point, self._origin, strict=True)]) / self.size
-        cells = np.floor(local / (4 * self.slack) + np.array([[0.0], [0.5]])).astype(np.int64)
-        names = [(k, *cells[[k >> 2 & 1, k >> 1 & 1, k & 1], [0, 1, 2]].tolist()) for k in range(8)]
+        names = self._cells(local)
         if row is None and not self.planar:
             row = next((self._near[name] for name in names if name in self._near), None)
         if row is not None:
@@ -209,6 +208,11 @@ class Arrangement:
         self._signs[: self._planes, row] = _sides(heights, self.slack)
         self._near.update(dict.fromkeys(names, row))
         return row
+
+    def _cells(self, local: Array) -> list[tuple[int, ...]]:
+        """Return the cells that a place lies in of eight grids: of two places near each other one is the same."""
+        cells = np.floor(local / (4 * self.slack) + np.array([[0.0], [0.5]])).astype(np.int64).tolist()
+        return [(k, cells[k >> 2][0], cells[k >> 1 & 1][1], cells[k & 1][2]) for k in range(8)]
 
     def _height(self, point: int, plane: int) -> fmpq:
         a, b, c, level = self._equations[plane]

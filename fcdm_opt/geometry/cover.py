@@ -79,6 +79,7 @@ def _grown(
     middle = space.local[target.cell.points].mean(axis=0)
     weights = np.concatenate([np.full(len(own.cell.points), own.volume) for own in left])
     points = np.concatenate([own.cell.points for own in left])
+    total = max(float(weights.sum()), float(np.finfo(float).tiny))
     whole: Cell | None = cell
     while whole is not None:
         reflex = reflex_edges(space, facets, inner_edges(space, whole, facets)) if facets else {}
@@ -90,7 +91,7 @@ def _grown(
             if _height(space, plane, middle) * side > -space.slack:
                 continue
             share = (space.signs[plane, target.cell.points] * side <= 0).mean()
-            held = float(share == 1) + (weights * (space.signs[plane, points] * side <= 0)).sum() / weights.sum()
+            held = float(share == 1) + (weights * (space.signs[plane, points] * side <= 0)).sum() / total
             if held > most:
                 best, most = (plane, side), held
         if best is None:  # the middle is seen round the end of an edge

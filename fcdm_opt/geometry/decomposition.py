@@ -26,7 +26,7 @@ Method = Literal["auto", "exact", "coacd"]
 METHODS: tuple[str, ...] = ("auto", "exact", "coacd")
 Rows = tuple[int, ...]
 # "auto" decomposes exactly up to this many reflex edges: some seconds. Further rules are tried on fewer of them.
-MOST_REFLEX, MOST_FOR_RULES = 500, 120
+MOST_REFLEX, MOST_FOR_RULES = 500, 48
 MOST_COVERED = 40  # cells of a partition that a cover is looked for of: its time grows with their square
 LARGER = 2  # times as many parts as the partition that a cover may have
 
@@ -259,6 +259,13 @@ def _reflex_edges(mesh: Mesh, used: Ints) -> int:
 
 def _is_whole(mesh: Mesh, used: Ints) -> bool:
     """Tell whether a mesh without reflex edges is its own hull, not several solids."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    sides = np.vstack([mesh.triangles[:, :2], mesh.triangles[:, 1:]])
+    graph = coo_array((np.ones(len(sides)), sides.T), shape=(len(mesh.vertices),) * 2)
+    if len(np.unique(connected_components(graph, directed=False)[1][used])) > 1:
+        return False
     hull = convex_hull(mesh.vertices[used], used, f"body '{mesh.name}'")
     local = mesh.vertices - mesh.vertices[used[0]]
     fans = np.array([(loop[0], *loop[k : k + 2]) for loop in hull.loops for k in range(1, len(loop) - 1)])

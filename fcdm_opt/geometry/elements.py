@@ -193,14 +193,14 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         if row in corners:
             return Element("V", (row + 1,))
         if within[k].any():
-            return edge_names[int(within[k].argmax())]
+            return min(edge_names[j] for j in np.flatnonzero(within[k]))
         on = hits(np.flatnonzero(flat[k]), points[[row]])
-        return face_names[min(on)] if on else Element("V", (row + 1,))
+        return min((face_names[face] for face in on), default=Element("V", (row + 1,)))
 
     def edge(a: int, b: int) -> tuple[Element, Span | None]:
         i, j = place[a], place[b]
         if (whole := within[i] & within[j]).any():
-            return edge_names[int(whole.argmax())], None
+            return min(edge_names[k] for k in np.flatnonzero(whole)), None
         own = Element("E", (min(a, b) + 1, max(a, b) + 1))
         if (min(a, b), max(a, b)) in hidden:
             return own, None

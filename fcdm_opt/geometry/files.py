@@ -170,7 +170,9 @@ def _ply(data: bytes) -> Drawn:
 
 
 def _glb(data: bytes) -> Drawn:
-    return _together([(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces) for mesh, T in scene(data)])
+    # a mirror turns the faces' winding round
+    turned = ((mesh, T, mesh.faces[:, ::-1] if np.linalg.det(T[:3, :3]) < 0 else mesh.faces) for mesh, T in scene(data))
+    return _together([(mesh.vertices @ T[:3, :3].T + T[:3, 3], faces) for mesh, T, faces in turned])
 
 
 def scene(data: bytes) -> list[tuple[Any, Array]]:

@@ -102,7 +102,7 @@ def triangulated(
         triangles.append(corners[convex][:, fan].reshape(-1, 3))
         owners.append(np.repeat(places[convex], size - 2))
         for k in np.flatnonzero(~convex).tolist():
-            ears = _ears(_in_plane(local[k], normals[k]), slack)
+            ears = _ears(_in_plane(local[k], normals[k]), slack) if lengths[k] > slack**2 else None
             if ears is None:
                 what = "the outline crosses or touches itself"
                 found = tuple(int(v) + 1 for v in corners[k])

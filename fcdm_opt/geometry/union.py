@@ -40,10 +40,32 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
         if fans is None:
             loops = [rows[part][own] for (part, own), one in owner.items() if one == k]
             fans = [(loop[0], *pair) for loop in loops for pair in pairwise(loop[1:])]
+        elif _is_clockwise(points, fans, rows, planes, slack):
+            fans = [own[::-1] for own in fans]
         triangles += fans
         owners += [k] * len(fans)
     corners, faces = np.array(triangles, np.int64).reshape(-1, 3), tuple(map(tuple, given))
     return Surface(points, corners, np.array(owners, np.int64), faces, edges, hidden, faces)
+
+
+def _is_clockwise(points: Array, fans: list[tuple[int, ...]], rows: Any, planes: Any, slack: float) -> bool:
+    """Tell whether triangles of a face are turned to the solid: all part faces at the middle of one face the other way.
+
+    Where faces of parts meet there that are turned to each other, the face is as it was given.
+    """
+    a, b, c = points[np.array(fans).T]
+    normals = np.cross(b - a, c - a)
+    largest = int((normals**2).sum(axis=1).argmax())
+    middle, normal = points[list(fans[largest])].mean(axis=0), normals[largest]
+    ways = {
+        bool(own @ normal > 0)
+        for loops, others in zip(rows, planes, strict=True)
+        for loop, (own, level) in zip(loops, others, strict=True)
+        if abs(own @ middle - level) <= slack
+        and np.linalg.norm(np.cross(own, normal)) <= DEFAULT.nominal * np.linalg.norm(normal)
+        and _covers(points[list(loop)], middle, own, slack)
+    }
+    return ways == {False}
 
 
 def _fans_of_outline(

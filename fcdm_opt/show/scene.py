@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fcdm_opt.curve.features import Feature
 
 LABEL_DISTANCE = 9.0  # points between a vertex and its number
+MOST_NUMBERS = 80  # corners that can be numbered legibly
 
 
 def scene_figure(
@@ -243,13 +244,17 @@ def _on_page(figure: Figure, axes: Any, points: Array) -> Array:
 
 
 def _number(figure: Figure, axes: Any, bodies: Sequence[tuple[Body, str]]) -> None:
-    """Write each vertex's number beside it, on the side where most room is left on the page."""
-    places = _on_page(figure, axes, np.vstack([body.vertices for body, _ in bodies])) * 72.0 / figure.dpi
+    """Write each corner's number beside it, on the side where most room is left on the page; not those of cuts."""
+    own = [np.unique(np.concatenate(body.faces)) for body, _ in bodies]
+    if sum(map(len, own)) > MOST_NUMBERS:
+        return
+    corners = [body.vertices[labels - 1] for (body, _), labels in zip(bodies, own, strict=True)]
+    places = _on_page(figure, axes, np.vstack(corners)) * 72.0 / figure.dpi
     middle = places.mean(axis=0)
     taken = list(places)
     angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
     offsets = LABEL_DISTANCE * np.column_stack([np.cos(angles), np.sin(angles)])
-    labels = [(label, colour) for body, colour in bodies for label in range(1, len(body.vertices) + 1)]
+    labels = [(label, colour) for (_, colour), some in zip(bodies, own, strict=True) for label in some.tolist()]
     for (label, colour), place in zip(labels, places, strict=True):
         outward = (place - middle) / max(LABEL_DISTANCE, float(np.linalg.norm(place - middle)))
         near = np.linalg.norm(np.array(taken)[:, None] - place - offsets, axis=2)

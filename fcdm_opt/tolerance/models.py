@@ -80,8 +80,14 @@ def straight(task: Task) -> Answer | None:
 
 def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
-    if task.tracked or task.needs.max() > 0 or len(task.weights) != 1:
+    if task.tracked or task.need > 0 or len(task.weights) != 1:
         return None
+    if task.needs.max() > 0:  # the answer without clearances, where it keeps them
+        if satisfied(task.bare):
+            return None
+        answer = one_parameter(task.bare)
+        keeps = answer is not None and (answer.q is None or task.meets(answer.q, DEFAULT.line))
+        return answer if keeps and answer is not None and answer.status is not Status.NOT_FOUND else None
     stage = "2: one parameter, safe steps to the first contact"
     ways = [sign / task.weights for sign in (1.0, -1.0)]
     ends = [rays.reach(task, way) for way in ways]
@@ -121,6 +127,8 @@ def nonlinear(task: Task) -> Answer:
         best = best or _scanned(task)
     elif task.allows(task.rest):
         best = _on_a_ray(task, best)
+    elif best is None:
+        best = _scanned(task, task.start)
     q = best.q if best is not None and best.active == ON_THE_WAY else None
     for _ in range(PROBES):
         q = _nearer(task, best) if q is None and best is not None else q
@@ -198,8 +206,8 @@ def _on_a_ray(task: Task, best: Found | None) -> Found | None:
     return best
 
 
-def _scanned(task: Task) -> Found | None:
-    """Return the first motion along fixed directions that meets a tracked goal, by small steps; a rule of search."""
+def _scanned(task: Task, start: Array | float = 0.0) -> Found | None:
+    """Return the first motion along fixed directions that meets the goal, by small steps; a rule of search."""
     best = None
     for direction in rays.directions(task):
         end = min(rays.reach(task, direction), best.amount if best else np.inf)
@@ -207,13 +215,18 @@ def _scanned(task: Task) -> Found | None:
         for amount in np.arange(1, SCAN_POINTS + 1) * step:
             if amount >= end:
                 break
-            q = amount * direction
+            q = start + amount * direction
+            if not task.allows(q):
+                break
             if task.meets(q, DEFAULT.line, path=False) and task.meets(q, DEFAULT.line):
                 low, high = before, float(amount)
                 for _ in range(HALVINGS):
                     middle = (low + high) / 2.0
-                    low, high = (low, middle) if task.meets(middle * direction, DEFAULT.line) else (middle, high)
-                best = Found(high * direction, high, ("the goal along a fixed direction",), _pairs_modelled(task))
+                    met = task.meets(start + middle * direction, DEFAULT.line)
+                    low, high = (low, middle) if met else (middle, high)
+                q = start + high * direction
+                found = Found(q, task.amount(q), ("the goal along a fixed direction",), _pairs_modelled(task))
+                best = _better(best, found)
                 break
             before = float(amount)
     return best

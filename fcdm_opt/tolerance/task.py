@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -206,6 +206,11 @@ class Task:
             for part, scale in keep_out.obstacles
         ]
         return (*contact, *others)
+
+    @property
+    def bare(self) -> Task:
+        """The same task without the keep-outs' clearances: what it needs, this one does too."""
+        return replace(self, keep_out=tuple(replace(own, clearance=0.0) for own in self.keep_out))
 
     @cached_property
     def needs(self) -> Array:

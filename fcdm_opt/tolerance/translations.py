@@ -36,13 +36,18 @@ class Wall(NamedTuple):
 def translations(task: Task) -> Answer | None:
     """Find the smallest shift that undoes all overlaps, and touches where that is asked; exact.
 
-    A clearance between corners is a distance that is not linear: then the shift found keeps it along a facet direction,
-    is improved by the nonlinear program, and nothing is proved.
+    A clearance between corners is a distance that is not linear. Where the smallest shift without the keep-outs'
+    clearances keeps them too it is the answer; else the shift found keeps them along facet directions, is improved by
+    the nonlinear program, and nothing is proved.
     """
     kinds = {kind for _, kind in task.motion.parameters}
     bent = any(isinstance(step, Screw) and step.axis == "seeds" for step in task.motion.steps)
     if task.tracked or len(task.weights) < 2 or kinds != {"translation"} or bent:
         return None
+    if task.need <= 0 < task.needs.max():
+        answer = translations(task.bare)
+        if answer is not None and (answer.q is None or task.meets(answer.q, DEFAULT.requirement)):
+            return answer
     walls, closings = _walls(task), _closings(task)
     if max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
         return None

@@ -222,7 +222,10 @@ def exact_curve(one: ConvexPart, two: ConvexPart, transform: Array | None = None
     if shadow.start.excluding is not None:
         return ExactCurve("empty", (), shadow.start.excluding, shadow)
     edges = shadow.edges
-    inner = [all(x or y for x, y in zip(edge.start.point, edge.end.point, strict=True)) for edge in edges]
+    # not on an axis, at infinity, nor a stand-in between two ends of the walk
+    inner = [
+        any(edge.n) and all(x or y for x, y in zip(edge.start.point, edge.end.point, strict=True)) for edge in edges
+    ]
     if not any(inner):
         return ExactCurve("full", (), None, shadow)
     breaks = [k + 1 for k, edge in enumerate(edges) if not all(edge.end.point)]  # on an axis or at infinity

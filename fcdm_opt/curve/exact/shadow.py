@@ -106,6 +106,8 @@ class Shadow:
         if not found or found[0].start.point == found[-1].end.point:
             return found
         back = _Walk(self.program, (1, 0)).edges(found[0].start.basis, found[0].start)
+        if not back:  # the first way went round all that there is
+            return found
         here, there = found[-1].end, back[-1].end
         if here.point != there.point:
             found.append(Edge(here, there, (ZERO, ZERO, ZERO), (ZERO, ZERO, ONE), (), (here.basis,)))
