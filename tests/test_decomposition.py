@@ -1,4 +1,4 @@
-"""Decompositions: numbers of parts in closed form, volumes in rationals, points inside against the mesh, invariances."""
+"""Decompositions: numbers of parts in closed form, volumes in rationals, points inside against the mesh."""
 
 from __future__ import annotations
 
@@ -354,7 +354,7 @@ def test_coacd_that_is_not_installed_says_how_to_get_it(monkeypatch):
 
 
 def test_an_unknown_decomposition_is_refused():
-    with pytest.raises(InputError, match="'lid': decomposition: unknown .*found 'vhacd'.*auto, exact, coacd"):
+    with pytest.raises(InputError, match=r"'lid': decomposition: unknown .*found 'vhacd'.*auto, exact, coacd"):
         Body.from_mesh(*surface_of(VOXELS["L"][0]), decomposition="vhacd", name="lid")
 
 

@@ -54,7 +54,8 @@ def test_example_2_from_its_mesh_has_the_curve_and_the_labels_of_its_given_parts
     assert len(mesh.parts) == 2
     T = random_pose(np.random.default_rng(1), 1.0) if turned else np.eye(4)
     first, second = (decision_curve(one.moved(T), body.moved(T)) for body in (given, mesh))
-    assert [segment.feature.label for segment in first.segments] == [segment.feature.label for segment in second.segments]
+    ours, theirs = ([segment.feature.label for segment in curve.segments] for curve in (first, second))
+    assert ours == theirs
     assert [segment.feature for segment in second.segments] == [Feature.from_label(text) for text in EXAMPLE_2.labels]
     for name in ("start", "end"):
         np.testing.assert_allclose(
@@ -62,9 +63,9 @@ def test_example_2_from_its_mesh_has_the_curve_and_the_labels_of_its_given_parts
             [getattr(segment, name) for segment in second.segments], rtol=1e-11,
         )  # fmt: skip
     assert [point.label for point in first.switching_points] == [point.label for point in second.switching_points]
-    for ours, theirs in zip(first.switching_points, second.switching_points, strict=True):
-        np.testing.assert_allclose(ours.rho, theirs.rho, rtol=1e-11)
-        np.testing.assert_allclose(ours.contacts, theirs.contacts, atol=1e-10)
+    for point, other in zip(first.switching_points, second.switching_points, strict=True):
+        np.testing.assert_allclose(point.rho, other.rho, rtol=1e-11)
+        np.testing.assert_allclose(point.contacts, other.contacts, atol=1e-10)
 
 
 # ------------------------------------------------------------------------------------------------------------- cuts
@@ -205,7 +206,7 @@ def test_a_true_edge_divided_by_a_cut_was_two_edges():
 
 
 def test_an_edge_that_goes_on_beyond_its_neighbour_is_named_by_what_is_true_of_it():
-    body = Body.from_parts([box((0, 0, 0), (3, 1, 1)), box((0, 1, 0), (1, 3, 1))])  # an L: the seam is shorter than the side
+    body = Body.from_parts([box((0, 0, 0), (3, 1, 1)), box((0, 1, 0), (1, 3, 1))])  # an L, the seam a third of a side
     ends = {tuple(x): k + 1 for k, x in enumerate(body.vertices.tolist())}
     long, short = (labels(body, part) for part in body.parts)
     assert long["E"][(0, 1, 0), (3, 1, 0)] == Element("E", tuple(sorted((ends[1, 1, 0], ends[3, 1, 0]))))

@@ -18,6 +18,7 @@ from fcdm_opt.curve.contact import located
 from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
 _LEAST_SCALE = 1e-6  # lines that pass this near to (0, 0) are compared as lines through it
@@ -139,11 +140,14 @@ class Union:
         """Return the pieces of all part pairs that touch all along a visible stretch."""
         middle, found = _middle(piece), [piece]
         pose = kernels.relative_pose(self.regions[0].transform, self.movable.seed, self.static.seed)
-        bounds = kernels.pair_bounds(*self.movable.packed, *self.static.packed, pose, middle)
         near = DEFAULT.nominal * max(self.movable.size, self.static.size)
-        for i, j in np.argwhere(bounds <= near).tolist():
+        gaps = kernels.near_gaps(*self.movable.packed, *self.static.packed, pose, middle, near)
+        own = _foremost(self.movable, self.static, pose, piece.normal, piece.parts)
+        for i, j in np.argwhere(np.abs(gaps) <= near).tolist():
+            if _foremost(self.movable, self.static, pose, piece.normal, (i, j)) == own:
+                continue  # the same corners, in another part
             region = pair_region(self.movable.parts[i], self.static.parts[j], self.regions[0].transform, (i, j))
-            for other in region.pieces if (i, j) != piece.parts else ():
+            for other in region.pieces:
                 if _one_line(piece, other) and piece.travel @ other.travel > 0:
                     shift = float((piece.base - other.base) @ other.travel)
                     slack = DEFAULT.nominal * (float(np.abs(middle).sum()) + 1.0)
@@ -154,6 +158,19 @@ class Union:
                     if other.lo <= lo < hi <= other.hi:
                         found.append(_named(region, other.cut(lo, hi), piece.snug))
         return found
+
+
+def _foremost(
+    movable: Body, static: Body, pose: Array, normal: Array, parts: tuple[int, int]
+) -> tuple[frozenset[Element], ...]:
+    """Return the bodies' elements that the foremost corners of two parts belong to, along a direction from 1 to 2."""
+    found = []
+    for body, k, way in ((movable, parts[0], normal @ pose[:9].reshape(3, 3)), (static, parts[1], -normal)):
+        part = body.parts[k]
+        heights = (part.vertices - part.seed) @ way
+        top = np.flatnonzero(heights >= heights.max() - DEFAULT.tie * body.size)
+        found.append(frozenset(part.elements["V"][v] for v in top.tolist()))
+    return tuple(found)
 
 
 def _one_each(chain: list[list[Piece]]) -> list[Piece]:

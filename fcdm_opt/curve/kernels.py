@@ -1576,7 +1576,10 @@ def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1,
 
 @kernel
 def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
-    """Return a lower bound of each part pair's distance at a scale pair, (parts 1, parts 2); negative where unknown."""
+    """Return a lower bound of each part pair's distance at a scale pair, (parts 1, parts 2); negative where unknown.
+
+    From the spheres about the parts, and from a few directions where those do not tell.
+    """
     n1, n2 = len(places1) - 1, len(places2) - 1
     extents1, spheres1 = _supports(reals1, ints1, places1, pose, 1.0)
     extents2, spheres2 = _supports(reals2, ints2, places2, pose, -1.0)
@@ -1586,7 +1589,7 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
             one, two = _times(rho[0], _at(spheres1, i)), _times(rho[1], _at(spheres2, j))
             way = _minus(_minus(d, one), _times(-1.0, two))
             bounds[i, j] = _length(way) - rho[0] * spheres1[i, 3] - rho[1] * spheres2[j, 3]
-            for k in range(_WAYS):
+            for k in range(_WAYS if bounds[i, j] <= 0.0 else 0):
                 level = _dot(_direction(k), d)
                 bounds[i, j] = max(bounds[i, j], level - rho[0] * extents1[i, k] - rho[1] * extents2[j, k])
     return bounds

@@ -4,6 +4,13 @@ arrays           array types and checks
 corners          corners of a hull that are none, within rounding
 hull             face loops and edges of one convex part
 elements         the body's own vertices, edges and faces, for labels
+surface          the true faces and edges of a solid, and what lies on them
+union            the true faces and edges of a union of convex parts
+cells            convex cells cut by planes: sides in floats, points in rationals
+partition        a solid cut into convex cells at its reflex edges
+cover            a star-shaped solid as convex parts that all hold the seed
+approximate      CoACD's convex parts, with bounds of how far they are off
+decomposition    which of these, and why
 packing          a convex part as flat arrays for the kernels, with error bounds
 bodies           convex parts, and bodies made of them
 collision        signed distance by a collision library, confirmed by explicit vertices

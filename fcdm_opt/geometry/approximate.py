@@ -19,7 +19,7 @@ SEED = 0
 FINEST = 5e-3  # of the size: bounds of the deviation are not made better than this, or than
 SHARE = 0.1  # of themselves
 SPACING, NEAREST = 1e-2, 4  # of samples of a surface, of the size; how many of their triangles are looked at
-MOST_PIECES = 50_000  # of triangles looked at, before a coarser bound is taken
+MOST_PIECES, MOST_LOOKS = 200_000, 3e8  # of triangles, and those times the surface's: then a coarser bound is taken
 BLOCK = 1 << 22  # products of points and planes worked out at a time
 
 
@@ -39,7 +39,7 @@ def approximate(mesh: Mesh) -> tuple[Array, tuple[Ints, ...], tuple[float, float
     deviation : (float, float)
         Upper bounds: of the distance of any point on a part's surface from the solid, and of the distance of any point
         on the mesh from the parts. Where they are not the truth they are at most `FINEST` of the size, or larger by
-        `SHARE` of themselves.
+        `SHARE` of themselves; larger still for meshes of very many triangles.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
         off, nearest = tree.query(centres, NEAREST)
         bounds = _distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
         good = bounds <= max(FINEST, (1 + SHARE) * known)
-        if work > MOST_PIECES:  # what is known so far holds for them all
+        if work > min(MOST_PIECES, MOST_LOOKS / len(surface)):  # what is known so far holds for them all
             return max(closed, float(bounds.max()))
         closed = max(closed, float(bounds[good].max(initial=0.0)))
         triangles, centres, off = triangles[~good], centres[~good], off[~good, 0]

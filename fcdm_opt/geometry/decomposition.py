@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 Method = Literal["auto", "exact", "coacd"]
 METHODS: tuple[str, ...] = ("auto", "exact", "coacd")
 Rows = tuple[int, ...]
-# "auto" decomposes exactly up to this many reflex edges: some seconds. Further rules are tried on fewer of them.
-MOST_REFLEX, MOST_FOR_RULES = 500, 48
-MOST_COVERED = 40  # cells of a partition that a cover is looked for of: its time grows with their square
+# "auto" decomposes exactly up to this many reflex edges: some seconds. On fewer two rules are tried, or all.
+MOST_REFLEX, MOST_FOR_TWO, MOST_FOR_RULES = 500, 200, 48
+MOST_COVERED = 24  # cells of a partition that a cover is looked for of: its time grows with their square
 LARGER = 2  # times as many parts as the partition that a cover may have
 
 
@@ -101,7 +101,8 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
         return _approximated(mesh, asked)
     if method == "auto" and reflex > MOST_REFLEX:
         known += f", more than {MOST_REFLEX}, but CoACD is not installed"
-    return _exact(mesh, seed, known, RULES if reflex <= MOST_FOR_RULES else RULES[:1])
+    rules = RULES if reflex <= MOST_FOR_RULES else RULES[:2] if reflex <= MOST_FOR_TWO else RULES[:1]
+    return _exact(mesh, seed, known, rules)
 
 
 def _approximated(mesh: Mesh, asked: str) -> Decomposition:
