@@ -87,22 +87,20 @@ def _element(part: ConvexPart, vertices: set[int]) -> tuple[Element, Vertices]:
     return part.elements["F"][face], part.loops[face]
 
 
-def located(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, contact: Contact, rho: Array) -> Contact:
+def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> Contact:
     """Return a contact named by where it is, for edges and faces of parts that lie on several of the body's own.
 
     Parameters
     ----------
     one, two : ConvexPart
     pose : (12,) array
-    normal : (3,) array
-        From body 1 to body 2.
     contact : Contact
     rho : (2,) array
         A scale pair at which they touch.
     """
     if not (one.elements.spans or two.elements.spans):
         return contact
-    point = contact_set(one, two, pose, normal, contact, rho).mean(axis=0)
+    point = contact_set(one, two, pose, contact, rho).mean(axis=0)
     drawn = one.seed + (point + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + point / rho[1]
     names = [
         part.element_at(*_place(part, own), where) if len(own) > 1 else name
@@ -145,22 +143,16 @@ def touching_contact(
     slack : float
         See `supporting_contact`.
     """
-    return supporting_contact(one, two, _between(normals), pose, slack)
-
-
-def _between(normals: Array) -> Array:
-    """Return a unit direction between all of some, the first where they cancel: contact on both sides."""
     total = normals.sum(axis=0)
     length = np.linalg.norm(total)
-    between: Array = total / length if length > DEFAULT.nominal else normals[0]
-    return between
+    # opposite directions cancel where there is contact on both sides
+    return supporting_contact(one, two, total / length if length > DEFAULT.nominal else normals[0], pose, slack)
 
 
 class Meeting(NamedTuple):
-    """Two parts that touch: their indices, a direction in which they support each other, what touches."""
+    """Two parts that touch: their indices, and what touches."""
 
     parts: tuple[int, int]
-    normal: Array
     contact: Contact
 
 
@@ -184,8 +176,8 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         separations = rows[:, 5] - rows[:, 3:5] @ rho
         if abs(separations.max()) <= slack:
             normals = rows[np.abs(separations) <= slack, :3]
-            contact, normal = touching_contact(one, two, normals, pose), _between(normals)
-            found.append(Meeting((i, j), normal, located(one, two, pose, normal, contact, rho)))
+            contact = touching_contact(one, two, normals, pose)
+            found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
     return found
 
 
@@ -197,7 +189,7 @@ def _top(part: ConvexPart, n: Array, slack: float) -> list[int]:
     return top
 
 
-def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, contact: Contact, rho: Array) -> Array:
+def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> Array:
     """Return the corners of what two touching parts share, (k, 3): a point, a segment's ends, or a polygon in order.
 
     Parameters
@@ -205,8 +197,6 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, normal: Array, co
     one, two : ConvexPart
     pose : (12,) array
         R, row by row, and d.
-    normal : (3,) array
-        A direction in which the parts support each other, from body 1 to body 2, world axes.
     contact : Contact
         The elements that touch.
     rho : (2,) array

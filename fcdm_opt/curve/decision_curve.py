@@ -178,7 +178,7 @@ class DecisionCurve:
         if isinstance(found, SwitchingPoint):
             return found.contact_sets
         bodies, piece = (self.movable, self.static), found.piece_at(point)
-        own = Meeting(piece.parts, piece.normal, piece.contact)
+        own = Meeting(piece.parts, piece.contact)
         others = meetings(*bodies, self.pose, point, DEFAULT.nominal * max(body.size for body in bodies))
         met = (own, *(other for other in others if other.parts != piece.parts))
         return tuple(shared(bodies, self.pose, meeting, point) for meeting in met)

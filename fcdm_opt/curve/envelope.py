@@ -207,7 +207,7 @@ def _middle(piece: Piece) -> Array:
 def _named(region: Region, piece: Piece, snug: bool) -> Piece:
     """Return a visible piece, with the name of what touches in its middle."""
     middle = _middle(piece)
-    contact = located(region.one, region.two, region.pose, piece.normal, piece.contact, middle)
+    contact = located(region.one, region.two, region.pose, piece.contact, middle)
     return piece if contact is piece.contact and not snug else replace(piece, contact=contact, snug=snug)
 
 

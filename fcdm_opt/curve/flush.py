@@ -119,8 +119,7 @@ class Flush:
 
     def shared(self, pose: Array, rho: Array) -> list[Array]:
         """Return the corners of what each host's elements share, (k, 3), relative to the seed of body 2."""
-        n = self._normal_at(pose)
-        return [contact_set(one, two, pose, n, contact, rho) for one, two, contact in self.hosts]
+        return [contact_set(one, two, pose, contact, rho) for one, two, contact in self.hosts]
 
     def overlap(self, pose: Array, rho: Array) -> Overlap:
         """Return the direction in which the elements reach over one another least, in the host where they do most."""
@@ -167,12 +166,12 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
                 continue
             tight = rows[separations >= -slack, :3]
             touching = touching_contact(one, two, tight, pose, DEFAULT.planarity)
-            touching = located(one, two, pose, tight[0], touching, rho)
-            size = dimension(contact_set(one, two, pose, tight[0], touching, rho), least)
+            touching = located(one, two, pose, touching, rho)
+            size = dimension(contact_set(one, two, pose, touching, rho), least)
             hosts: tuple[Host, ...] = ()
             for normal in _distinct(tight) if size else ():
                 contact = supporting_contact(one, two, normal, pose, DEFAULT.planarity)
-                contact = located(one, two, pose, normal, contact, rho)
+                contact = located(one, two, pose, contact, rho)
                 feature = contact.feature
                 known = found.get(feature)
                 if not _is_plane(movable, static, feature, touching.feature) or (known and known.dimension >= size):

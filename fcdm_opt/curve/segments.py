@@ -118,14 +118,14 @@ class SwitchingPoint:
         before, after = self.pieces
         slack = DEFAULT.nominal * max(body.size for body in self.bodies)
         if before.parts == after.parts and before.corner:
-            known = [Meeting(before.parts, before.normal, before.corner)]
+            known = [Meeting(before.parts, before.corner)]
         else:
             sides = zip(self.pieces, self.contacts_beside, strict=True)
-            known = [Meeting(piece.parts, piece.normal, contact) for piece, contact in sides]
+            known = [Meeting(piece.parts, contact) for piece, contact in sides]
             merged = before.feature.merged(after.feature)
             one, two = (shared(self.bodies, self.pose, own, self.rho).mean(axis=0) for own in known)
             if merged and np.abs(one - two).max() <= slack:  # one contact at a seam
-                known = [Meeting(before.parts, before.normal, before.contact.labelled(merged))]
+                known = [Meeting(before.parts, before.contact.labelled(merged))]
         pairs = {piece.parts for piece in self.pieces}
         others = meetings(*self.bodies, self.pose, self.rho, slack)
         others = [other for other in others if other.parts not in pairs]
@@ -182,7 +182,7 @@ def middle(sets: Sequence[Array]) -> Array:
 def shared(bodies: tuple[Body, Body], pose: Array, meeting: Meeting, rho: Array) -> Array:
     """Return what two bodies share where two of their parts touch at a scale pair, (k, 3), world frame."""
     one, two = (body.parts[k] for body, k in zip(bodies, meeting.parts, strict=True))
-    return frozen(bodies[1].seed + contact_set(one, two, pose, meeting.normal, meeting.contact, rho))
+    return frozen(bodies[1].seed + contact_set(one, two, pose, meeting.contact, rho))
 
 
 @dataclass(frozen=True, eq=False)

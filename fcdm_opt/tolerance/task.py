@@ -436,7 +436,7 @@ class Task:
         """Return what touches along a tracked feature's normal."""
         one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
         contact = supporting_contact(one, two, feature.normal, pose)
-        return located(one, two, pose, feature.normal, contact, rho).feature
+        return located(one, two, pose, contact, rho).feature
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.
