@@ -206,8 +206,9 @@ def _middle(piece: Piece) -> Array:
 
 def _named(region: Region, piece: Piece, snug: bool) -> Piece:
     """Return a visible piece, with the name of what touches in its middle."""
-    middle = _middle(piece)
-    contact = located(region.one, region.two, region.pose, piece.contact, middle)
+    contact = piece.contact
+    if region.one.elements.spans or region.two.elements.spans:
+        contact = located(region.one, region.two, region.pose, contact, _middle(piece))
     return piece if contact is piece.contact and not snug else replace(piece, contact=contact, snug=snug)
 
 
