@@ -50,7 +50,7 @@ class _Announcement(event.Listener):
     def on_start(self, event: Any) -> None:
         if not self.said and event.data["dispatcher"].py_func.__module__ == __name__:
             self.said = True
-            logging.getLogger("fcdm_opt").warning("compiling the numerical kernels: half a minute, once")
+            logging.getLogger("fcdm_opt").warning("compiling the numerical kernels: about a minute, once")
 
     def on_end(self, event: Any) -> None:
         pass
