@@ -451,13 +451,11 @@ BAD_FILED = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "key", "found", "allowed"), BAD_FILED)
-def test_a_bad_entry_of_a_mesh_names_problem_file_and_key(
-    meshes: Path, old: str, new: str, key: str, found: str, allowed: str
-) -> None:
-    load(meshes, FILED)
-    text = FILED.replace(old, new, 1)
-    assert text != FILED
+def refused_after(meshes: Path, good: str, change: tuple[str, str], key: str, found: str, allowed: str) -> None:
+    """A file that is read, and with one change refused: naming itself, the key, what was found and what is allowed."""
+    load(meshes, good)
+    text = good.replace(*change, 1)
+    assert text != good
     with pytest.raises(InputError) as caught:
         load(meshes, text)
     assert caught.value.key == key
@@ -465,6 +463,13 @@ def test_a_bad_entry_of_a_mesh_names_problem_file_and_key(
     assert message.startswith(str(meshes / "case.toml"))
     assert found in message
     assert allowed in message.partition("allowed: ")[2]
+
+
+@pytest.mark.parametrize(("old", "new", "key", "found", "allowed"), BAD_FILED)
+def test_a_bad_entry_of_a_mesh_names_problem_file_and_key(
+    meshes: Path, old: str, new: str, key: str, found: str, allowed: str
+) -> None:
+    refused_after(meshes, FILED, (old, new), key, found, allowed)
 
 
 def test_only_a_mesh_is_decomposed(meshes: Path) -> None:
@@ -565,14 +570,4 @@ BAD_KEEP_OUTS = [
 def test_a_bad_keep_out_names_file_and_key(
     meshes: Path, old: str, new: str, key: str, found: str, allowed: str
 ) -> None:
-    good = BODIES + RIB + CASE
-    load(meshes, good)
-    text = good.replace(old, new, 1)
-    assert text != good
-    with pytest.raises(InputError) as caught:
-        load(meshes, text)
-    assert caught.value.key == key
-    message = str(caught.value)
-    assert message.startswith(str(meshes / "case.toml"))
-    assert found in message
-    assert allowed in message.partition("allowed: ")[2]
+    refused_after(meshes, BODIES + RIB + CASE, (old, new), key, found, allowed)

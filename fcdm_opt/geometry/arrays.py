@@ -34,6 +34,18 @@ def numbers(values: Any, key: str) -> Array:
     return array
 
 
+def corners(points: Array, key: str) -> Array:
+    """Return the corners of a solid, (n, 3), as they are; raise `InputError` unless they can be some."""
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")
+    if len(points) < 4:
+        raise InputError("a solid needs at least 4 vertices", key=key, found=len(points))
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise InputError(f"vertex {bad[0] + 1} is not finite", key=key, found=points[bad[0]].tolist())
+    return points
+
+
 def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
     """Return a read-only C-contiguous copy."""
     array = np.array(values, dtype=dtype, order="C")

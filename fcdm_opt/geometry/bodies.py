@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, frozen, numbers
+from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, corners, frozen, numbers
 from fcdm_opt.geometry.decomposition import Method, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import SMALLEST, convex_hull, unit_normals
@@ -437,14 +437,7 @@ def _points(vertices: Any, key: str) -> Array:
             if numbers(row, f"{key}: vertex {k + 1}").shape != (3,):
                 raise InputError("a vertex is three numbers", key=f"{key}: vertex {k + 1}", found=row) from None
         raise
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")
-    if len(points) < 4:
-        raise InputError("a solid needs at least 4 vertices", key=key, found=len(points))
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(f"vertex {bad[0] + 1} is not finite", key=key, found=points[bad[0]].tolist())
-    return points
+    return corners(points, key)
 
 
 def _row_lists(lists: Any, count: int, name: str, noun: str) -> list[list[int]]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, corners, frozen, numbers
 from fcdm_opt.geometry.closing import Faces, Sides, closed, reverse
 from fcdm_opt.geometry.corners import SMALLEST
 from fcdm_opt.geometry.crossings import first_crossing
@@ -140,15 +140,7 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
 
 
 def _points(vertices: Any, key: str) -> Array:
-    points = numbers(vertices, f"{key}: vertices")
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")
-    if len(points) < 4:
-        raise InputError("a solid needs at least 4 vertices", key=key, found=len(points))
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(f"vertex {bad[0] + 1} is not finite", key=key, found=points[bad[0]].tolist())
-    return points + 0.0  # no negative zeros
+    return corners(numbers(vertices, f"{key}: vertices"), key) + 0.0  # no negative zeros
 
 
 def _polygons(faces: Any, count: int, key: str) -> list[Polygon]:
