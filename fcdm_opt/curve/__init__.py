@@ -1,6 +1,8 @@
 """The decision curve of two bodies: which scale pairs touch, and by which features.
 
-kernels          all compiled kernels: the walk over the two Gauss maps, which proves itself; all facet directions
+kernels          compiled: the walk over the two Gauss maps, which proves itself; all facet directions; the part pairs
+                 of unions that matter
+joining          compiled: what regions leave of each other's boundaries, joined to chains
 exact            the curve of one pair of convex parts in rational arithmetic, with proofs
 features         contact features and their labels
 contact          the elements and points in which two scaled parts touch
@@ -9,5 +11,6 @@ envelope         the boundary of the union of all pairs' regions
 segments         what a curve is listed as: segments, switching points, branches, inside a box
 decision_curve   the curve as users see it, and its queries
 batch            many poses of one pair at once, in arrays
+flush            faces and edges that lie on one another, and what keeps them so
 coherence        whether a claimed contact is the real one
 """

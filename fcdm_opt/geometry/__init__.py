@@ -1,5 +1,8 @@
 """Bodies, and the Euclidean queries on them.
 
+files, step      meshes as files have them, in a unit; `flattening` undoes what single precision bent
+mesh             a closed surface, checked and repaired where that is certain: `closing`, `crossings`, `polygons`
+measures         volume, centroid and winding numbers of triangles
 arrays           array types and checks
 corners          corners of a hull that are none, within rounding
 hull             face loops and edges of one convex part
@@ -13,5 +16,6 @@ approximate      CoACD's convex parts, with bounds of how far they are off
 decomposition    which of these, and why
 packing          a convex part as flat arrays for the kernels, with error bounds
 bodies           convex parts, and bodies made of them
+conversion       bodies from what other libraries hold
 collision        signed distance by a collision library, confirmed by explicit vertices
 """

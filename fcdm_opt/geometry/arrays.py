@@ -34,7 +34,7 @@ def numbers(values: Any, key: str) -> Array:
     return array
 
 
-def corners(points: Array, key: str) -> Array:
+def checked_corners(points: Array, key: str) -> Array:
     """Return the corners of a solid, (n, 3), as they are; raise `InputError` unless they can be some."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError("vertices must be an (n, 3) array", key=key, found=f"shape {points.shape}")

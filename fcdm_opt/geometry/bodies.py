@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, corners, frozen, numbers
+from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, checked_corners, frozen, numbers
 from fcdm_opt.geometry.decomposition import Method, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import SMALLEST, convex_hull, unit_normals
@@ -437,7 +437,7 @@ def _points(vertices: Any, key: str) -> Array:
             if numbers(row, f"{key}: vertex {k + 1}").shape != (3,):
                 raise InputError("a vertex is three numbers", key=f"{key}: vertex {k + 1}", found=row) from None
         raise
-    return corners(points, key)
+    return checked_corners(points, key)
 
 
 def _row_lists(lists: Any, count: int, name: str, noun: str) -> list[list[int]]:

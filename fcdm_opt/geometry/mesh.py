@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, corners, frozen, numbers
+from fcdm_opt.geometry.arrays import Array, Ints, checked_corners, frozen, numbers
 from fcdm_opt.geometry.closing import Faces, Sides, closed, reverse
 from fcdm_opt.geometry.corners import SMALLEST
 from fcdm_opt.geometry.crossings import first_crossing
@@ -140,7 +140,7 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
 
 
 def _points(vertices: Any, key: str) -> Array:
-    return corners(numbers(vertices, f"{key}: vertices"), key) + 0.0  # no negative zeros
+    return checked_corners(numbers(vertices, f"{key}: vertices"), key) + 0.0  # no negative zeros
 
 
 def _polygons(faces: Any, count: int, key: str) -> list[Polygon]:
