@@ -1,0 +1,617 @@
+"""Compiled tests of cells of motions: what holds, or cannot hold, at every motion of a cell.
+
+A cell comes as the enclosure of its relative pose, (12, k + 2): rows of `Enclosure.data` for the rotation of body 1,
+row by row, then for d = s_2 - s_1 with the moved seed. Sums and products of such rows, here `enclosures`, keep what is
+linear in the cell's k variables and bound the rest. Body 1 is given about its seed, body 2 and what else stays about
+s_2. A test that fails says nothing: the cell is to be split.
+
+A *feature* is a row: kind, sign, then three vectors and the part pair: the unit normal of the face in its own body's
+axes, or the direction of edge 1; the direction of edge 2; a point of element 1; a point of element 2.
+
+This file is compiled apart from `curve.kernels`, of which it uses the decorators alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2, kernel
+
+OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE = range(7)  # what is known of a cell, see `evidence.Reason`
+FEATURE = 16  # numbers of a feature
+KIND, SIGN, FIRST, SECOND, ONE, TWO, PARTS = 0, 1, 2, 5, 8, 11, 14  # places in it
+
+
+# ---------------------------------------------------------------------------------------------- enclosures as rows
+
+
+@kernel
+def _low(x):
+    """Return the lower bound of an enclosure."""
+    total = x[0]
+    for i in range(1, len(x)):
+        total -= abs(x[i])
+    return total
+
+
+@kernel
+def _high(x):
+    """Return the upper bound of an enclosure."""
+    total = x[0]
+    for i in range(1, len(x)):
+        total += abs(x[i])
+    return total
+
+
+@kernel
+def _add(out, factor, x):
+    """Add a multiple of an enclosure."""
+    last = len(out) - 1
+    for i in range(last):
+        out[i] += factor * x[i]
+    out[last] += abs(factor) * x[last]
+
+
+@kernel
+def _add_product(out, factor, x, y):
+    """Add a multiple of the product of two enclosures."""
+    last = len(out) - 1
+    spread_x = spread_y = 0.0
+    for i in range(1, last + 1):
+        spread_x += abs(x[i])
+        spread_y += abs(y[i])
+    out[0] += factor * x[0] * y[0]
+    for i in range(1, last):
+        out[i] += factor * (x[0] * y[i] + y[0] * x[i])
+    out[last] += abs(factor) * (abs(x[0]) * y[last] + abs(y[0]) * x[last] + spread_x * spread_y)
+
+
+@kernel
+def _turned(T, u, out):
+    """Set three enclosures to R u."""
+    out[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            _add(out[i], u[j], T[3 * i + j])
+
+
+@kernel
+def _turned_back(T, u, out):
+    """Set three enclosures to R' u."""
+    out[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            _add(out[j], u[i], T[3 * i + j])
+
+
+@kernel
+def _along(x, u, out):
+    """Set an enclosure to the product of three with a fixed vector."""
+    out[:] = 0.0
+    for i in range(3):
+        _add(out, u[i], x[i])
+
+
+@kernel
+def _product(x, y, out):
+    """Set an enclosure to the dot product of three with three."""
+    out[:] = 0.0
+    for i in range(3):
+        _add_product(out, 1.0, x[i], y[i])
+
+
+@kernel
+def _cross(u, x, out):
+    out[0] = u[1] * x[2] - u[2] * x[1]
+    out[1] = u[2] * x[0] - u[0] * x[2]
+    out[2] = u[0] * x[1] - u[1] * x[0]
+
+
+@kernel
+def _normal(T, feature, out):
+    """Set three enclosures to a feature's normal, of body 1 to body 2; of edges it is not of unit length."""
+    kind = int(feature[KIND])
+    if kind == F1V2:
+        _turned(T, feature[FIRST:SECOND], out)
+    elif kind == E1E2:
+        edge = np.zeros((3, T.shape[1]))
+        _turned(T, feature[FIRST:SECOND], edge)
+        out[:] = 0.0
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            _add(out[i], feature[SIGN] * feature[SECOND + k], edge[j])
+            _add(out[i], -feature[SIGN] * feature[SECOND + j], edge[k])
+    else:
+        out[:] = 0.0
+        for i in range(3):
+            out[i, 0] = feature[FIRST + i]
+
+
+@kernel
+def _height_1(T, feature, point, out):
+    """Set an enclosure to the height n . R x of a point of body 1 over a feature's normal."""
+    kind = int(feature[KIND])
+    out[:] = 0.0
+    if kind == F1V2:
+        for i in range(3):
+            out[0] += feature[FIRST + i] * point[i]
+        return
+    turned = np.zeros((3, T.shape[1]))
+    if kind == E1E2:  # n . R x = (R e_1 x e_2) . R x = e_2 . R (x x e_1)
+        moment = np.empty(3)
+        _cross(point, feature[FIRST:SECOND], moment)
+        _turned_back(T, feature[SECOND:ONE], turned)
+        for i in range(3):
+            _add(out, feature[SIGN] * moment[i], turned[i])
+    else:
+        _turned_back(T, feature[FIRST:SECOND], turned)
+        for i in range(3):
+            _add(out, point[i], turned[i])
+
+
+@kernel
+def _line(T, feature, n, a, b, c):
+    """Set enclosures to a feature's normal and contact line."""
+    _normal(T, feature, n)
+    _height_1(T, feature, feature[ONE:TWO], a)
+    _along(n, feature[TWO:PARTS], b)
+    for i in range(len(b) - 1):
+        b[i] = -b[i]
+    _product(n, T[9:12], c)
+
+
+# ------------------------------------------------------------------------------------------------- tracked features
+
+
+@kernel
+def goal_cells(T, known, features, target, signs, margin, codes, witness):
+    """Tell where the tracked contact cannot be where the goal wants it.
+
+    With `signs` it is to lie beyond the target pair: for lines with the gaps g, g' there, the determinant D times
+    rho_1 - rho_t1 is g b' - g' b, and so on. Without (zeros) every line is to pass through the target pair.
+    """
+    m = T.shape[2]
+    n, lines = np.zeros((3, m)), np.zeros((len(features), 4, m))
+    for cell in range(len(T)):
+        if known[cell]:
+            continue
+        for k in range(len(features)):
+            a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
+            _line(T[cell], features[k], n, a, b, c)
+            gap[:] = c
+            _add(gap, -target[0], a)
+            _add(gap, -target[1], b)
+        if signs[0] == 0.0:
+            for k in range(len(features)):
+                if _low(lines[k, 3]) > margin or _high(lines[k, 3]) < -margin:
+                    codes[cell], witness[cell, 0] = SHORT, k
+                    break
+            continue
+        determinant, excess = np.zeros(m), np.zeros((2, m))
+        _add_product(determinant, 1.0, lines[0, 0], lines[1, 1])
+        _add_product(determinant, -1.0, lines[0, 1], lines[1, 0])
+        if _low(determinant) > 0.0:
+            side = 1.0
+        elif _high(determinant) < 0.0:
+            side = -1.0
+        else:
+            continue
+        _add_product(excess[0], 1.0, lines[0, 3], lines[1, 1])
+        _add_product(excess[0], -1.0, lines[1, 3], lines[0, 1])
+        _add_product(excess[1], 1.0, lines[0, 0], lines[1, 3])
+        _add_product(excess[1], -1.0, lines[1, 0], lines[0, 3])
+        for i in range(2):
+            most = _high(excess[i]) if side * signs[i] > 0 else -_low(excess[i])
+            if most < -margin * abs(determinant[0]):
+                codes[cell], witness[cell, 0] = SHORT, i
+                break
+
+
+@kernel
+def support_cells(T, known, features, one, starts1, two, starts2, least, margin, codes, witness):
+    """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`.
+
+    `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`.
+    """
+    m = T.shape[2]
+    n, level, height, along = np.zeros((3, m)), np.zeros(m), np.zeros(m), np.empty(3)
+    for cell in range(len(T)):
+        if known[cell]:
+            continue
+        R = T[cell, :9, 0]
+        for k in range(len(features)):
+            feature = features[k]
+            _normal(T[cell], feature, n)
+            # the vertex that is furthest beyond at the centre
+            for i in range(3):
+                along[i] = R[i] * n[0, 0] + R[3 + i] * n[1, 0] + R[6 + i] * n[2, 0]
+            for body in range(2):
+                part = int(feature[PARTS + body])
+                points, starts = (one, starts1) if body == 0 else (two, starts2)
+                first, last = starts[part], starts[part + 1]
+                sign = 1.0 if body == 0 else -1.0
+                own = ONE if body == 0 else TWO
+                best, vertex = 0.0, -1
+                for v in range(first, last):
+                    excess = 0.0
+                    for i in range(3):
+                        w = along[i] if body == 0 else n[i, 0]
+                        excess += sign * w * (points[v, i] - feature[own + i])
+                    if excess > best:
+                        best, vertex = excess, v
+                if vertex < 0:
+                    continue
+                if body == 0:
+                    _height_1(T[cell], feature, feature[ONE:TWO], level)
+                    _height_1(T[cell], feature, points[vertex], height)
+                    _add(height, -1.0, level)
+                else:
+                    _along(n, feature[TWO:PARTS] - points[vertex], height)
+                if _low(height) * least[body] > margin:
+                    codes[cell] = LOOSE
+                    witness[cell, 0], witness[cell, 1] = k, body + 1
+                    witness[cell, 2] = vertex - first
+                    break
+            if codes[cell] != OPEN:
+                break
+
+
+@kernel
+def left_cells(T, known, features, target, sites, one, starts1, two, starts2, margin, codes, witness):
+    """Tell where another direction keeps the tracked part pair apart at the tracked scale pair.
+
+    `sites`: one feature a cell, see the module; the pair is that of both tracked features.
+    """
+    m = T.shape[2]
+    n, lines, other = np.zeros((3, m)), np.zeros((2, 4, m)), np.zeros((3, m))
+    height = np.zeros(m)
+    for cell in range(len(T)):
+        if known[cell] or np.isnan(sites[cell, 0]):
+            continue
+        for k in range(2):
+            a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
+            _line(T[cell], features[k], n, a, b, c)
+            gap[:] = c
+            _add(gap, -target[0], a)
+            _add(gap, -target[1], b)
+        determinant, excess = np.zeros(m), np.zeros((2, m))
+        _add_product(determinant, 1.0, lines[0, 0], lines[1, 1])
+        _add_product(determinant, -1.0, lines[0, 1], lines[1, 0])
+        least = max(_low(determinant), -_high(determinant))
+        if not least > 0.0:
+            continue
+        side = 1.0 if determinant[0] > 0 else -1.0
+        _add_product(excess[0], side, lines[0, 3], lines[1, 1])
+        _add_product(excess[0], -side, lines[1, 3], lines[0, 1])
+        _add_product(excess[1], side, lines[0, 0], lines[1, 3])
+        _add_product(excess[1], -side, lines[1, 0], lines[0, 3])
+        # |D| times the gap that is left at the tracked pair, along the site's direction
+        site = sites[cell]
+        _line(T[cell], site, n, other[0], other[1], other[2])
+        gap, rest = other[2], np.zeros(m)
+        _add(gap, -target[0], other[0])
+        _add(gap, -target[1], other[1])
+        _add_product(rest, side, determinant, gap)
+        _add_product(rest, -1.0, excess[0], other[0])
+        _add_product(rest, -1.0, excess[1], other[1])
+        # vertices that reach further than the site's own, where it is a facet no more
+        most = max(_high(determinant), -_low(determinant))
+        scales = (target[0] + max(_high(excess[0]), 0.0) / least, target[1] + max(_high(excess[1]), 0.0) / least)
+        further = _further(T[cell], site, n, one, starts1, two, starts2, height, scales)
+        if _low(rest) - most * further > margin * most:
+            codes[cell] = LEFT
+            witness[cell] = site
+
+
+@kernel
+def _further(T, site, n, one, starts1, two, starts2, height, scales):
+    """Return how much further than its own points other vertices reach along a site's direction, at most."""
+    total = 0.0
+    for body in range(2):
+        part = int(site[PARTS + body])
+        points, starts = (one, starts1) if body == 0 else (two, starts2)
+        most = 0.0
+        for v in range(starts[part], starts[part + 1]):
+            if body == 0:
+                _height_1(T, site, points[v] - site[ONE:TWO], height)
+            else:
+                _along(n, site[TWO:PARTS] - points[v], height)
+            most = max(most, _high(height))
+        total += most * scales[body]
+    return total
+
+
+# -------------------------------------------------------------------------------------- two polyhedra at fixed scales
+
+
+@kernel
+def best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, edged, site):
+    """Set `site` to the facet direction along which two polyhedra are furthest apart; return their separation there.
+
+    Vertices, outward normals with levels, edges (origin, end, left and right face); body 1 turned by R, and away by d.
+    Faces first; edge pairs whose Gauss arcs cross too where `edged`.
+    """
+    best = -np.inf
+    n, own = np.empty(3), np.empty(3)
+    turned = np.empty((len(normals1), 3))
+    for i in range(len(normals1)):
+        for j in range(3):
+            turned[i, j] = R[3 * j] * normals1[i, 0] + R[3 * j + 1] * normals1[i, 1] + R[3 * j + 2] * normals1[i, 2]
+        n[:] = turned[i]
+        least, vertex = np.inf, 0
+        for v in range(len(two)):
+            h = n[0] * two[v, 0] + n[1] * two[v, 1] + n[2] * two[v, 2]
+            if h < least:
+                least, vertex = h, v
+        gap = n[0] * d[0] + n[1] * d[1] + n[2] * d[2] + least - levels1[i]
+        if gap > best:
+            best = gap
+            site[KIND], site[SIGN] = F1V2, 1.0
+            site[FIRST:SECOND], site[TWO:PARTS] = normals1[i], two[vertex]
+            site[ONE:TWO] = levels1[i] * normals1[i]
+    for i in range(len(normals2)):
+        for j in range(3):
+            n[j] = -normals2[i, j]
+        for j in range(3):
+            own[j] = R[j] * n[0] + R[3 + j] * n[1] + R[6 + j] * n[2]
+        most, vertex = -np.inf, 0
+        for v in range(len(one)):
+            h = own[0] * one[v, 0] + own[1] * one[v, 1] + own[2] * one[v, 2]
+            if h > most:
+                most, vertex = h, v
+        gap = n[0] * d[0] + n[1] * d[1] + n[2] * d[2] - levels2[i] - most
+        if gap > best:
+            best = gap
+            site[KIND], site[SIGN] = V1F2, 1.0
+            site[FIRST:SECOND], site[ONE:TWO] = n, one[vertex]
+            site[TWO:PARTS] = levels2[i] * normals2[i]
+    if not edged:
+        return best
+    across1, across2 = np.empty((len(edges1), len(normals2))), np.empty((len(edges2), len(normals1)))
+    directions = np.empty((len(edges1), 3))
+    for e in range(len(edges1)):
+        u = one[edges1[e, 1]] - one[edges1[e, 0]]
+        for j in range(3):
+            directions[e, j] = R[3 * j] * u[0] + R[3 * j + 1] * u[1] + R[3 * j + 2] * u[2]
+        for i in range(len(normals2)):
+            across1[e, i] = (
+                directions[e, 0] * normals2[i, 0]
+                + directions[e, 1] * normals2[i, 1]
+                + directions[e, 2] * normals2[i, 2]
+            )
+    for f in range(len(edges2)):
+        w = two[edges2[f, 1]] - two[edges2[f, 0]]
+        for i in range(len(normals1)):
+            across2[f, i] = w[0] * turned[i, 0] + w[1] * turned[i, 1] + w[2] * turned[i, 2]
+    for e in range(len(edges1)):
+        left, right = edges1[e, 2], edges1[e, 3]
+        u = directions[e]
+        for f in range(len(edges2)):
+            if not across2[f, left] * across2[f, right] < 0.0:
+                continue
+            if not across1[e, edges2[f, 2]] * across1[e, edges2[f, 3]] < 0.0:
+                continue
+            w = two[edges2[f, 1]] - two[edges2[f, 0]]
+            _cross(u, w, n)
+            length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+            if length == 0.0:
+                continue
+            up = down = 0.0
+            for j in range(3):
+                up += n[j] * (turned[left, j] + turned[right, j])
+                down += n[j] * (normals2[edges2[f, 2], j] + normals2[edges2[f, 3], j])
+            if not up * down < 0.0:  # the arcs' circles cross on the far side
+                continue
+            sign = 1.0 if up > 0.0 else -1.0
+            gap = 0.0
+            x, y = one[edges1[e, 0]], two[edges2[f, 0]]
+            for j in range(3):
+                moved = R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2]
+                gap += sign * n[j] * (d[j] + y[j] - moved)
+            gap /= length
+            if gap > best:
+                best = gap
+                v = one[edges1[e, 1]] - one[edges1[e, 0]]
+                site[KIND], site[SIGN] = E1E2, sign
+                site[FIRST:SECOND] = v / np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+                site[SECOND:ONE] = w / np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+                site[ONE:TWO], site[TWO:PARTS] = x, y
+    return best
+
+
+@kernel
+def apart(T, site, one, two, margin, n, height):
+    """Tell whether a site's direction keeps two polyhedra apart over a whole cell."""
+    m = T.shape[1]
+    _normal(T, site, n)
+    level, gap = np.zeros(m), np.zeros(m)
+    _height_1(T, site, site[ONE:TWO], level)
+    _product(n, T[9:12], gap)
+    _add(gap, -1.0, level)
+    _along(n, site[TWO:PARTS], height)
+    _add(gap, 1.0, height)
+    most = _low(gap) - margin
+    if not most > 0.0:
+        return False
+    further = 0.0
+    for v in range(len(one)):
+        _height_1(T, site, one[v] - site[ONE:TWO], height)
+        further = max(further, _high(height))
+        if not most - further > 0.0:
+            return False
+    beyond = 0.0
+    for v in range(len(two)):
+        _along(n, site[TWO:PARTS] - two[v], height)
+        beyond = max(beyond, _high(height))
+        if not most - further - beyond > 0.0:
+            return False
+    return True
+
+
+@kernel
+def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness):
+    """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other.
+
+    The point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
+    `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that.
+    """
+    m = T.shape[1]
+    R, d = T[:9, 0], T[9:12, 0]
+    best, best_body, best_edge, best_place, best_end = margin, 0, -1, 0.0, 0
+    p, u = np.empty(3), np.empty(3)
+    for body in range(2):
+        points, edges = (one, edges1) if body == 0 else (two, edges2)
+        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
+        for e in range(len(edges)):
+            _placed(R, d, body, points[edges[e, 0]], p)
+            _placed(R, d, body, points[edges[e, 1]], u)
+            for j in range(3):
+                u[j] -= p[j]
+            low, high = 0.0, 1.0
+            for i in range(len(normals)):
+                rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
+                room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2]
+                if rate > 0.0:
+                    high = min(high, room / rate)
+                elif rate < 0.0:
+                    low = max(low, room / rate)
+                elif room < 0.0:
+                    high = -1.0
+                if high <= low:
+                    break
+            if high <= low:
+                continue
+            for end in range(3):  # the ends of what is inside, and its middle
+                place = low if end == 0 else high if end == 1 else (low + high) / 2.0
+                if (end == 0 and low > 0.0) or (end == 1 and high < 1.0):
+                    continue
+                slack = np.inf
+                for i in range(len(normals)):
+                    room = levels[i]
+                    for j in range(3):
+                        room -= normals[i, j] * (p[j] + place * u[j])
+                    slack = min(slack, room)
+                if slack > best:
+                    best, best_body, best_edge, best_place, best_end = slack, body, e, place, end
+    if best_edge < 0:
+        return False
+    points, edges = (one, edges1) if best_body == 0 else (two, edges2)
+    normals, levels = (normals2, levels2) if best_body == 0 else (normals1, levels1)
+    start, along = points[edges[best_edge, 0]], points[edges[best_edge, 1]] - points[edges[best_edge, 0]]
+    place = np.zeros(m)
+    place[0] = best_place
+    excess, rates = np.zeros((len(normals), m)), np.zeros((len(normals), m))
+    turned = np.zeros((3, m))
+    for i in range(len(normals)):
+        if best_body == 0:  # n . (R x - d)
+            _turned_back(T, normals[i], turned)
+            _along(turned, start, excess[i])
+            _along(turned, along, rates[i])
+            for j in range(3):
+                _add(excess[i], -normals[i, j], T[9 + j])
+        else:  # R n . (y + d)
+            _turned(T, normals[i], turned)
+            _product(turned, T[9:12], excess[i])
+            for j in range(3):
+                _add(excess[i], start[j], turned[j])
+            _along(turned, along, rates[i])
+        excess[i, 0] -= levels[i]
+    if best_end == 2:
+        for sense in range(2):  # each end of what is inside moves as the face that cuts it
+            edge_place, face = (0.0, -1) if sense == 0 else (1.0, -1)
+            for i in range(len(normals)):
+                rate = rates[i, 0]
+                cut = -excess[i, 0] / rate if rate != 0.0 else 0.0
+                if (sense == 0 and rate < 0.0 and cut > edge_place) or (sense == 1 and rate > 0.0 and cut < edge_place):
+                    edge_place, face = cut, i
+            if face >= 0:
+                for j in range(1, m - 1):
+                    slope = excess[face, j] + edge_place * rates[face, j]
+                    place[j] -= 0.5 * slope / rates[face, 0]
+    spread = best_place
+    least = best_place
+    for j in range(1, m - 1):
+        spread += abs(place[j])
+        least -= abs(place[j])
+    if least < 0.0 or spread > 1.0:  # the point would leave its edge: hold it
+        for j in range(1, m - 1):
+            place[j] = 0.0
+    for i in range(len(normals)):
+        _add_product(excess[i], 1.0, place, rates[i])
+        if not _high(excess[i]) < -margin:
+            return False
+    witness[2], witness[3] = best_body + 1, best_edge
+    for j in range(m - 1):
+        witness[4 + j] = place[j]
+    return True
+
+
+@kernel
+def _placed(R, d, body, x, out):
+    """Set `out` to a point in the axes of the other body: of body 1 in world axes about s_2, of body 2 as R'(y + d)."""
+    if body == 0:
+        for j in range(3):
+            out[j] = R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2] - d[j]
+    else:
+        for j in range(3):
+            out[j] = R[j] * (x[0] + d[0]) + R[3 + j] * (x[1] + d[1]) + R[6 + j] * (x[2] + d[2])
+
+
+@kernel
+def apart_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, flags, sites):
+    """Tell, as flags, where two polyhedra stay apart, by which site."""
+    n, height = np.zeros((3, T.shape[2])), np.zeros(T.shape[2])
+    for cell in range(len(T)):
+        if known[cell]:
+            continue
+        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
+        for edged in (False, True):
+            gap = best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, edged, sites[cell])
+            if gap > margin and apart(T[cell], sites[cell], one, two, margin, n, height):
+                flags[cell] = True
+                break
+
+
+@kernel
+def meet_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, flags, witness):
+    """Tell, as flags, where two polyhedra overlap all over a cell."""
+    for cell in range(len(T)):
+        if not known[cell]:
+            flags[cell] = meets(
+                T[cell], one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness[cell]
+            )
+
+
+@kernel
+def tracked_sites(T, known, features, one, normals1, levels1, edges1, two, normals2, levels2, edges2, sites):
+    """Set for each cell the direction in which the tracked pair is furthest apart at the tracked scales of its centre.
+
+    The polyhedra are given at scale 1 about the seeds.
+    """
+    m = T.shape[2]
+    n, a, b, c = np.zeros((3, m)), np.zeros(m), np.zeros(m), np.zeros(m)
+    for cell in range(len(T)):
+        sites[cell, 0] = np.nan
+        if known[cell]:
+            continue
+        _line(T[cell], features[0], n, a, b, c)
+        a0, b0, c0 = a[0], b[0], c[0]
+        _line(T[cell], features[1], n, a, b, c)
+        determinant = a0 * b[0] - b0 * a[0]
+        if determinant == 0.0:
+            continue
+        rho1, rho2 = (c0 * b[0] - b0 * c[0]) / determinant, (a0 * c[0] - c0 * a[0]) / determinant
+        if not (rho1 > 0.0 and rho2 > 0.0):
+            continue
+        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
+        gap = best_site(
+            R, d, rho1 * one, normals1, rho1 * levels1, edges1, rho2 * two, normals2, rho2 * levels2, edges2, True,
+            sites[cell],
+        )  # fmt: skip
+        if not gap > 0.0:
+            sites[cell, 0] = np.nan
+            continue
+        for j in range(3):
+            sites[cell, ONE + j] /= rho1
+            sites[cell, TWO + j] /= rho2
+        sites[cell, PARTS], sites[cell, PARTS + 1] = features[0, PARTS], features[0, PARTS + 1]

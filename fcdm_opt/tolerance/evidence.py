@@ -1,0 +1,116 @@
+"""What a proof rests on: excluded cells of motions, each with its reason, as plain data that can be checked apart.
+
+Motions are q = y / weights in weighted coordinates y = s v: v on a face of the cube [-1, 1]^k, numbered 2 axis (+1) and
+2 axis + 1 (-1) for v_axis = +-1, its other coordinates in a box; s > 0. A *cell* is a box of directions and a stretch
+of s. A *column* is a box of directions all of whose motions below its front are excluded; no motion of a closed one is
+left at all.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints
+
+WITNESS = 16  # numbers of a witness row
+
+
+class Reason(IntEnum):
+    """Why no motion of a cell will do, and what its witness rows hold.
+
+    SHORT: the tracked contact is not where the goal wants it. Row: for "beyond" the scale (0, 1) that falls short; else
+    the line (0, 1, ...; tracked, then besides) that does not pass through the target pair.
+    LOOSE: a vertex reaches beyond the plane of a tracked feature. Row: feature, body (1, 2), vertex in its part.
+    LEFT: a direction keeps the tracked part pair apart at the tracked scales. Row: the direction.
+    APART: every part pair of body 1 and body 2 is apart at the target scales. Rows: a direction for each, part by part.
+    MEETS: two parts overlap. Row: part of body 1, opponent, body (1, 2) and number of an edge that stays inside the
+    other part at a point, the point's place along it at the cell's centre, and slopes of that in the cell's variables
+    s and box coordinates, each scaled to [-1, 1].
+    OUTSIDE: a parameter is beyond a limit. Row: the parameter.
+    COSTLY: the amount, which is not the weighted one, is at least the bound. Row: empty.
+
+    A direction: kind (0: face of body 1, 1: face of body 2, 2: two edges), sign, three vectors and the part pair; the
+    vectors are the unit normal in the axes of the face's body, from body 1 to body 2 (for edges the direction of that
+    of body 1, then of body 2: n = sign (R e_1) x e_2), and a point of each part about its body's seed.
+    """
+
+    OPEN = 0
+    SHORT = 1
+    LOOSE = 2
+    LEFT = 3
+    APART = 4
+    MEETS = 5
+    OUTSIDE = 6
+    COSTLY = 7
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """Excluded cells and what they leave.
+
+    Attributes
+    ----------
+    limits : (k, 2) array
+        Limits of the parameters: the problem's, or narrower where further motions repeat others (turns beyond half a
+        revolution) or lead out of reach, for goals that ask for poses alone.
+    faces : (n,) ints
+        Face of the cube of each cell.
+    boxes : (n, 2, k - 1) array
+        Lower and upper ends of its directions.
+    stretches : (n, 2) array
+        Its s.
+    reasons : (n,) ints
+        See `Reason`.
+    first : (n + 1,) ints
+        Where its witness rows begin.
+    witnesses : (w, 16) array
+    column_faces, column_boxes : (c,) ints, (c, 2, k - 1) array
+        The columns, which fill all directions.
+    fronts : (c,) array
+        s below which everything in a column is excluded; infinite where it is closed.
+    """
+
+    limits: Array
+    faces: Ints
+    boxes: Array
+    stretches: Array
+    reasons: Ints
+    first: Ints
+    witnesses: Array
+    column_faces: Ints
+    column_boxes: Array
+    fronts: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data: every array packed as text, see `from_dict`."""
+        return {item.name: _packed(getattr(self, item.name)) for item in fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Evidence:
+        """Rebuild from `to_dict`; raises `InputError`."""
+        try:
+            return cls(**{item.name: _unpacked(data[item.name]) for item in fields(cls)})
+        except (KeyError, TypeError, ValueError, zlib.error) as reason:
+            raise InputError("not the plain data of a proof", key="evidence", found=str(reason)) from reason
+
+
+def _packed(values: Array | Ints) -> dict[str, Any]:
+    kind = "int64" if np.issubdtype(values.dtype, np.integer) else "float64"
+    raw = zlib.compress(np.ascontiguousarray(values, dtype=f"<{'i8' if kind == 'int64' else 'f8'}").tobytes(), 9)
+    return {"type": kind, "shape": list(values.shape), "zlib_base64": base64.b64encode(raw).decode("ascii")}
+
+
+def _unpacked(data: Mapping[str, Any]) -> Any:
+    raw = zlib.decompress(base64.b64decode(data["zlib_base64"], validate=True))
+    kind = {"int64": "<i8", "float64": "<f8"}[data["type"]]
+    values = np.frombuffer(raw, dtype=kind).astype(data["type"]).reshape(data["shape"])
+    values.flags.writeable = False
+    return values

@@ -1,0 +1,353 @@
+"""Why no motion of a cell will do: a task in the terms of the compiled tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.motion import Translation
+from fcdm_opt.tolerance import cells as tests
+from fcdm_opt.tolerance.amounts import OwnAmount
+from fcdm_opt.tolerance.enclosure import Enclosure, interpreted
+from fcdm_opt.tolerance.equations import FeaturePoints
+from fcdm_opt.tolerance.evidence import WITNESS, Reason
+from fcdm_opt.tolerance.task import Task
+from fcdm_opt.tolerances import DEFAULT
+
+LEAST_SCALE = 1e-3  # of the target pair: tracked scales below are taken as these
+
+
+class Cells:
+    """Boxes of motions: n stretches of s, (n, 2), each over a box of directions on a face of the cube."""
+
+    def __init__(self, faces: Ints, low: Array, high: Array, stretch: Array) -> None:
+        self.faces, self.low, self.high, self.stretch = faces, low, high, stretch
+
+    def coordinates(self) -> list[Enclosure | Array]:
+        """Return the weighted coordinates y of all cells as enclosures."""
+        count = self.low.shape[1] + 1
+        middle, half = self.stretch.mean(axis=1), np.ptp(self.stretch, axis=1) / 2.0
+        s = Enclosure.variable(middle, half, 0, count)
+        t = [
+            Enclosure.variable((a + b) / 2.0, (b - a) / 2.0, 1 + j, count)
+            for j, (a, b) in enumerate(zip(self.low.T, self.high.T, strict=True))
+        ]
+        axes, sign = self.faces >> 1, 1.0 - 2.0 * (self.faces & 1)
+        products = [s * other for other in t]
+        made: list[Enclosure] = []
+        for axis in range(count):
+            data = np.empty_like(s.data)
+            for own in np.unique(axes):
+                rows = axes == own
+                if own == axis:
+                    data[rows] = s.data[rows] * sign[rows, None]
+                    data[rows, -1] = s.data[rows, -1]
+                else:
+                    data[rows] = products[axis - (axis > own)].data[rows]
+            made.append(Enclosure(data))
+        return made
+
+    @property
+    def nearest(self) -> Array:
+        """Return the least length of v in each cell's box of directions."""
+        least = np.maximum(np.maximum(self.low, -self.high), 0.0)
+        return np.sqrt(1.0 + (least * least).sum(axis=1))
+
+    def centres(self) -> Array:
+        """Return the weighted coordinates of each cell's middle, (n, k)."""
+        middle = self.stretch.mean(axis=1)
+        y = np.empty((len(self.faces), self.low.shape[1] + 1))
+        for row, face in enumerate(self.faces):
+            v = np.insert((self.low[row] + self.high[row]) / 2.0, face >> 1, 1.0 - 2.0 * (face & 1))
+            y[row] = middle[row] * v
+        return y
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex polyhedron as the tests take it: vertices about an origin, face normals and levels, edges."""
+
+    vertices: Array
+    normals: Array
+    levels: Array
+    edges: Ints
+
+    @classmethod
+    def of(cls, part: ConvexPart, vertices: Array) -> Solid:
+        """Return a part whose vertices have been scaled and shifted."""
+        levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
+        return cls(np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges))
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Ints]:
+        """What a compiled test takes."""
+        return self.vertices, self.normals, self.levels, self.edges
+
+
+class Scene:
+    """A task in the terms of the tests: everything about the seeds, body 1 moving."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.motion = task.motion.seen_from(task.movable.seed)
+        self.offset = task.static.seed - task.movable.seed
+        self.margin = DEFAULT.line * task.size
+
+    @cached_property
+    def features(self) -> Array:
+        """The tracked features and those besides, a row each."""
+        return np.array([self._feature(line) for line in (*self.task.tracked, *self.task.besides)])
+
+    def _feature(self, line: FeaturePoints) -> Array:
+        task, row = self.task, np.zeros(tests.FEATURE)
+        p, q, r, s = line.points.T
+        kind = line.kind
+        one, two = task.movable.seed, task.static.seed
+        row[tests.KIND], row[tests.SIGN] = kind, line.sign
+        if kind == tests.E1E2:
+            row[tests.FIRST : tests.SECOND] = (q - p) / np.linalg.norm(q - p)
+            row[tests.SECOND : tests.ONE] = (s - r) / np.linalg.norm(s - r)
+        else:
+            n = np.cross(q - p, r - p) if kind == tests.F1V2 else np.cross(r - q, s - q)
+            row[tests.FIRST : tests.SECOND] = line.sign * n / np.linalg.norm(n)
+        row[tests.ONE : tests.TWO], row[tests.TWO : tests.PARTS] = p - one, s - two
+        row[tests.PARTS :] = line.parts
+        return row
+
+    @cached_property
+    def lines(self) -> Array:
+        """Features whose contact lines meet where those of the tracked ones do.
+
+        Where a vertex of one part touches an edge of the other, the planes of both faces beside that edge will do. They
+        do not turn into one another, as a face and an edge pair do in passing when the contact turns flush.
+        """
+        task = self.task
+        if len(task.tracked) != 2 or task.tracked[0].parts != task.tracked[1].parts:
+            return self.features
+        (one, two), parts = task.tracked, task.tracked[0].parts
+        for own in (0, 1):  # the body of the edge
+            edge = _edge_touched(one.site, two.site, own, (task.movable, task.static)[own].parts[parts[own]])
+            corner = _corner_touching(
+                one.site, two.site, 1 - own, (task.static, task.movable)[own].parts[parts[1 - own]]
+            )
+            if edge is not None and corner is not None:
+                return np.array([self._plane(parts, own, edge, side, corner) for side in (2, 3)])
+        return self.features
+
+    def _plane(self, parts: tuple[int, int], own: int, edge: int, side: int, corner: int) -> Array:
+        """Return as a feature the plane of a face beside an edge, with a corner of the other part."""
+        bodies = (self.task.movable, self.task.static)
+        part, other = bodies[own].parts[parts[own]], bodies[1 - own].parts[parts[1 - own]]
+        row = np.zeros(tests.FEATURE)
+        row[tests.KIND], row[tests.SIGN] = (tests.F1V2, tests.V1F2)[own], 1.0
+        row[tests.FIRST : tests.SECOND] = (1.0, -1.0)[own] * part.normals[part.edges[edge, side]]
+        points = part.vertices[part.edges[edge, 0]] - part.seed, other.vertices[corner] - other.seed
+        row[tests.ONE : tests.TWO], row[tests.TWO : tests.PARTS] = points if own == 0 else points[::-1]
+        row[tests.PARTS :] = parts
+        return row
+
+    @cached_property
+    def movable(self) -> list[Solid]:
+        """The movable parts at the scale made."""
+        task = self.task
+        return [Solid.of(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
+
+    @cached_property
+    def opponents(self) -> list[Solid]:
+        """The opponents as placed, about s_2."""
+        return [
+            Solid.of(o.part, o.part.seed - self.task.static.seed + o.scale * (o.part.vertices - o.part.seed))
+            for o in self.task.opponents
+        ]
+
+    @cached_property
+    def drawn(self) -> tuple[Array, Array, Array, Array]:
+        """Vertices of both bodies about their seeds, and where each part's begin."""
+        found = []
+        for body in (self.task.movable, self.task.static):
+            found.append(np.concatenate([part.vertices - body.seed for part in body.parts]))
+            found.append(np.cumsum([0, *(len(part.vertices) for part in body.parts)]))
+        one, starts1, two, starts2 = found
+        return one, starts1, two, starts2
+
+    def poses(self, cells: Cells) -> Array:
+        """Return the enclosures of the relative pose over each cell, (n, 12, k + 2)."""
+        q: list[Any] = [y * (1.0 / w) for y, w in zip(cells.coordinates(), self.task.weights.tolist(), strict=True)]
+        matrix = self.motion.composed(q, (0.0, 0.0, 0.0), tuple(self.offset.tolist()))
+        entries = [matrix[i][j] for i in range(3) for j in range(3)]
+        entries += [self.offset[i] - matrix[i][3] for i in range(3)]
+        T = np.zeros((len(cells.faces), 12, len(q) + 2))
+        for place, entry in enumerate(entries):
+            if isinstance(entry, Enclosure):
+                T[:, place] = entry.data
+            else:
+                T[:, place, 0] = entry
+        return T
+
+    @cached_property
+    def closing(self) -> list[int]:
+        """Reasons that exclude all motions further out in the same direction."""
+        own: list[int] = [Reason.LOOSE, Reason.LEFT] if self.task.coherent else []
+        return [*own, Reason.OUTSIDE] if self.task.allows(self.task.rest) else own
+
+    @cached_property
+    def domain(self) -> Array:
+        """Limits of the parameters, (k, 2), and where further motions repeat others or lead out of reach.
+
+        For goals that ask for poses alone: a turn beyond half a revolution repeats a smaller one. Where the seed only
+        shifts, by t, the target pair is apart once |t| exceeds the way between the seeds and both reaches.
+        """
+        task = self.task
+        limits = np.array(task.limits)
+        if task.tracked:
+            return limits
+        steps = [step for step in task.motion.steps for _ in step.own_parameters]
+        for k, step in enumerate(steps):
+            if step.closed and limits[k, 0] <= 0 <= limits[k, 1]:
+                limits[k] = max(limits[k, 0], -np.pi), min(limits[k, 1], np.pi)
+        seeded = all(isinstance(step, Translation) or getattr(step, "centre", "") == "seed" for step in steps)
+        shifts = np.array([step.direction for step in steps if isinstance(step, Translation)])
+        if seeded and task.must_touch and len(shifts):
+            least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
+            away = sum(max(np.linalg.norm(solid.vertices, axis=1).max() for solid in own) for own in self._partners)
+            if least > DEFAULT.nominal:
+                reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
+                for k, step in enumerate(steps):
+                    if isinstance(step, Translation):
+                        limits[k] = max(limits[k, 0], -reach), min(limits[k, 1], reach)
+        return limits
+
+    @property
+    def _partners(self) -> tuple[list[Solid], list[Solid]]:
+        return self.movable, self.opponents[: len(self.task.static.parts)]
+
+    def amounts(self, cells: Cells, T: Array) -> Array:
+        """Return a lower bound of the amount over each cell, (n,)."""
+        task = self.task
+        if task.weighted:
+            return cells.stretch[:, 0] * cells.nearest
+        if isinstance(task.amount_kind, OwnAmount):
+            q = [y * (1.0 / w) for y, w in zip(cells.coordinates(), task.weights.tolist(), strict=True)]
+            (amount,) = interpreted(task.amount_kind.function, q)
+            return np.asarray(amount.low if isinstance(amount, Enclosure) else np.full(len(T), amount))
+        # displacement of each vertex, (n, v, 3, k + 2): linear in the pose
+        points = np.concatenate([solid.vertices for solid in self.movable])
+        turned = np.einsum("vj,nijm->nvim", points, T[:, :9].reshape(len(T), 3, 3, -1))
+        turned[..., -1] = np.einsum("vj,nij->nvi", np.abs(points), T[:, :9, -1].reshape(len(T), 3, 3))
+        turned[..., 0] += self.offset - points[:, :]
+        turned[..., :-1] -= T[:, None, 9:12, :-1]
+        turned[..., -1] += T[:, None, 9:12, -1]
+        way = turned[..., 0] / np.maximum(np.linalg.norm(turned[..., 0], axis=2, keepdims=True), 1e-300)
+        along = np.einsum("nvi,nvim->nvm", way, turned)
+        off = np.einsum("nvi,nvi->nv", np.abs(way), turned[..., -1])
+        low = along[..., 0] - np.abs(along[..., 1:-1]).sum(axis=2) - off
+        return np.asarray(np.maximum(low.max(axis=1), 0.0))
+
+    # -------------------------------------------------------------------------------------------------------- reasons
+
+    def reasons(self, cells: Cells, enough: float = np.inf) -> tuple[Ints, Array]:
+        """Return why each cell is excluded, as far as one test tells, (n,), and its witness rows, (n, r, 16).
+
+        Motions of an amount of at least `enough` are not wanted either, unless the amount is the weighted one.
+        """
+        count = len(cells.faces)
+        codes, witness = np.zeros(count, dtype=np.int64), np.zeros((count, self.rows, WITNESS))
+        self._outside(cells, codes, witness[:, 0])
+        T = self.poses(cells)
+        T[~np.isfinite(T).all(axis=(1, 2))] = np.nan
+        if not self.task.weighted:
+            codes[self.amounts(cells, T) >= enough] = Reason.COSTLY
+        if self.task.tracked:
+            self._tracked(T, codes, witness[:, 0])
+        if np.isfinite(self.task.needs).any():
+            self._pairs(T, codes, witness)
+        return codes, witness
+
+    @property
+    def rows(self) -> int:
+        """Witness rows that a cell may need: one, or one for each part pair that has to be apart."""
+        return len(self.movable) * len(self.task.static.parts) if self.task.must_touch else 1
+
+    def _outside(self, cells: Cells, codes: Ints, witness: Array) -> None:
+        task = self.task
+        y = cells.coordinates()
+        room = DEFAULT.requirement * task.size
+        for k, (own, weight, (low, high)) in enumerate(zip(y, task.weights, self.domain, strict=True)):
+            out = (own.low > high * weight + room) | (own.high < low * weight - room)
+            codes[out], witness[out, 0] = Reason.OUTSIDE, k
+
+    def _tracked(self, T: Array, codes: Ints, witness: Array) -> None:
+        task = self.task
+        own, margin = self.features[: len(task.tracked)], DEFAULT.cut * task.size
+        one, starts1, two, starts2 = self.drawn
+        lost = np.zeros_like(codes)
+        least = LEAST_SCALE * task.target
+        tests.support_cells(T, codes, own, one, starts1, two, starts2, least, margin, lost, witness)
+        codes[:] = np.where(codes == Reason.OPEN, lost, codes)
+        beyond = task.goal == "beyond"
+        lines = self.features if task.goal == "seat" else self.lines
+        signs = task.signs if beyond else np.zeros(2)
+        tests.goal_cells(T, codes, lines, task.target, signs, self.margin, codes, witness)
+        if len(own) == 2 and len(task.movable.parts) == len(task.static.parts) == 1:
+            sites = np.empty((len(T), tests.FEATURE))
+            tests.tracked_sites(T, codes, self.lines, *self.pair, sites)
+            tests.left_cells(
+                T, codes, self.lines, task.target, sites, one, starts1, two, starts2, margin, codes, witness
+            )
+
+    @cached_property
+    def pair(self) -> tuple[Array | Ints, ...]:
+        """The two parts of convex bodies at scale 1, about their seeds."""
+        bodies = (self.task.movable, self.task.static)
+        one, two = (Solid.of(body.parts[0], body.parts[0].vertices - body.seed).arrays for body in bodies)
+        return (*one, *two)
+
+    def _pairs(self, T: Array, codes: Ints, witness: Array) -> None:
+        task, partners = self.task, len(self.task.static.parts)
+        if task.must_touch:
+            all_apart = codes == Reason.OPEN
+            sites = np.zeros((len(T), self.rows, WITNESS))
+            for row, (i, j) in enumerate(product(range(len(self.movable)), range(partners))):
+                flags = np.zeros(len(T), dtype=bool)
+                solids = self.movable[i].arrays, self.opponents[j].arrays
+                tests.apart_cells(T, ~all_apart, *solids[0], *solids[1], self.margin, flags, sites[:, row])
+                sites[:, row, tests.PARTS :] = i, j
+                all_apart &= flags
+            codes[all_apart], witness[all_apart] = Reason.APART, sites[all_apart]
+        for i, j in product(range(len(self.movable)), range(len(self.opponents))):
+            if np.isfinite(task.needs[j]):
+                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
+                solids = self.movable[i].arrays, self.opponents[j].arrays
+                tests.meet_cells(T, codes, *solids[0], *solids[1], self.margin, flags, rows)
+                rows[:, :2] = i, j
+                codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
+
+
+def _edge_touched(one: tuple[int, int, int], two: tuple[int, int, int], own: int, part: ConvexPart) -> int | None:
+    """Return the edge of a body that two features of one part pair have in common, if they do."""
+    face = (tests.F1V2, tests.V1F2)[own]
+    edges = [site[1 + own] for site in (one, two) if site[0] == tests.E1E2]
+    faces = [site[1 + own] for site in (one, two) if site[0] == face]
+    if len(edges) == 2:
+        return edges[0] if edges[0] == edges[1] else None
+    if len(edges) == 1 and len(faces) == 1:
+        return edges[0] if faces[0] in part.edges[edges[0], 2:] else None
+    return None
+
+
+def _corner_touching(one: tuple[int, int, int], two: tuple[int, int, int], own: int, part: ConvexPart) -> int | None:
+    """Return the corner of a body that two features of one part pair have in common, if they do."""
+    other_face = (tests.V1F2, tests.F1V2)[own]
+    corners = [
+        {site[1 + own]} if site[0] == other_face else set(part.edges[site[1 + own], :2].tolist())
+        for site in (one, two)
+        if site[0] in (other_face, tests.E1E2)
+    ]
+    common = set.intersection(*corners) if len(corners) == 2 else set()
+    return common.pop() if len(common) == 1 else None
