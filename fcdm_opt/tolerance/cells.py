@@ -615,3 +615,120 @@ def tracked_sites(T, known, features, one, normals1, levels1, edges1, two, norma
             sites[cell, ONE + j] /= rho1
             sites[cell, TWO + j] /= rho2
         sites[cell, PARTS], sites[cell, PARTS + 1] = features[0, PARTS], features[0, PARTS + 1]
+
+
+# --------------------------------------------------------------------------------------------------------- distances
+
+
+@kernel
+def _inside(point, normals, levels, slack):
+    for i in range(len(normals)):
+        if normals[i, 0] * point[0] + normals[i, 1] * point[1] + normals[i, 2] * point[2] > levels[i] + slack:
+            return False
+    return True
+
+
+@kernel
+def _nearest_on_edges(p, u, q, w, x, y):
+    """Set x on p + [0, 1] u and y on q + [0, 1] w to points as near as the two segments come, or nearly."""
+    uu = uw = ww = ur = wr = 0.0
+    for j in range(3):
+        r = p[j] - q[j]
+        uu += u[j] * u[j]
+        uw += u[j] * w[j]
+        ww += w[j] * w[j]
+        ur += u[j] * r
+        wr += w[j] * r
+    determinant = uu * ww - uw * uw
+    s = 0.0
+    if determinant > 1e-14 * uu * ww:
+        s = min(max((uw * wr - ww * ur) / determinant, 0.0), 1.0)
+    t = min(max((uw * s + wr) / ww, 0.0), 1.0)
+    s = min(max((uw * t - ur) / uu, 0.0), 1.0)
+    for j in range(3):
+        x[j], y[j] = p[j] + s * u[j], q[j] + t * w[j]
+
+
+@kernel
+def nearest_points(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, slack, x, y):
+    """Set x, about the moved seed in body 1's axes, and y, about s_2, to near points of two polyhedra; their distance.
+
+    No point of either is nearer to the other than these, where the two are apart by more than rounding.
+    """
+    best = np.inf
+    p, u, q, w, a, b = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for body in range(2):  # corners over faces of the other
+        points = one if body == 0 else two
+        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
+        for v in range(len(points)):
+            _placed(R, d, body, points[v], p)
+            for i in range(len(normals)):
+                height = normals[i, 0] * p[0] + normals[i, 1] * p[1] + normals[i, 2] * p[2] - levels[i]
+                if height < 0.0 or height >= best:
+                    continue
+                for j in range(3):
+                    a[j] = p[j] - height * normals[i, j]
+                if _inside(a, normals, levels, slack):
+                    best = height
+                    if body == 0:
+                        x[:], y[:] = points[v], a
+                    else:
+                        x[:], y[:] = a, points[v]
+    for e in range(len(edges1)):
+        _placed(R, d, 0, one[edges1[e, 0]], p)
+        _placed(R, d, 0, one[edges1[e, 1]], u)
+        u -= p
+        for f in range(len(edges2)):
+            q[:] = two[edges2[f, 0]]
+            w[:] = two[edges2[f, 1]] - q
+            _nearest_on_edges(p, u, q, w, a, b)
+            way = 0.0
+            for j in range(3):
+                way += (a[j] - b[j]) ** 2
+            way = np.sqrt(way)
+            if way < best:
+                best = way
+                for j in range(3):
+                    x[j] = R[j] * (a[0] + d[0]) + R[3 + j] * (a[1] + d[1]) + R[6 + j] * (a[2] + d[2])
+                y[:] = b
+    return best
+
+
+@kernel
+def near_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, need, margin, flags, witness):
+    """Tell, as flags, where two points of two polyhedra are nearer than `need` all over a cell.
+
+    `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about s_2.
+    """
+    m = T.shape[2]
+    x, y, ways = np.empty(3), np.empty(3), np.zeros((3, m))
+    along, frame = np.zeros(m), np.empty((3, 3))
+    for cell in range(len(T)):
+        if known[cell]:
+            continue
+        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
+        least = nearest_points(
+            R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, x, y
+        )  # fmt: skip
+        if not 0.0 < least < need:
+            continue
+        _turned(T[cell], x, ways)
+        for j in range(3):
+            _add(ways[j], -1.0, T[cell, 9 + j])
+            ways[j, 0] -= y[j]
+        # along the way between the points, and across it
+        frame[0] = ways[:, 0]
+        frame[0] /= np.sqrt(frame[0, 0] ** 2 + frame[0, 1] ** 2 + frame[0, 2] ** 2)
+        smallest = np.argmin(np.abs(frame[0]))
+        frame[1] = 0.0
+        frame[1, smallest] = 1.0
+        _cross(frame[0], frame[1], frame[2])
+        frame[2] /= np.sqrt(frame[2, 0] ** 2 + frame[2, 1] ** 2 + frame[2, 2] ** 2)
+        _cross(frame[2], frame[0], frame[1])
+        square = 0.0
+        for axis in range(3):
+            _along(ways, frame[axis], along)
+            square += max(_high(along), -_low(along)) ** 2
+        if np.sqrt(square) < need - margin:
+            flags[cell] = True
+            witness[cell, 2:5], witness[cell, 5:8] = x, y

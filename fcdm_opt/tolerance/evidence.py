@@ -35,6 +35,8 @@ class Reason(IntEnum):
     other part at a point, the point's place along it at the cell's centre, and slopes of that in the cell's variables
     s and box coordinates, each scaled to [-1, 1].
     OUTSIDE: a parameter is beyond a limit. Row: the parameter.
+    NEAR: a point of body 1 stays nearer to a point of an opponent than the clearance asked for. Row: part of body 1,
+    opponent, the one point about the moved seed in the axes of body 1 at the target scale, the other about s_2.
     COSTLY: the amount, which is not the weighted one, is at least the bound. Row: empty.
 
     A direction: kind (0: face of body 1, 1: face of body 2, 2: two edges), sign, three vectors and the part pair; the
@@ -50,6 +52,7 @@ class Reason(IntEnum):
     MEETS = 5
     OUTSIDE = 6
     COSTLY = 7
+    NEAR = 8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.curve.tight import edge_and_corner
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.motion import Translation
@@ -131,14 +132,11 @@ class Scene:
         if len(task.tracked) != 2 or task.tracked[0].parts != task.tracked[1].parts:
             return self.features
         (one, two), parts = task.tracked, task.tracked[0].parts
-        for own in (0, 1):  # the body of the edge
-            edge = _edge_touched(one.site, two.site, own, (task.movable, task.static)[own].parts[parts[own]])
-            corner = _corner_touching(
-                one.site, two.site, 1 - own, (task.static, task.movable)[own].parts[parts[1 - own]]
-            )
-            if edge is not None and corner is not None:
-                return np.array([self._plane(parts, own, edge, side, corner) for side in (2, 3)])
-        return self.features
+        met = edge_and_corner(one.site, two.site, task.movable.parts[parts[0]], task.static.parts[parts[1]])
+        if met is None:
+            return self.features
+        own, edge, corner = met
+        return np.array([self._plane(parts, own, edge, side, corner) for side in (2, 3)])
 
     def _plane(self, parts: tuple[int, int], own: int, edge: int, side: int, corner: int) -> Array:
         """Return as a feature the plane of a face beside an edge, with a corner of the other part."""
@@ -327,27 +325,8 @@ class Scene:
                 tests.meet_cells(T, codes, *solids[0], *solids[1], self.margin, flags, rows)
                 rows[:, :2] = i, j
                 codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
-
-
-def _edge_touched(one: tuple[int, int, int], two: tuple[int, int, int], own: int, part: ConvexPart) -> int | None:
-    """Return the edge of a body that two features of one part pair have in common, if they do."""
-    face = (tests.F1V2, tests.V1F2)[own]
-    edges = [site[1 + own] for site in (one, two) if site[0] == tests.E1E2]
-    faces = [site[1 + own] for site in (one, two) if site[0] == face]
-    if len(edges) == 2:
-        return edges[0] if edges[0] == edges[1] else None
-    if len(edges) == 1 and len(faces) == 1:
-        return edges[0] if faces[0] in part.edges[edges[0], 2:] else None
-    return None
-
-
-def _corner_touching(one: tuple[int, int, int], two: tuple[int, int, int], own: int, part: ConvexPart) -> int | None:
-    """Return the corner of a body that two features of one part pair have in common, if they do."""
-    other_face = (tests.V1F2, tests.F1V2)[own]
-    corners = [
-        {site[1 + own]} if site[0] == other_face else set(part.edges[site[1 + own], :2].tolist())
-        for site in (one, two)
-        if site[0] in (other_face, tests.E1E2)
-    ]
-    common = set.intersection(*corners) if len(corners) == 2 else set()
-    return common.pop() if len(common) == 1 else None
+            if task.needs[j] > 0:
+                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
+                tests.near_cells(T, codes, *solids[0], *solids[1], float(task.needs[j]), self.margin, flags, rows)
+                rows[:, :2] = i, j
+                codes[flags], witness[flags, 0] = Reason.NEAR, rows[flags]
