@@ -16,11 +16,14 @@ if TYPE_CHECKING:
     from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.geometry.conversion import as_body
-    from fcdm_opt.motion import Motion, Rotation, Screw, Translation
+    from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
+    from fcdm_opt.own_motion import OwnMotion
     from fcdm_opt.tolerance.certificate import verify
+    from fcdm_opt.tolerance.contact_times import ContactTimes, contact_times
     from fcdm_opt.tolerance.files import load_problems
     from fcdm_opt.tolerance.keep_out import KeepOut
     from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.ranges import CoherentRange, coherent_range
     from fcdm_opt.tolerance.solution import Certificate, Solution, Status
     from fcdm_opt.tolerance.solver import solve
 
@@ -29,13 +32,17 @@ if TYPE_CHECKING:
 __all__ = [
     "Body",
     "Certificate",
+    "CoherentRange",
+    "ContactTimes",
     "DecisionCurve",
     "DecisionCurves",
     "FcdmError",
     "Feature",
+    "Free",
     "InputError",
     "KeepOut",
     "Motion",
+    "OwnMotion",
     "Problem",
     "Rotation",
     "Screw",
@@ -47,6 +54,8 @@ __all__ = [
     "UnsolvedError",
     "__version__",
     "as_body",
+    "coherent_range",
+    "contact_times",
     "decision_curve",
     "decision_curves",
     "load_problems",
@@ -57,13 +66,17 @@ __all__ = [
 _HOME = {
     "Body": "geometry.bodies",
     "Certificate": "tolerance.solution",
+    "CoherentRange": "tolerance.ranges",
+    "ContactTimes": "tolerance.contact_times",
     "DecisionCurve": "curve.decision_curve",
     "DecisionCurves": "curve.batch",
     "FcdmError": "errors",
     "Feature": "curve.features",
+    "Free": "motion",
     "InputError": "errors",
     "KeepOut": "tolerance.keep_out",
     "Motion": "motion",
+    "OwnMotion": "own_motion",
     "Problem": "tolerance.problem",
     "Rotation": "motion",
     "Screw": "motion",
@@ -74,6 +87,8 @@ _HOME = {
     "Translation": "motion",
     "UnsolvedError": "errors",
     "as_body": "geometry.conversion",
+    "coherent_range": "tolerance.ranges",
+    "contact_times": "tolerance.contact_times",
     "decision_curve": "curve.decision_curve",
     "decision_curves": "curve.batch",
     "load_problems": "tolerance.files",

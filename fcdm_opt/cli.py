@@ -21,7 +21,9 @@ from fcdm_opt.errors import InputError
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.show.tables import SolvedCase
+    from fcdm_opt.tolerance.contact_times import ContactTimes
     from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.ranges import CoherentRange
     from fcdm_opt.tolerance.solution import Solution
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
@@ -125,6 +127,51 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
     _finish(document if as_json else None, codes)
 
 
+@app.command("range")
+def range_command(
+    files: Files,
+    direction: Annotated[
+        str | None,
+        typer.Option(
+            "--direction",
+            metavar="NAME=VALUE,...",
+            help="Motion that x multiplies, for instance TZ=1,RZ_deg=2; default: the only parameter, or the published "
+            "motion.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    out: Out = None,
+    case: Cases = None,
+) -> None:
+    """Print how far the tracked features stay the contact along a motion, and what ends that on both sides."""
+    from fcdm_opt.show.tables import print_ranges
+
+    opened = _opened(files, case or ())
+    document, codes = [], [BAD_INPUT for file in opened if file.error]
+    pictures = _Pictures(out) if out else None
+    for file in opened:
+        rows: list[tuple[CoherentRange, ContactTimes]] = []
+        cases: list[dict[str, Any]] = []
+        for problem in file.problems:
+            try:
+                row = _ranged(problem, direction)
+            except InputError as reason:
+                error = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
+                _say(f"error: {error}")
+                codes.append(BAD_INPUT)
+                cases.append({"name": problem.name, "error": error})
+                continue
+            rows.append(row)
+            cases.append({"name": problem.name, **row[0].to_dict(), "contact_times": row[1].to_dict()})
+            if pictures:
+                pictures.of_range(file, row[0])
+        document.append({**file.head(), "cases": cases})
+        if rows and not as_json:
+            print_ranges(file.path.name, file.title, file.note, rows)
+    codes += [BAD_INPUT] if pictures and pictures.failed else []
+    _finish(document if as_json else None, codes)
+
+
 # ---------------------------------------------------------------------------------------------------------- input, exit
 
 
@@ -207,6 +254,36 @@ def _solved(problem: Problem) -> SolvedCase:
         answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
         touch = answer.amount if answer.usable else None
     return SolvedCase(solution, published, touch)
+
+
+def _ranged(problem: Problem, direction: str | None) -> tuple[CoherentRange, ContactTimes]:
+    """Return the coherent range of a case, and when its pair made touches."""
+    from fcdm_opt.tolerance.contact_times import contact_times
+    from fcdm_opt.tolerance.ranges import coherent_range
+
+    along: Any = problem.published if direction is None and len(problem.motion.parameters) > 1 else None
+    if direction is not None:
+        along = _direction(direction)
+    return coherent_range(problem, along), contact_times(problem, along)
+
+
+def _direction(text: str) -> dict[str, float]:
+    """Read a direction: NAME=VALUE,..., lengths and radians, degrees where a name ends in _deg."""
+    found: dict[str, float] = {}
+    for item in text.split(","):
+        name, _, value = (part.strip() for part in item.partition("="))
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not name or not math.isfinite(number):
+            allowed = "NAME=VALUE,... as TZ=1,RZ_deg=2"
+            raise InputError("not a direction", key="--direction", found=item, allowed=allowed)
+        short = name.removesuffix("_deg")
+        if short in found:
+            raise InputError("a parameter is given twice", key="--direction", found=item)
+        found[short] = number if short == name else math.radians(number)
+    return found
 
 
 def _code(solution: Solution) -> int:
@@ -322,6 +399,15 @@ class _Pictures:
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
         )
         self._write(f"{stem}-scene", scene)
+
+    def of_range(self, file: _File, found: CoherentRange) -> None:
+        from fcdm_opt.show.family import family_figure
+
+        problem = found.problem
+        stem = self._stem(f"{file.path.stem}-{problem.name}")
+        title = f"{file.title or file.path.stem}: case {problem.name}, coherent range"
+        caption = " & ".join(feature.label for feature in found.features)
+        self._write(f"{stem}-range", family_figure(found, title=title, caption=caption))
 
     def _stem(self, wanted: str) -> str:
         safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")[:LONGEST_NAME]

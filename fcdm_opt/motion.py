@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+
+if TYPE_CHECKING:
+    from fcdm_opt.kinematics import Kinematics
 
 AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
@@ -25,12 +28,14 @@ ROUNDING = 64 * np.finfo(float).eps  # of coordinates: seeds no further apart ar
 Matrix = tuple[tuple[Any, ...], ...]
 IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 
+Kind = Literal["translation", "rotation"]
+
 
 class Parameter(NamedTuple):
     """One parameter of a motion: its name and whether it is a "translation" (length) or a "rotation" (radians)."""
 
     name: str
-    kind: Literal["translation", "rotation"]
+    kind: Kind
 
 
 class Motion:
@@ -54,6 +59,11 @@ class Motion:
                 seen[name] = seen.get(name, 0) + 1
                 made.append(Parameter(name if seen[name] == 1 else f"{name}_{seen[name]}", kind))
         return tuple(made)
+
+    @cached_property
+    def shifts(self) -> bool:
+        """Whether the body moves in proportion to the parameters and never turns."""
+        return all(step.own_shifts(k == 0) for k, step in enumerate(self.steps))
 
     def __rshift__(self, other: Motion) -> Motion:
         """Return this motion followed by `other`."""
@@ -90,18 +100,30 @@ class Motion:
         if len(values) != len(self.parameters):
             allowed = ", ".join(p.name for p in self.parameters)
             raise InputError("wrong number of motion parameters", key="motion", found=len(values), allowed=allowed)
-        return np.array(self._composed(values, [float(x) for x in movable_seed], [float(x) for x in static_seed]))
+        return np.array(self.composed(values, [float(x) for x in movable_seed], [float(x) for x in static_seed]))
 
     def symbolic(self, q: Any, movable_seed: Any, static_seed: Any) -> Any:
         """Return the 4x4 transform as a CasADi expression of `q` (and of the seeds, numbers or symbols)."""
         import casadi
 
-        rows = self._composed(
+        rows = self.composed(
             *([x[k] for k in range(n)] for x, n in ((q, len(self.parameters)), (movable_seed, 3), (static_seed, 3)))
         )
         return casadi.vertcat(*(casadi.horzcat(*row) for row in rows))
 
-    def _composed(self, q: list[Any], movable_seed: list[Any], static_seed: list[Any]) -> Matrix:
+    def kinematics(self, movable_seed: Any, static_seed: Any) -> Kinematics:
+        """Return the compiled motion for these seeds: poses and rates in a microsecond; built once and kept.
+
+        Parameters
+        ----------
+        movable_seed, static_seed : (3,) arrays
+            Seeds s_1 and s_2 as drawn, world frame.
+        """
+        seeds = np.append(movable_seed, static_seed).astype(np.float64)
+        return _kinematics(self, tuple(seeds.tolist()))
+
+    def composed(self, q: list[Any], movable_seed: Sequence[Any], static_seed: Sequence[Any]) -> Matrix:
+        """Return the 4x4 transform as nested tuples, of any kind of scalars: floats, CasADi's, enclosures."""
         before, start = IDENTITY, 0
         for step in self.steps:
             count = len(step.parameters)
@@ -130,6 +152,28 @@ class Motion:
             found += step.own_reaches(np.asarray(points), seed, turned)
             turned = turned or any(kind == "rotation" for _, kind in step.own_parameters)
         return frozen(found)
+
+    def seen_from(self, origin: Any) -> Motion:
+        """Return the same motion in coordinates whose origin is the point `origin`, (3,)."""
+        return Sequenced(tuple(step.own_seen_from(np.asarray(origin, dtype=np.float64)) for step in self.steps))
+
+    def play(self, q: Array, steps: Array, points: Array, movable_seed: Any, static_seed: Any) -> float:
+        """Return how far a point moves at most when every parameter changes by its step, one after the other.
+
+        Parameters
+        ----------
+        q, steps : (k,) arrays
+        points : (n, 3) array
+            Points of body 1 at rest, world frame.
+        movable_seed, static_seed : (3,) arrays
+        """
+
+        def moved(values: Array) -> Array:
+            T = self.transform(values, movable_seed, static_seed)
+            return points @ T[:3, :3].T + T[:3, 3]
+
+        ways = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
+        return float(np.linalg.norm(ways, axis=3).max(axis=(1, 2)).sum())
 
     def describe(self, q: Sequence[float] | Array) -> str:
         """Return the motion in words, lengths and degrees: "TZ 0.25 + RZ 7.02 deg"."""
@@ -167,9 +211,22 @@ class Step(Motion):
         """Whether a whole turn is all there is: the motion repeats itself."""
         return False
 
+    @property
+    def bounded(self) -> bool:
+        """Whether `own_reaches` are finite: what the step displaces is known without trying."""
+        return True
+
+    def own_shifts(self, first: bool) -> bool:
+        """Whether the step shifts along a direction that no earlier step changes; `first`: there is none."""
+        return False
+
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Largest displacement of the points per unit of each parameter; `turned`: an earlier step turns the body."""
         raise TypeError(f"{type(self).__name__} defines no reaches")
+
+    def own_seen_from(self, origin: Array) -> Step:
+        """Return the step in coordinates with another origin: itself where no fixed point enters."""
+        return self
 
     def own_words(self, q: list[float]) -> str:
         """Parameters in words, in lengths and degrees."""
@@ -210,6 +267,10 @@ class Translation(Step):
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Shift by q along the axis."""
         return _affine(IDENTITY, tuple(q[0] * u for u in self.direction))
+
+    def own_shifts(self, first: bool) -> bool:
+        """Tell that it always does."""
+        return True
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Every point moves by the parameter."""
@@ -256,6 +317,13 @@ class Rotation(Step):
             else self.centre
         )
         return _turn(self.direction, q[0], centre, 0.0)
+
+    def own_seen_from(self, origin: Array) -> Step:
+        """Shift a fixed centre."""
+        if self.centre == "seed":
+            return self
+        centre = (0.0, 0.0, 0.0) if self.centre == "origin" else self.centre
+        return Rotation(self.axis, tuple((np.array(centre) - origin).tolist()))
 
     @property
     def closed(self) -> bool:
@@ -343,10 +411,21 @@ class Screw(Step):
             )
         return _turn(tuple(x / length for x in offset), about, movable_seed, along)
 
+    def own_seen_from(self, origin: Array) -> Step:
+        """Shift a fixed line."""
+        if isinstance(self.axis, str):
+            return self
+        point, direction = self.axis
+        return Screw((tuple((np.array(point) - origin).tolist()), direction), self.pitch)
+
     @property
     def closed(self) -> bool:
         """Without pitch it is a rotation."""
         return self.pitch == 0.0
+
+    def own_shifts(self, first: bool) -> bool:
+        """With infinite pitch; along the line of the seeds as the first step only."""
+        return not isinstance(self.pitch, str) and math.isinf(self.pitch) and (first or self.axis != "seeds")
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Distance from the axis; from the seed for the line of the seeds, whose direction earlier steps change."""
@@ -364,7 +443,63 @@ class Screw(Step):
         return f"Screw {_digits(along)}, {_digits(math.degrees(about))} deg"
 
 
+@dataclass(frozen=True)
+class Free(Step):
+    """Any rigid motion: a translation, and a rotation about the seed by a rotation vector, world axes.
+
+    x -> s_1 + t + R(theta) (x - s_1), s_1 the movable seed as already moved. Parameters t (lengths) and theta: its
+    direction is the axis, its length the angle, radians.
+    """
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Three lengths and three components of the rotation vector."""
+        lengths = (Parameter(f"T{name}", "translation") for name in "XYZ")
+        return (*lengths, *(Parameter(f"R{name}", "rotation") for name in "XYZ"))
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """R = 1 + sin(r)/r [theta]x + (1 - cos r)/r^2 [theta]x^2, smooth in r^2 = |theta|^2."""
+        x, y, z = theta = q[3:]
+        square = x * x + y * y + z * z
+        s, v = _sinc(square), _versine(square)
+        skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+        R = tuple(
+            tuple(
+                (1.0 - v * (square - theta[i] * theta[i]) if i == j else v * theta[i] * theta[j] + s * skew[i][j])
+                for j in range(3)
+            )
+            for i in range(3)
+        )
+        turned = (sum(R[i][j] * movable_seed[j] for j in range(3)) for i in range(3))
+        return _affine(R, tuple(c + t - r for c, t, r in zip(movable_seed, q[:3], turned, strict=True)))
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Distances from the axes: a turn by theta moves a point by no more than its arc, |theta x (x - s_1)|."""
+        if turned:
+            return (1.0, 1.0, 1.0, *(3 * (float(np.linalg.norm(points - seed, axis=1).max()),)))
+        return (1.0, 1.0, 1.0, *(_axis_distance(points, seed, axis) for axis in np.eye(3)))
+
+
+@lru_cache(maxsize=64)
+def _kinematics(motion: Motion, seeds: tuple[float, ...]) -> Kinematics:
+    from fcdm_opt.kinematics import Kinematics
+
+    return Kinematics(*_symbols(motion), np.array(seeds))
+
+
+@lru_cache(maxsize=64)
+def _symbols(motion: Motion) -> tuple[Any, Any, Any]:
+    """Return symbols of parameters and seeds, and the transform as an expression of both."""
+    import casadi
+
+    q, seeds = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("seeds", 6)
+    return q, seeds, motion.symbolic(q, seeds[:3], seeds[3:])
+
+
 # ------------------------------------------------------------------------------------------------ scalars, any kind
+
+SMALL = 1.0  # squares of angles below which series are used: no digits are lost there to differences
+TERMS = 12  # of these series: what is left out, and its second derivative, is below rounding
 
 
 def _cos(x: Any) -> Any:
@@ -377,6 +512,40 @@ def _sin(x: Any) -> Any:
 
 def _sqrt(x: Any) -> Any:
     return math.sqrt(x) if isinstance(x, float) else x.sqrt()
+
+
+def _sinc(square: Any) -> Any:
+    """Return sin(r) / r of r^2."""
+    return square.sinc() if hasattr(square, "sinc") else _smooth(square, lambda r: _sin(r) / r, 1)
+
+
+def _versine(square: Any) -> Any:
+    """Return (1 - cos r) / r^2 of r^2."""
+    if hasattr(square, "versine"):
+        return square.versine()
+    return _smooth(square, lambda r: 2.0 * (_sin(0.5 * r) / r) * (_sin(0.5 * r) / r), 2)
+
+
+def _smooth(square: Any, far: Callable[[Any], Any], first: int) -> Any:
+    """Return f(r^2) = 1/first! - r^2/(first + 2)! + ..., where r is not small by its closed form `far` of r.
+
+    Both branches of the expression are finite everywhere, with all derivatives: a derivative of the branch that is
+    not taken is multiplied by 0, which nan would survive.
+    """
+    if isinstance(square, float):
+        return _series(square, first) if square < SMALL else far(math.sqrt(square))
+    import casadi
+
+    near = square < SMALL
+    inside, outside = casadi.if_else(near, square, 0.0), casadi.if_else(near, SMALL, square)
+    return casadi.if_else(near, _series(inside, first), far(_sqrt(outside)))
+
+
+def _series(square: Any, first: int) -> Any:
+    total: Any = 0.0
+    for k in reversed(range(TERMS)):
+        total = (-1.0) ** k / math.factorial(2 * k + first) + total * square
+    return total
 
 
 def _applied(T: Matrix, p: Any) -> tuple[Any, ...]:

@@ -68,6 +68,12 @@ class Tolerances:
         Constraint tolerance of the NLP solver, in units of the scaled constraints.
     dual
         Tolerance of the NLP solver's stationarity: an error d in it costs the amount only d^2.
+    active
+        A constraint of a least motion within this of its bound holds it: well above `cut`, to which solvers meet them.
+    stationary
+        Share of the amount's gradient that the active constraints may leave unbalanced: solvers stop at `dual`.
+    tied
+        Motions whose amounts differ by less are tied, and so are derivatives: well above `dual`.
     cut
         A constraint that was left out is added once it is violated by more than this.
     least_unit
@@ -82,6 +88,9 @@ class Tolerances:
         Seeds nearer than this define no screw axis (design: 1e-9).
     path_points
         Points of a motion's ray, ends included, at which the tracked contact must be real (design: 33).
+    path_asked
+        How many of these points, ends included, the collision library is asked at about part pairs that a claim proves
+        to touch there; about all others it is asked at every point.
     path_turn
         Most that a motion may turn between two of these points, radians: more points are looked at where it turns more.
     scale_points
@@ -114,12 +123,16 @@ class Tolerances:
     judge_gjk: float = 1e-12
     solver: float = 1e-11
     dual: float = 1e-8
+    active: float = 1e-8
+    stationary: float = 1e-6
+    tied: float = 1e-7
     cut: float = 1e-10
     least_unit: float = 1e-3
     march: float = 1e-7
     determinant: float = 1e-9
     seeds: float = 1e-9
     path_points: int = 33
+    path_asked: int = 9
     path_turn: float = 0.1
     scale_points: int = 5
     rigid: float = 1e-9

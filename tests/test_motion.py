@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import casadi
 import numpy as np
@@ -12,7 +14,17 @@ from hypothesis import strategies as st
 from strategies import generators
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.motion import AXES, Motion, Rotation, Screw, Translation
+from fcdm_opt.kinematics import CHUNK, interpreted
+from fcdm_opt.motion import AXES, Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.own_motion import OwnMotion
+
+
+def helix(q):
+    """Two units along z, and as many radians about it."""
+    T, c, s = casadi.SX.eye(4), casadi.cos(2 * q[0]), casadi.sin(2 * q[0])
+    T[0, 0], T[0, 1], T[1, 0], T[1, 1], T[2, 3] = c, -s, s, c, 2 * q[0]
+    return T
+
 
 S1, S2 = np.array([0.3, -0.7, 0.2]), np.array([2.1, 0.4, -1.3])
 LINE = ((1.0, 2.0, 3.0), (2.0, -1.0, 2.0))
@@ -31,6 +43,10 @@ MOTIONS: dict[str, Motion] = {
     "translation, then rotation": Translation("z") >> Rotation("z", "origin"),
     "rotation, then translation": Rotation("z", "origin") >> Translation("x"),
     "translation, then screw": Translation("x") >> Screw("seeds", 57.3) >> Rotation("y"),
+    "free": Free(),
+    "free after a rotation": Rotation("y", "origin") >> Free(),
+    "of one's own": OwnMotion(lambda q: helix(q), [("way", "translation")], "helix"),
+    "of one's own, then a rotation": OwnMotion(lambda q: helix(q), [("way", "translation")], "helix") >> Rotation("y"),
 }
 motions = pytest.mark.parametrize("name", MOTIONS)
 
@@ -87,6 +103,147 @@ def test_value_and_derivative_at_zero_are_finite_and_match_differences(name):
         slope = (motion.transform(step * unit, S1, S2) - motion.transform(-step * unit, S1, S2)) / (2 * step)
         np.testing.assert_allclose(J[:, k].reshape(4, 4, order="F"), slope, atol=1e-7 * max(1, np.abs(slope).max()))
         assert np.abs(slope).max() > 0.1
+
+
+@motions
+def test_second_derivatives_at_zero_are_finite(name):
+    motion = MOTIONS[name]
+    q = casadi.SX.sym("q", len(motion.parameters))
+    second = casadi.jacobian(casadi.jacobian(casadi.vec(motion.symbolic(q, S1, S2)), q), q)
+    assert np.isfinite(casadi.Function("second", [q], [second])(np.zeros(q.shape[0])).full()).all()
+
+
+@motions
+def test_compiled_motions_agree_with_plain_ones_and_their_rates_with_differences(name):
+    motion, rng = MOTIONS[name], np.random.default_rng(3)
+    kinematics, count = motion.kinematics(S1, S2), len(motion.parameters)
+    assert motion.kinematics(S1, S2) is kinematics
+    Q = rng.uniform(-3, 3, (CHUNK + 3, count)) * 10.0 ** rng.uniform(-9, 0, (CHUNK + 3, 1))
+    expected = np.array([motion.transform(q, S1, S2) for q in Q])
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(kinematics.transforms(Q), expected, atol=1e-15 * scale)
+    for q, T in zip(Q[:5], expected, strict=False):
+        pose, rates = kinematics.rates(q)
+        np.testing.assert_allclose([kinematics.transform(q), pose], [T, T], atol=1e-15 * scale)
+        for unit, rate in zip(np.eye(count), rates, strict=True):
+            slope = motion.transform(q + 1e-5 * unit, S1, S2) - motion.transform(q - 1e-5 * unit, S1, S2)
+            np.testing.assert_allclose(rate, slope / 2e-5, atol=1e-7 * max(1, np.abs(rate).max()))
+    kept, _ = kinematics.transform(Q[0]), kinematics.transform(Q[1])
+    np.testing.assert_allclose(kept, expected[0], atol=1e-15 * scale)  # later calls leave it
+
+
+@motions
+def test_motions_survive_a_way_through_pickle(name):
+    motion = MOTIONS[name]
+    q = np.full(len(motion.parameters), 0.3)
+    T = motion.kinematics(S1, S2).transform(q)
+    again = pickle.loads(pickle.dumps(motion))
+    assert again == motion
+    assert hash(again) == hash(motion)
+    np.testing.assert_array_equal(again.transform(q, S1, S2), motion.transform(q, S1, S2))
+    np.testing.assert_array_equal(again.kinematics(S1, S2).transform(q), T)
+
+
+def test_compiled_motions_serve_several_threads():
+    motion = Free()
+    kinematics = motion.kinematics(S1, S2)
+    Q = np.random.default_rng(1).uniform(-2, 2, (400, 6))
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(kinematics.transform, Q))
+    np.testing.assert_array_equal(found, kinematics.transforms(Q))
+
+
+def test_free_is_a_turn_by_a_rotation_vector_about_the_seed_and_a_shift():
+    rng = np.random.default_rng(5)
+    for size in (0.0, 1e-12, 1e-6, 0.1, 0.999, 1.0, 1.001, 3.0, 2 * math.pi, 20.0):
+        shift, axis = rng.normal(size=(2, 3))
+        vector = size * axis / np.linalg.norm(axis)
+        T = Free().transform([*shift, *vector], S1, S2)
+        expected = about(S1, axis, size) if size < 7 else about(S1, axis, size - 6 * math.pi)
+        expected[:3, 3] += shift
+        np.testing.assert_allclose(T, expected, atol=2e-14 * max(1.0, size))
+
+
+def test_free_bounds_what_it_displaces():
+    rng = np.random.default_rng(6)
+    points = rng.normal(size=(20, 3))
+    reaches = Free().reaches(points, S1)
+    turned = (Rotation("x") >> Free()).reaches(points, S1)
+    for _ in range(50):
+        q = rng.uniform(-2, 2, 7)
+        T, U = Free().transform(q[1:], S1, S2), (Rotation("x") >> Free()).transform(q, S1, S2)
+        for M, bound in ((T, reaches @ np.abs(q[1:])), (U, turned @ np.abs(q))):
+            assert np.linalg.norm(points @ M[:3, :3].T + M[:3, 3] - points, axis=1).max() <= bound
+
+
+def test_motions_that_only_shift_are_known():
+    line = ((0, 0, 0), (1, 2, 3))
+    assert (Translation("x") >> Screw(line, math.inf)).shifts
+    assert (Screw("seeds", math.inf) >> Translation("x")).shifts
+    assert not (Translation("x") >> Screw("seeds", math.inf)).shifts  # its line has changed
+    for motion in (Rotation("x"), Free(), Screw(), Screw("seeds", 0.0), MOTIONS["of one's own"]):
+        assert not motion.shifts
+
+
+class Own(float):
+    """A scalar of another kind: functions are methods."""
+
+    def sin(self):
+        return math.sin(self)
+
+    def cos(self):
+        return math.cos(self)
+
+
+def test_functions_serve_scalars_of_any_kind():
+    q = casadi.SX.sym("q")
+    function = casadi.Function("helix", [q], [casadi.densify(helix(q))])
+    column = interpreted(function, [Own(0.25)])
+    expected = MOTIONS["of one's own"].transform([0.25], S1, S2)
+    np.testing.assert_allclose([float(x) for x in column], expected.ravel(order="F"), atol=1e-15)
+    with pytest.raises(NotImplementedError):
+        interpreted(casadi.Function("tanh", [q], [casadi.tanh(q)]), [Own(0.25)])
+
+
+def moving(q):
+    T = casadi.SX.eye(4)
+    T[0, 3] = q[0]
+    return T
+
+
+@pytest.mark.parametrize(
+    ("function", "parameters", "found"),
+    [
+        (3, [("t", "translation")], "not a function"),
+        (lambda q: casadi.SX.eye(3), [("t", "translation")], r"SX \(3, 3\)"),
+        (lambda q: 2 * casadi.SX.eye(4), [("t", "translation")], "not the identity at zero"),
+        (
+            lambda q: moving(q) + casadi.diag(casadi.vertcat(q, 0, 0, 0)),
+            [("t", "translation")],
+            "not a rigid motion at t",
+        ),
+        (lambda q: moving(q + 1), [("t", "translation")], "not the identity at zero"),
+        (lambda q: moving(q * casadi.SX.sym("other")), [("t", "translation")], "found 'other'"),
+        (lambda q: moving(casadi.sqrt(q * q * q)), [("t", "translation")], "derivative at zero"),
+        (lambda q: 1 / 0, [("t", "translation")], "ZeroDivisionError"),
+        (lambda q: q[5], [("t", "translation")], "fails on 1 CasADi symbols"),
+        (moving, [], "unusable parameters"),
+        (moving, 3, "unusable parameters"),
+        (moving, [("t", "length")], "unusable parameters"),
+        (moving, [("t", "translation"), ("t", "rotation")], "unusable parameters"),
+    ],
+)
+def test_bad_own_motions_are_refused(function, parameters, found):
+    with pytest.raises(InputError, match=found):
+        OwnMotion(function, parameters)
+
+
+def test_own_motions_that_differ_are_not_the_same():
+    one, same, other = (OwnMotion(f, [("t", "translation")]) for f in (moving, moving, lambda q: moving(2 * q)))
+    assert one == same
+    assert one != other
+    with pytest.raises(InputError, match="not the text of a CasADi function"):
+        OwnMotion.from_text("text", [("t", "translation")], "name")
 
 
 @given(generators, st.sampled_from(sorted(AXES)))

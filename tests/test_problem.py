@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Rotation, Screw, Translation
 from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.tolerance.task import Task
 
 CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 MOVABLE = Body.convex(CUBE, seed=[0, 0, 0], name="cube")
@@ -167,11 +170,32 @@ BAD = [
     ({"goal": 3}, "goal", "3", '"touch"'),
     ({"pair": "overlap"}, "pair", "overlap", '"clear"'),
     ({"path": "straight"}, "path", "straight", '"coherent"'),
-    ({"amount": "displacement"}, "amount", "not available in this version; found 'displacement'", '"weighted"'),
+    ({"amount": "way"}, "amount", "unknown amount; found 'way'", '"weighted", "displacement", or a CasADi expression'),
+    ({"amount": 3}, "amount", "int", '"weighted"'),
     ({"keep_out": GABLE}, "keep_out", "Body", "a tuple of KeepOut or Body"),
     ({"keep_out": (GABLE, "wall")}, "keep_out[2]", "str", "a KeepOut or a Body"),
     ({"keep_out": [GABLE, PLATE, GABLE]}, "keep_out[3].name", "'gable'", "KeepOut(body, name=...)"),
-    ({"resolution": 0.1}, "resolution", "not available in this version; found 0.1", "None"),
+    ({"resolution": 0}, "resolution.TZ", "0", "> 0"),
+    ({"resolution": {"TZ": math.inf}}, "resolution.TZ", "inf", "> 0"),
+    ({"resolution": {"TX": 0.1}}, "resolution.TX", "TX", "TZ, RZ"),
+    ({"resolution": {}}, "resolution", "{}", "a number > 0"),
+    ({"resolution": "fine"}, "resolution", "fine", "TZ, RZ"),
+    ({"features": "V1F2"}, "features", "V1F2", "two labels"),
+    ({"features": ("V1F2(P1V1; P2V1,V2,V3)",)}, "features", "V1F2", "two labels"),
+    ({"features": ("a", "b"), "goal": "touch"}, "features", "touch", '"beyond", "at" or "seat"'),
+    ({"features": ("a", "b"), "nominal": (1.5, 2.0)}, "features", "switching points", '"beyond", "at" or "seat"'),
+    (
+        {"features": ("a", "b"), "static": GABLE, "nominal": 1, "box": BOX, "goal": "at"},
+        "features[1]",
+        "a",
+        "V1F2(P1V6; P2V2,V3,V5)",
+    ),
+    (
+        {"features": ("V1F2(P1V1; P2V2,V3,V5)",) * 2, "static": GABLE, "nominal": 1, "box": BOX, "goal": "at"},
+        "features[1]",
+        "V1F2",
+        "F1E2(P1V5,V6,V7,V8; P2V1,V2)",
+    ),
     ({"clearance": 0.1}, "clearance", "0.1", '"clear"'),
     ({"clearance": -0.1, "goal": "clear"}, "clearance", "-0.1", ">= 0"),
     ({"clearance": 0.1, "goal": "touch", "pair": "clear"}, "pair", "clearance 0.1", "clearance = 0"),
@@ -225,9 +249,23 @@ def test_plain_data_gives_the_same_problem_bit_for_bit(motion: Motion) -> None:
     rng = np.random.default_rng(len(names))
     numbers = rng.normal(size=len(names))
     first = Problem(
-        MOVABLE, GABLE, motion=motion, nominal=1, tolerance=((0.1, 0.02 / 3), (0.3, 0.04)), requirement="B", box=BOX,
-        limits={names[-1]: (-1 / 3, math.inf), names[0]: (-math.inf, 1 / 7)}, weights={names[-1]: 1 / 7}, goal="at",
-        pair="clear", clearance=1 / 3, path="free", length=1 / 9, snap=1e-4, name="case", published=numbers,
+        MOVABLE,
+        GABLE,
+        motion=motion,
+        nominal=1,
+        tolerance=((0.1, 0.02 / 3), (0.3, 0.04)),
+        requirement="B",
+        box=BOX,
+        limits={names[-1]: (-1 / 3, math.inf), names[0]: (-math.inf, 1 / 7)},
+        weights={names[-1]: 1 / 7},
+        goal="at",
+        pair="clear",
+        clearance=1 / 3,
+        path="free",
+        length=1 / 9,
+        snap=1e-4,
+        name="case",
+        published=numbers,
         published_text="in words",
     )
     text = json.dumps(first.to_dict(), allow_nan=False)
@@ -244,9 +282,11 @@ def test_plain_data_gives_the_same_problem_bit_for_bit(motion: Motion) -> None:
 
 
 def test_bodies_of_parts_come_back_bit_for_bit() -> None:
-    points = np.array(
-        [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2))]
-    ) / 3 + [2.0, 0.0, 0.0]
+    points = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2))]) / 3 + [
+        2.0,
+        0.0,
+        0.0,
+    ]
     rows = [[0, 1, 2, 3], [0, 3, 4, 5]]
     ell = Body.from_parts(points, parts=[[*row, *(k + 6 for k in row)] for row in rows], seed=[0.1, 0.2, 0.3], name="L")
     first = problem(ell)
@@ -365,3 +405,59 @@ def test_a_problem_closed_to_the_curve_is_solved_and_says_so() -> None:
     rho = solution.problem.nominal_pair
     assert solution.parameters["TX"] == pytest.approx(-0.02 * (rho[0] * 0.5 + rho[1] * 0.25), rel=1e-9)
     assert solve(problem(plate_at(0.0), goal="seat", requirement="A", motion=shift)).to_dict()["snapped"] is None
+
+
+# ---------------------------------------------------------------------------------------- more than two lines that meet
+
+TIP = np.array([[0.5, 0, 0], [-0.5, 0, 0], [0, 0.5, 0], [0, -0.5, 0], [0, 0, 0.5], [0, 0, -0.5]])
+PEAK = Body.convex(TIP, seed=[0, 0.05, 0.08], name="peak")  # its vertex 1 meets that of the other at (1, 1)
+OTHER_PEAK = Body.convex(
+    np.vstack([[0.5, 0, 0], TIP[[0, 2, 3, 4, 5]] * [1, 1.2, 0.9] + np.array([1.0, 0.02, -0.03])]),
+    seed=[1, -0.07, 0.04],
+    name="other peak",
+)
+
+
+def peaks(**arguments: object) -> Problem:
+    given: dict = {"nominal": 1, "tolerance": 0.02, "requirement": "A", "motion": Translation("x") >> Translation("y")}
+    return Problem(PEAK, OTHER_PEAK, **{**given, **arguments})
+
+
+def test_where_two_vertices_meet_any_two_lines_may_be_named() -> None:
+    usual = peaks()
+    np.testing.assert_allclose(usual.nominal_pair, [1, 1], rtol=1e-12)
+    with pytest.raises(InputError) as caught:
+        peaks(features=("V1F2(P1V1; P2V1,V2,V3)", "V1F2(P1V1; P2V1,V2,V4)"))
+    labels = caught.value.allowed.split("; ")
+    labels = [f"{one}; {two}" for one, two in zip(labels[::2], labels[1::2], strict=True)]
+    assert labels[:2] == [str(feature) for feature in usual.nominal_features]
+    assert len(set(labels)) == len(labels) == 4
+    lines = {str(line.feature): line.line for line in usual._tight_lines}
+    for line in lines.values():  # all meet at the nominal pair
+        assert line[:2] @ [1, 1] == pytest.approx(line[2], rel=1e-12)
+    for pair in combinations(labels, 2):
+        named = peaks(features=pair)
+        assert [str(feature) for feature in named.tracked_features] == list(pair)
+        task = Task.of(named)
+        rho, _, _ = task.tracked_contact(np.zeros(2))
+        np.testing.assert_allclose(rho, [1, 1], rtol=1e-12)
+        rows = task.tracked_contact(np.zeros(2))[2]
+        np.testing.assert_allclose([row.line for row in rows], [lines[label] for label in pair], rtol=1e-12)
+        again = Problem.from_dict(json.loads(json.dumps(named.to_dict())))
+        assert again.features == named.features
+
+
+def test_named_features_are_what_the_solution_tracks() -> None:
+    usual = solve(peaks())
+    assert usual.usable
+    again, own = (solve(peaks(features=[str(f) for f in some])) for some in (usual.features, peaks().nominal_features))
+    assert again.usable
+    assert (again.amount, again.features) == (pytest.approx(usual.amount, rel=1e-7), usual.features)
+    assert own.features == peaks().nominal_features
+    assert own.amount >= usual.amount * (1 - 1e-9)
+
+
+def test_the_same_feature_twice_is_refused() -> None:
+    label = str(peaks().nominal_features[0])
+    with pytest.raises(InputError, match="parallel"):
+        peaks(features=(label, label))

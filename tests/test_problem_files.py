@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.motion import Rotation, Screw, Translation
+from fcdm_opt.motion import Free, Rotation, Screw, Translation
 from fcdm_opt.tolerance.files import ProblemFile, load_problems
 from fcdm_opt.tolerance.problem import Problem
 
@@ -64,7 +64,10 @@ def test_published_motions_read_as_in_the_tables() -> None:
         for stem in ("example1", "example2")
     }
     assert words["example1"] == [
-        "Screw -0.0054, -0.0054 deg", "TZ 0.25 + RZ 7.0191 deg", "TZ -0.1178 + RZ -6 deg", "Screw 0.0051, 0.0051 deg",
+        "Screw -0.0054, -0.0054 deg",
+        "TZ 0.25 + RZ 7.0191 deg",
+        "TZ -0.1178 + RZ -6 deg",
+        "Screw 0.0051, 0.0051 deg",
     ]
     assert words["example2"] == ["TY -0.0337 + RZ 2 deg", "TY -0.0193", "TY 0.0193", "TY 0.0313 + RZ -2 deg"]
     one, two = (load_problems(PROBLEMS / f"{stem}.toml") for stem in ("example1", "example2"))
@@ -122,7 +125,7 @@ def test_units_stand_in_the_keys(tmp_path: Path) -> None:
     np.testing.assert_allclose(problem.limits, [[-1, 2], [-math.pi, math.pi / 2]], rtol=1e-15)
     np.testing.assert_allclose(problem.weights, [2, 540 / math.pi], rtol=1e-15)
     assert problem.published == (1.0, 0.5)
-    (radians,) = load(tmp_path, BODIES + CASE + 'limits = { RZ_rad = [-0.5, inf] }\nweights = { RZ_per_rad = 3.0 }\n')
+    (radians,) = load(tmp_path, BODIES + CASE + "limits = { RZ_rad = [-0.5, inf] }\nweights = { RZ_per_rad = 3.0 }\n")
     assert radians.limits.tolist() == [[-math.inf, math.inf], [-0.5, math.inf]]
     assert radians.weights.tolist() == [1.0, 3.0]
 
@@ -141,6 +144,7 @@ def test_units_stand_in_the_keys(tmp_path: Path) -> None:
         ('{ rotation = "-x", centre = "seed" }', Rotation("-x", centre="seed")),
         ("{ rotation = [0, 3, 4], centre = [1, 2, 3] }", Rotation((0, 3, 4), centre=(1, 2, 3))),
         ("{ translation = [0, 3, 4] }", Translation((0, 3, 4))),
+        ("{ free = true }", Free()),
     ],
 )
 def test_steps(tmp_path: Path, step: str, expected: object) -> None:
@@ -159,6 +163,26 @@ def test_a_case_overrides_the_defaults_and_bodies_may_stand_elsewhere(tmp_path: 
     assert (one.clearance, two.clearance, one.pair) == (0.5, 0.25, "any")
     assert one.movable.name == "movable"
     assert one.static.vertices[1].tolist() == [2.0, 0.0, 0.0]
+
+
+def test_amounts_steps_and_features_read_and_written_are_the_same(tmp_path: Path) -> None:
+    head = CASE.partition("motion")[0]
+    (six,) = load(
+        tmp_path,
+        BODIES + head + "motion = [{ free = true }]\n"
+        'amount = "displacement"\nresolution = { TX = 0.5, RY_deg = 2 }\n'
+        "limits = { RX_deg = [0, 0] }\npublished = [{ translation = [1, 2, 3], angle_deg = [0, 90, 0] }]\n",
+    )
+    assert (six.motion, six.amount) == (Free(), "displacement")
+    assert six.resolution.tolist() == [0.5, 0, 0, 0, math.radians(2), 0]
+    assert six.published == (1, 2, 3, 0, math.pi / 2, 0)
+    (shift,) = load(tmp_path, f'{BODIES}{head}motion = [{{ translation = "z" }}]\nresolution = 0.25\n')
+    assert shift.resolution.tolist() == [0.25]
+    for problem in (six, shift):
+        text = json.dumps(problem.to_dict(), allow_nan=False)
+        again = Problem.from_dict(json.loads(text))
+        assert json.dumps(again.to_dict(), allow_nan=False) == text
+        assert again.resolution.tolist() == problem.resolution.tolist()
 
 
 # --------------------------------------------------------------------------------------------------------- bad files
@@ -183,31 +207,62 @@ BAD = [
     (', centre = "origin"', "", "case[1] 'A'.motion[2].centre", "missing key", '"seed"'),
     ('centre = "origin"', 'centre = "middle"', "case[1] 'A'.motion[2].centre", "found 'middle'", '"origin"'),
     (
-        'centre = "origin"', 'center = "origin"', "case[1] 'A'.motion[2].center", "did you mean 'centre'?",
+        'centre = "origin"',
+        'center = "origin"',
+        "case[1] 'A'.motion[2].center",
+        "did you mean 'centre'?",
         "rotation, centre",
     ),
     ('translation = "z"', 'translation = "w"', "case[1] 'A'.motion[1].translation", "found 'w'", '"-x"'),
     (
-        'translation = "z"', "translation = [0, 0, 0]", "case[1] 'A'.motion[1].Translation.axis",
-        "found (0.0, 0.0, 0.0)", "",
+        'translation = "z"',
+        "translation = [0, 0, 0]",
+        "case[1] 'A'.motion[1].Translation.axis",
+        "found (0.0, 0.0, 0.0)",
+        "",
     ),
     (
-        '{ translation = "z" }', '{ shift = "z" }', "case[1] 'A'.motion[1]", "found {'shift': 'z'}",
+        '{ translation = "z" }',
+        '{ shift = "z" }',
+        "case[1] 'A'.motion[1]",
+        "found {'shift': 'z'}",
         "{ translation = .. }",
     ),
-    (f', {STEP_2}]', "]\nlimits = { RZ_deg = [0, 1] }", "case[1] 'A'.limits.RZ_deg", "no such parameter", "TZ"),
+    (f", {STEP_2}]", "]\nlimits = { RZ_deg = [0, 1] }", "case[1] 'A'.limits.RZ_deg", "no such parameter", "TZ"),
     ('[{ translation = "z" }, ', '["z", ', "case[1] 'A'.motion[1]", "found 'z'", "{ translation = .. }"),
     (f'[{{ translation = "z" }}, {STEP_2}]', "[]", "case[1] 'A'.motion", "found []", "{ translation = .. }"),
     (f'motion = [{{ translation = "z" }}, {STEP_2}]', "", "case[1] 'A'.motion", "missing key", "{ translation = .. }"),
+    (STEP_2, "{ free = false }", "case[1] 'A'.motion[2].free", "found False", "true"),
+    (STEP_2, '{ casadi = "f" }', "case[1] 'A'.motion[2].parameters", "only casadi", '[["TZ", "translation"], ...]'),
+    (
+        STEP_2,
+        '{ casadi = "f", parameters = [["TZ", "translation"]] }',
+        "case[1] 'A'.motion[2].OwnMotion.text",
+        "found",
+        "the text of another OwnMotion",
+    ),
+    ('goal = "touch"', 'amount = "way"', "case[1] 'A'.amount", "found 'way'", '"displacement"'),
+    ('goal = "touch"', 'amount = { casadi = "f" }', "case[1] 'A'.amount.casadi", "found", '"displacement"'),
+    ('goal = "touch"', "amount = { f = 1 }", "case[1] 'A'.amount.f", "unknown key 'f'", "casadi"),
+    ('goal = "touch"', "resolution = 0.1", "case[1] 'A'.resolution", "unit of the angles", "RZ_deg = 0.1"),
+    ('goal = "touch"', "resolution = { RZ = 0.1 }", "case[1] 'A'.resolution.RZ", "unit of the angle", "RZ_deg"),
+    ('goal = "touch"', "resolution = { TZ = 0 }", "case[1] 'A'.resolution.TZ", "found 0", "> 0"),
+    ('goal = "touch"', 'features = ["V1F2"]', "case[1] 'A'.features", "found ['V1F2']", "labels of the two features"),
     (STEP_2, '{ screw = "seeds" }', "case[1] 'A'.motion[2]", "found 'none'", "exactly one of pitch_per_deg"),
     (
-        STEP_2, '{ screw = "seeds", pitch = "free", pitch_per_deg = 1 }', "case[1] 'A'.motion[2]",
-        "pitch, pitch_per_deg", "one of",
+        STEP_2,
+        '{ screw = "seeds", pitch = "free", pitch_per_deg = 1 }',
+        "case[1] 'A'.motion[2]",
+        "pitch, pitch_per_deg",
+        "one of",
     ),
     (STEP_2, '{ screw = "seeds", pitch = 1.0 }', "case[1] 'A'.motion[2].pitch", "found 1.0", '"free"'),
     (
-        STEP_2, '{ screw = { point = [0, 0, 0] }, pitch = "free" }', "case[1] 'A'.motion[2].screw.direction",
-        "missing", "[x, y, z]",
+        STEP_2,
+        '{ screw = { point = [0, 0, 0] }, pitch = "free" }',
+        "case[1] 'A'.motion[2].screw.direction",
+        "missing",
+        "[x, y, z]",
     ),
     ("target = [1.0, 1.0]", "target = [1.0, true]", "case[1] 'A'.target[2]", "found True", "[rho_1, rho_2]"),
     ("target = [1.0, 1.0]", "target = [1.0]", "case[1] 'A'.target", "found [1.0]", "[rho_1, rho_2]"),
@@ -222,7 +277,10 @@ BAD = [
     ('goal = "touch"', "goal = 1", "case[1] 'A'.goal", "found 1", '"beyond"'),
     (None, "limits = { RZ = [0, 1] }", "case[1] 'A'.limits.RZ", "unit of the angle is missing", "TZ, RZ_deg, RZ_rad"),
     (
-        None, "limits = { RZ_degrees = [0, 1] }", "case[1] 'A'.limits.RZ_degrees", "did you mean 'RZ_deg'?",
+        None,
+        "limits = { RZ_degrees = [0, 1] }",
+        "case[1] 'A'.limits.RZ_degrees",
+        "did you mean 'RZ_deg'?",
         "TZ, RZ_deg, RZ_rad",
     ),
     (None, "limits = { RZ_deg = [0, 1], RZ_rad = [0, 1] }", "case[1] 'A'.limits.RZ_rad", "given twice", "one unit"),
@@ -231,27 +289,42 @@ BAD = [
     (None, 'limits = { TZ = [0, "1"] }', "case[1] 'A'.limits.TZ[2]", "found '1'", "angles as _deg or _rad"),
     (None, "limits = { TZ = 1 }", "case[1] 'A'.limits.TZ", "found 1", "lower and upper"),
     (
-        None, "weights = { RZ = 1 }", "case[1] 'A'.weights.RZ", "unit of the angle is missing",
+        None,
+        "weights = { RZ = 1 }",
+        "case[1] 'A'.weights.RZ",
+        "unit of the angle is missing",
         "TZ, RZ_per_deg, RZ_per_rad",
     ),
     (None, "weights = { TZ = 0 }", "case[1] 'A'.weights.TZ", "found 0.0", "> 0"),
     (None, "published = [{ translation = 1 }]", "case[1] 'A'.published", "found 1", "2"),
     (
-        None, "published = [{ angle_deg = 1 }, { angle_deg = 1 }]", "case[1] 'A'.published[1]",
-        "found 'angle_deg'", "translation",
+        None,
+        "published = [{ angle_deg = 1 }, { angle_deg = 1 }]",
+        "case[1] 'A'.published[1]",
+        "found 'angle_deg'",
+        "translation",
     ),
     (
-        None, "published = [{ translation = 1 }, { angle = 1 }]", "case[1] 'A'.published[2].angle", "unknown key",
+        None,
+        "published = [{ translation = 1 }, { angle = 1 }]",
+        "case[1] 'A'.published[2].angle",
+        "unknown key",
         "angle_deg",
     ),
     (
-        None, "published = [{ translation = 1 }, { angle_deg = 1, angle_rad = 1 }]", "case[1] 'A'.published[2]",
-        "fit", "or angle_rad",
+        None,
+        "published = [{ translation = 1 }, { angle_deg = 1, angle_rad = 1 }]",
+        "case[1] 'A'.published[2]",
+        "fit",
+        "or angle_rad",
     ),
     (None, CASE, "case[2] 'A'.name", "the name is that of case[1]; found 'A'", "no other case"),
     (
-        None, '[[case]]\nname = "B"\nmotion = [{ rotation = "x" }]', "case[2] 'B'.motion[1].centre",
-        "missing key", '"seed"',
+        None,
+        '[[case]]\nname = "B"\nmotion = [{ rotation = "x" }]',
+        "case[2] 'B'.motion[1].centre",
+        "missing key",
+        '"seed"',
     ),
     (None, '[[case]]\nname = "B"\n[[case]]\nname = "C"', "case[2] 'B'.motion", "missing key", "{ translation = .. }"),
     (None, '[defaults]\nname = "x"', "defaults.name", "unknown key 'name'", "nominal, tolerance"),

@@ -2,19 +2,22 @@
 
 The judge's view of a pair: it uses neither contact equations nor the kernels of the decision curve. Two independent
 ways: `distances` asks coal (GJK and EPA); `separations` projects every vertex on every direction that can separate.
+Both take many scale pairs and poses at once.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from fractions import Fraction
 from itertools import product
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
@@ -34,8 +37,34 @@ class Direction(NamedTuple):
     sign: int
 
 
+class PerPair(threading.local):
+    """What is worked out once for two bodies: kept as long as both are, for each thread its own.
+
+    Parameters
+    ----------
+    build : callable
+        Makes it from body 1 and body 2; it must not hold the bodies themselves, or they would never go.
+    """
+
+    def __init__(self, build: Callable[[Body, Body], Any]) -> None:
+        self._build = build
+        self._made: WeakKeyDictionary[Body, WeakKeyDictionary[Body, Any]] = WeakKeyDictionary()
+
+    def __call__(self, movable: Body, static: Body) -> Any:
+        """Return what belongs to these two bodies."""
+        own = self._made.get(movable)
+        if own is None:
+            own = self._made.setdefault(movable, WeakKeyDictionary())
+        found = own.get(static)
+        if found is None:
+            found = own[static] = self._build(movable, static)
+        return found
+
+
 class ScaledPair:
     """Two bodies of convex parts, body 1 scaled and moved, body 2 scaled; hulls are built once.
+
+    Not for several threads at once, see `scaled_pair`.
 
     Parameters
     ----------
@@ -54,16 +83,16 @@ class ScaledPair:
     def __init__(self, movable: Body, static: Body) -> None:
         import coal
 
-        self._coal = coal
-        reach = [max(float(np.abs(p.vertices - p.seed).max()) for p in body.parts) for body in (movable, static)]
-        self._reach = np.array(reach)
-        self._seeds = movable.seed, static.seed
+        from fcdm_opt.geometry import judging
+
+        self._coal, self._kernels = coal, judging
+        self._reaches = np.array(
+            [max(float(np.abs(p.vertices - p.seed).max()) for p in body.parts) for body in (movable, static)]
+        )
+        self._seeds = np.array([movable.seed, static.seed])
         self._hulls = [[_Hull(part) for part in body.parts] for body in (movable, static)]
-        self._transforms = coal.Transform3s(), coal.Transform3s()
-        self._result = coal.DistanceResult()
-        self._request = self._settings()
-        self._factors: tuple[float, float] | None = None
-        self._unit = 1.0
+        self._packed = [_packed(hulls) for hulls in self._hulls]
+        self._here, self._result, self._request = coal.Transform3s(), coal.DistanceResult(), self._settings()
 
     def _settings(self) -> Any:
         request = self._coal.DistanceRequest()
@@ -71,65 +100,61 @@ class ScaledPair:
         return request
 
     def signed_distance(self, rho: ArrayLike, transform: Array) -> float:
+        """Return the signed distance at one scale pair and pose, see `signed_distances`."""
+        return float(self.signed_distances(np.asarray(rho)[None], transform[None])[0])
+
+    def signed_distances(self, pairs: ArrayLike, transforms: Array, *, settled: Flags | None = None) -> Array:
         """Return the least signed distance over the part pairs.
 
         Parameters
         ----------
-        rho : (2,)
-            Scales, both positive.
-        transform : (4, 4) array
-            Pose change of body 1, world frame.
+        pairs : (k, 2)
+            Scales, all positive.
+        transforms : (k, 4, 4) array
+            Pose changes of body 1, world frame.
+        settled : (k, parts 1, parts 2) array of bool, optional
+            Part pairs that are not asked about.
 
         Returns
         -------
-        float
+        (k,) array
             Length units: the Euclidean distance if apart, minus the penetration depth of the deepest part pair if
-            overlapping; nan if coal cannot tell.
+            overlapping; infinite where all part pairs are settled; nan if coal cannot tell, and where scales or pose
+            are none.
         """
-        R, offset = self._place(rho, transform)
-        return self._least(lambda one, two: self._asked(one, two, R, offset), R, offset)
+        frames = self._framed(pairs, transforms)
+        return self._least(frames, settled) * frames[:, self._kernels.UNIT]
 
     def distances(self, rho: ArrayLike, transform: Array) -> Array:
-        """Return the signed distance of every part pair, (parts 1, parts 2); see `signed_distance`."""
-        R, offset = self._place(rho, transform)
-        values = [[self._asked(one, two, R, offset) for two in self._hulls[1]] for one in self._hulls[0]]
-        return np.array(values) * self._unit
+        """Return the signed distance of every part pair, (parts 1, parts 2); see `signed_distances`."""
+        return self._of_each(rho, transform, self._asked)
 
     def separation(self, rho: ArrayLike, transform: Array) -> float:
-        """Return the least of `separations`, of pairs that the spheres about them leave in doubt; nan as there."""
-        R, offset = self._place(rho, transform)
-        scales = self._scales()
-        return self._least(lambda one, two: np.fmax.reduce(_gaps(one, two, scales, R, offset)[0]), R, offset)
+        """Return the least of `separations` at one scale pair and pose."""
+        return float(self.least_separations(np.asarray(rho)[None], transform[None])[0])
 
-    def _least(self, value: Callable[[_Hull, _Hull], float], R: Array, offset: Array) -> float:
-        """Return the least value over the part pairs, nearest spheres first, as long as any can be less."""
-        scales = self._scales()
-        (one, radius), (two, other) = (
-            (scale * np.array([hull.middle for hull in hulls]), scale * np.array([hull.radius for hull in hulls]))
-            for scale, hulls in zip(scales, self._hulls, strict=True)
-        )
-        way = two[None] - (offset + one @ R.T)[:, None]
-        bounds = np.linalg.norm(way, axis=2) - radius[:, None] - other[None]
-        least = np.inf
-        for pair in np.argsort(bounds, axis=None):
-            i, j = np.unravel_index(pair, bounds.shape)
-            if bounds[i, j] > least:
-                break
-            found = float(value(self._hulls[0][i], self._hulls[1][j]))
-            if np.isnan(found):
-                return found
-            least = min(least, found)
-        return least * self._unit
+    def least_separations(self, pairs: ArrayLike, transforms: Array) -> Array:
+        """Return the least of `separations`, (k,), of pairs that the spheres about them leave in doubt; nan as there.
 
-    def _asked(self, one: _Hull, two: _Hull, R: Array, offset: Array) -> float:
-        """Return coal's signed distance of two hulls, asked again with a hint where it cannot be believed; units."""
-        found = self._distance(one, two, self._request, R, offset)
-        if np.isnan(found):
-            again = self._settings()
-            again.gjk_initial_guess = self._coal.GJKInitialGuess.CachedGuess
-            again.cached_gjk_guess = -_towards(one, two, self._scales(), R, offset)
-            found = self._distance(one, two, again, R, offset)
-        return found
+        Parameters
+        ----------
+        pairs : (k, 2)
+            Scales, all positive.
+        transforms : (k, 4, 4) array
+            Pose changes of body 1, world frame.
+        """
+        frames = self._framed(pairs, transforms)
+        found: Array = self._kernels.least_gaps(*self._packed, EXHAUSTIVE, frames)
+        return found * frames[:, self._kernels.UNIT]
+
+    def lower_bounds(self, pairs: ArrayLike, transforms: Array) -> Array:
+        """Return what the distance is not less than, (k,), by spheres about the parts or, where these meet, by faces.
+
+        Cheaper than `least_separations`; arguments as there.
+        """
+        frames = self._framed(pairs, transforms)
+        bounds: Array = self._kernels.nearness(*self._packed, frames).min(axis=(1, 2))
+        return bounds * frames[:, self._kernels.UNIT]
 
     def separations(self, rho: ArrayLike, transform: Array) -> Array:
         """Return each part pair's largest separation over face normals and edge x edge directions, (parts 1, parts 2).
@@ -137,10 +162,64 @@ class ScaledPair:
         Positive exactly where the parts are apart, and then at most their distance; minus the penetration depth
         otherwise. Computed from explicit vertices; nan for pairs of very large parts.
         """
-        R, offset = self._place(rho, transform)
-        pairs = product(*self._hulls)
-        values = [np.fmax.reduce(_gaps(one, two, self._scales(), R, offset)[0]) for one, two in pairs]
-        return np.reshape(values, [len(hulls) for hulls in self._hulls]) * self._unit
+
+        def projected(one: _Hull, two: _Hull, frames: Array) -> Array:
+            found: Array = self._kernels.least_gaps(_packed([one]), _packed([two]), EXHAUSTIVE, frames)
+            return found
+
+        return self._of_each(rho, transform, projected)
+
+    def _of_each(self, rho: ArrayLike, transform: Array, value: Callable[[_Hull, _Hull, Array], Array]) -> Array:
+        frames = self._framed(np.asarray(rho)[None], transform[None])
+        values = [[value(one, two, frames)[0] for two in self._hulls[1]] for one in self._hulls[0]]
+        return np.array(values) * frames[0, self._kernels.UNIT]
+
+    def _least(self, frames: Array, settled: Flags | None) -> Array:
+        """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units.
+
+        Asked as long as any can be less; nan stays.
+        """
+        first, second = self._hulls
+        if len(first) == len(second) == 1:
+            bounds = np.where(np.isnan(frames[:, :1]), np.nan, -np.inf)
+        else:
+            bounds = self._kernels.nearness(*self._packed, frames).reshape(len(frames), -1)
+        if settled is not None:
+            bounds[settled.reshape(bounds.shape)] = np.nan
+        least = np.where(np.isnan(frames[:, 0]), np.nan, np.inf)
+        for pair in np.argsort(np.fmin.reduce(bounds, axis=0)).tolist():
+            at = np.flatnonzero(bounds[:, pair] <= least)
+            if at.size:
+                values = self._asked(first[pair // len(second)], second[pair % len(second)], frames[at])
+                least[at] = np.minimum(least[at], values)
+        return least
+
+    def _asked(self, one: _Hull, two: _Hull, frames: Array) -> Array:
+        """Return coal's signed distance of two hulls, asked again with a hint where it cannot be believed; units."""
+        found, believed = self._distances(one, two, frames, self._request)
+        for k in np.flatnonzero(~believed).tolist():
+            found[k] = np.nan
+            if not np.isnan(frames[k, 0]):
+                again = self._settings()
+                again.gjk_initial_guess = self._coal.GJKInitialGuess.CachedGuess
+                again.cached_gjk_guess = -_towards(one, two, _Frame.of(frames[k]))
+                value, sure = self._distances(one, two, frames[k : k + 1], again)
+                found[k] = value[0] if sure[0] else np.nan
+        return found
+
+    def _distances(self, one: _Hull, two: _Hull, frames: Array, request: Any) -> tuple[Array, Flags]:
+        """Return coal's signed distance of two hulls in each frame, (k,), units, and which can be believed."""
+        X, Y = self._kernels.placed(one.base, frames, True), self._kernels.placed(two.base, frames, False)
+        here, result, points, others = self._here, self._result, one.points, two.points
+        ask, shape, other = self._coal.distance, one.shape, two.shape
+        count = len(frames)
+        values, witnesses, opposite = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
+        for k in range(count):
+            points[:], others[:] = X[k], Y[k]
+            result.clear()
+            values[k] = ask(shape, here, other, here, request, result)
+            witnesses[k], opposite[k] = result.getNearestPoint1(), result.getNearestPoint2()
+        return values, self._kernels.believed(one.planes, two.planes, frames, values, witnesses, opposite)
 
     def exact_separation(self, rho: ArrayLike, transform: Array) -> float:
         """Return the least of `separations`, in rational arithmetic on the numbers as given, rounded at the end.
@@ -148,13 +227,13 @@ class ScaledPair:
         Only directions that come near the largest separation in floats are worked out again; the transform is taken
         as it is, rational and not exactly orthogonal.
         """
-        R, offset = self._place(rho, transform)
+        frame = self._frame(rho, transform)
         least = np.inf
         T = [[Fraction(float(x)) for x in row] for row in transform]
         scales = [Fraction(float(x)) for x in np.asarray(rho)]
         seeds = [[Fraction(float(x)) for x in seed] for seed in self._seeds]
         for one, two in product(*self._hulls):
-            places = _best_directions(one, two, self._scales(), R, offset)
+            places = _best_directions(one, two, frame)
             if not places:
                 return float("nan")
             first = [_moved(T, _scaled(x, seeds[0], scales[0])) for x in one.part.vertices.tolist()]
@@ -168,57 +247,43 @@ class ScaledPair:
         One row for each face normal and edge x edge direction along which a part pair that touches, to within `slack`,
         is no more than `slack` away from touching.
         """
-        R, offset = self._place(rho, transform)
+        frame = self._frame(rho, transform)
         found = [np.empty((0, 2))]
         for one, two in product(*self._hulls):
-            gaps, n = _gaps(one, two, self._scales(), R, offset)
-            if abs(np.fmax.reduce(gaps)) * self._unit <= slack:
-                tight = n[gaps * self._unit >= -slack]
-                found.append(np.column_stack([(one.base @ R.T @ tight.T).max(0), -(two.base @ tight.T).min(0)]))
+            gaps, n = _gaps(one, two, frame)
+            if abs(np.fmax.reduce(gaps)) * frame.unit <= slack:
+                tight = n[gaps * frame.unit >= -slack]
+                found.append(np.column_stack([(one.base @ frame.R.T @ tight.T).max(0), -(two.base @ tight.T).min(0)]))
         return np.vstack(found)
 
     def best_direction(self, rho: ArrayLike, transform: Array, parts: tuple[int, int]) -> Direction | None:
         """Return a direction in which two parts are farthest apart, or overlap least; None for very large parts."""
-        R, offset = self._place(rho, transform)
         one, two = (hulls[k] for hulls, k in zip(self._hulls, parts, strict=True))
-        return next(iter(_best_directions(one, two, self._scales(), R, offset)), None)
+        return next(iter(_best_directions(one, two, self._frame(rho, transform))), None)
 
-    def _place(self, rho: ArrayLike, transform: Array) -> tuple[Array, Array]:
-        """Write the scaled points and the pose of body 1; return its rotation and offset in units."""
-        scales = np.asarray(rho, dtype=np.float64)
-        factors = float(scales[0]), float(scales[1])
-        if factors != self._factors:
-            self._unit = float(2.0 ** np.ceil(np.log2((scales * self._reach).max())))  # a power of two: no rounding
-            for hulls, factor in zip(self._hulls, factors, strict=True):
-                for hull in hulls:
-                    np.multiply(hull.base, factor / self._unit, out=hull.points)
-            self._factors = factors
-        R = transform[:3, :3]
-        offset = (R @ self._seeds[0] + transform[:3, 3] - self._seeds[1]) / self._unit
-        self._transforms[0].setRotation(R)
-        self._transforms[0].setTranslation(offset)
-        return R, offset
+    def _framed(self, pairs: ArrayLike, transforms: Array) -> Array:
+        rows, poses = np.array(pairs, dtype=np.float64), np.array(transforms, dtype=np.float64, order="C")
+        found: Array = self._kernels.framed(rows, poses, self._seeds, self._reaches)
+        return found
 
-    def _scales(self) -> tuple[float, float]:
-        assert self._factors is not None
-        return self._factors[0] / self._unit, self._factors[1] / self._unit
+    def _frame(self, rho: ArrayLike, transform: Array) -> _Frame:
+        return _Frame.of(self._framed(np.asarray(rho)[None], transform[None])[0])
 
-    def _distance(self, one: _Hull, two: _Hull, request: Any, R: Array, offset: Array) -> float:
-        result = self._result
-        result.clear()
-        value = self._coal.distance(one.shape, self._transforms[0], two.shape, self._transforms[1], request, result)
-        if not abs(value) <= np.abs(offset).sum() + 8.0:  # two bodies of unit reach: larger, or nan, is coal's failure
-            return float("nan")
-        if abs(value) <= DEFAULT.side:
-            scales, first, second = self._scales(), result.getNearestPoint1(), result.getNearestPoint2()
-            error = max(
-                one.outside((first - offset) @ R, scales[0]),
-                two.outside(second, scales[1]),
-                abs(float(np.linalg.norm(second - first)) - abs(value)),
-            )
-            if not error <= DEFAULT.tie:
-                return float("nan")
-        return float(value)
+
+scaled_pair = PerPair(ScaledPair)  # of two bodies, the same at every call: for one thread
+
+
+class _Frame(NamedTuple):
+    """A row of `judging.framed` by name."""
+
+    scales: tuple[float, float]
+    unit: float
+    offset: Array
+    R: Array
+
+    @classmethod
+    def of(cls, row: Array) -> _Frame:
+        return cls((float(row[0]), float(row[1])), float(row[2]), row[3:6], row[6:].reshape(3, 3))
 
 
 class _Hull:
@@ -240,14 +305,17 @@ class _Hull:
         self.points = self.shape.points()
         rows = {tuple(point): k for k, point in enumerate(even.tolist())}
         self.base = (part.vertices - part.seed)[[rows[tuple(point)] for point in self.points.tolist()]]
-        self.middle = self.base.mean(axis=0)
-        self.radius = float(np.linalg.norm(self.base - self.middle, axis=1).max())
-        self.offsets = (self.base @ part.normals.T).max(axis=0)
+        middle = self.base.mean(axis=0)
+        self.ball = np.append(middle, np.linalg.norm(self.base - middle, axis=1).max())
+        self.planes = np.column_stack([part.normals, (self.base @ part.normals.T).max(axis=0)])
         self.edges = part.vertices[part.edges[:, 1]] - part.vertices[part.edges[:, 0]]
 
-    def outside(self, point: Array, scale: float) -> float:
-        """How far a point (body frame, from the seed) lies outside the scaled part's planes; negative inside."""
-        return float((self.part.normals @ point - scale * self.offsets).max())
+
+def _packed(hulls: list[_Hull]) -> tuple[Array | Ints, ...]:
+    """Return hulls as `judging` takes them together."""
+    counts = [(0, 0, 0), *((len(hull.base), len(hull.planes), len(hull.edges)) for hull in hulls)]
+    rows = (np.concatenate([getattr(hull, name) for hull in hulls]) for name in ("base", "planes", "edges"))
+    return *rows, np.cumsum(counts, axis=0, dtype=np.int64), np.array([hull.ball for hull in hulls])
 
 
 def _directions(one: _Hull, two: _Hull, R: Array) -> Array:
@@ -260,15 +328,16 @@ def _directions(one: _Hull, two: _Hull, R: Array) -> Array:
     return np.vstack([one.part.normals @ R.T, -two.part.normals, crosses, -crosses])
 
 
-def _gaps(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset: Array) -> tuple[Array, Array]:
+def _gaps(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Array, Array]:
+    """Return the gap along each direction that can separate most, and the directions."""
     if len(one.edges) * len(two.edges) > EXHAUSTIVE:
         return np.full(1, np.nan), np.eye(3)[:1]
-    n = _directions(one, two, R)
-    first = offset + scales[0] * one.base @ R.T
-    return scales[1] * (two.base @ n.T).min(axis=0) - (first @ n.T).max(axis=0), n
+    n = _directions(one, two, frame.R)
+    first = frame.offset + frame.scales[0] * one.base @ frame.R.T
+    return frame.scales[1] * (two.base @ n.T).min(axis=0) - (first @ n.T).max(axis=0), n
 
 
-def _towards(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset: Array) -> Array:
+def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
     """Return about the shortest way from part 1 to part 2: GJK that starts there has nothing left to get wrong.
 
     All differences y - x of points of the two parts are {v : n_i.v >= gap_i}. Its point nearest to zero, over the
@@ -276,9 +345,9 @@ def _towards(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offs
     """
     from scipy.optimize import nnls
 
-    gaps, n = _gaps(one, two, scales, R, offset)
+    gaps, n = _gaps(one, two, frame)
     if np.isnan(gaps).all():
-        return -offset
+        return -frame.offset
     best = int(np.nanargmax(gaps))
     apart = np.flatnonzero(gaps > 0)
     if not apart.size:
@@ -290,9 +359,9 @@ def _towards(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offs
     return way / length if length > 0 else n[best]
 
 
-def _best_directions(one: _Hull, two: _Hull, scales: tuple[float, float], R: Array, offset: Array) -> list[Direction]:
+def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:
     """Return the directions whose gap may be the largest, faces first; none for very large parts."""
-    gaps, _ = _gaps(one, two, scales, R, offset)
+    gaps, _ = _gaps(one, two, frame)
     if np.isnan(gaps).all():
         return []
     faces, others, edges = one.part.loops, two.part.loops, len(two.edges)

@@ -43,7 +43,7 @@ def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str
     """
     figure = new_figure(9.0, 5.6)
     axes = figure.add_axes((0.08, 0.15, 0.52, 0.75))
-    _plane(axes, curve.box)
+    plane(axes, curve.box)
     _draw_curve(axes, curve, BLUE, "-", "decision curve")
     _name_pieces(axes, curve, BLUE, sides=(1.0, -1.0))
     for corner, align in ((0, ("left", "bottom")), (1, ("right", "top"))):
@@ -95,8 +95,8 @@ def before_after_figure(problem: Problem, solution: Solution, *, title: str = ""
     figure = new_figure(11.0, 6.4)
     whole, zoom = (figure.add_axes((left, 0.24, 0.41, 0.65)) for left in (0.065, 0.56))
     window = _window(problem, solution)
-    _plane(whole, problem.box)
-    _plane(zoom, window)
+    plane(whole, problem.box)
+    plane(zoom, window)
     outward = -1.0 if solution.rho is not None and before.gap(solution.rho) > 0 else 1.0  # names keep clear of `after`
     for axes, size, seen in ((whole, 0.7, problem.box), (zoom, 1.0, window)):
         _draw_tolerance(axes, problem)
@@ -120,7 +120,8 @@ def before_after_figure(problem: Problem, solution: Solution, *, title: str = ""
 # --------------------------------------------------------------------------------------------------- parts of a picture
 
 
-def _plane(axes: Any, box: ArrayLike) -> None:
+def plane(axes: Any, box: ArrayLike) -> None:
+    """Set axes up as the plane of scales over a box."""
     (low_1, high_1), (low_2, high_2) = np.asarray(box, dtype=float)
     axes.set(xlim=(low_1, high_1), ylim=(low_2, high_2))
     axes.set_xlabel(r"$\rho_1$  (scale of body 1, movable)", fontsize=9)

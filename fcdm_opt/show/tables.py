@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.tolerance.contact_times import ContactTimes
     from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.ranges import CoherentRange
     from fcdm_opt.tolerance.solution import Solution
 
 PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
@@ -244,3 +246,39 @@ def _cells(row: SolvedCase) -> dict[str, str]:
 def amount_text(amount: float | None) -> str:
     """Return an amount to five digits."""
     return "-" if amount is None or not math.isfinite(amount) else f"{amount:.5g}"
+
+
+def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
+    """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
+    out = console()
+    _print_head(out, name, title, note)
+    lines = []
+    for found, _ in rows:
+        problem = found.problem
+        for end, event in zip(("low", "high"), found.events, strict=True):
+            at = problem.motion.describe(event.x * found.direction) if math.isfinite(event.x) else "-"
+            lines.append(
+                {
+                    "case": _wrapped(problem.name, CELL_WIDTH) if end == "low" else "",
+                    "end": end,
+                    "x": f"{event.x:.12g}",
+                    "motion there": at.replace(" + ", " +\n"),
+                    "event": event.kind + ("\n(grazing)" if event.grazing else ""),
+                    "off by\nat most": f"{event.error:.1g}" if event.error else "",
+                    "no longer the contact": "\n".join(map(_label, event.features)),
+                    "takes over": "\n".join(map(_label, event.successors)),
+                }
+            )
+    _print_rows(out, lines, numbers=("x",))
+    out.print()
+    for found, times in rows:
+        problem = found.problem
+        tracked = " & ".join(feature.label for feature in found.features)
+        _print_text(out, f"{problem.name}: x in multiples of {problem.motion.describe(found.direction)}; {tracked}")
+        for end, event in zip(("low", "high"), found.events, strict=True):
+            _print_text(out, f"   {end}: {event.what}", indent="      ")
+        if not found.proved:
+            _print_text(out, "   a condition touches zero at rest: what is near there is not proved")
+        states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
+        _print_text(out, f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
+    out.print()

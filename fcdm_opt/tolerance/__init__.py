@@ -12,6 +12,9 @@ relaxation       programs that leave out what may not matter, and grow by what i
 bounds, rays     lower bounds; first contact along a ray by safe steps
 models           the stages, with `translations` and `shift`, exact where nothing turns; `seat` says what may turn
 solution         what a solve returns
+variation        how a contact changes with scales, seeds, vertices and face planes
+holding          the constraints that hold a motion
+sensitivity      how the least amount changes with the data
 claim            one claimed contact under examination, for the judge
 certificate      the judge
 """

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 
 LARGEST = 1e30  # of any number: sums and products of lengths, weights and scales stay finite
@@ -125,6 +126,26 @@ def by_parameter(values: Any, key: str, names: Iterable[str]) -> dict[str, Any]:
         if name not in names:
             raise InputError("no such parameter of the motion", key=f"{key}.{name}", found=name, allowed=allowed)
     return dict(values)
+
+
+def labels(value: Any, key: str) -> tuple[str, str] | None:
+    """Return two feature labels, None for None."""
+    if value is None:
+        return None
+    two = [str(item) for item in items(value) if isinstance(item, str | Feature)]
+    if len(two) != 2 or len(items(value)) != 2:
+        raise InputError("not two features", key=key, found=value, allowed="two labels such as V1F2(P1V6; P2V2,V3,V5)")
+    return two[0], two[1]
+
+
+def steps(value: Any, key: str, names: list[str]) -> dict[str, float] | None:
+    """Return a step > 0 for some parameters, or for all where one number is given; None for None."""
+    if value is None:
+        return None
+    given = dict.fromkeys(names, value) if is_real(value) else by_parameter(value, key, names)
+    if not given:
+        raise InputError("no step", key=key, found=value, allowed=f"a number > 0, or steps of {', '.join(names)}")
+    return {name: positive(step, f"{key}.{name}") for name, step in given.items()}
 
 
 def published(values: Any, names: list[str]) -> tuple[float, ...] | None:

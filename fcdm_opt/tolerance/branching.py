@@ -13,12 +13,14 @@ from fcdm_opt.tolerance.proof import prove
 from fcdm_opt.tolerance.relaxation import choices
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.task import Answer, Task
+from fcdm_opt.tolerance.turns import least_over_turns
 from fcdm_opt.tolerances import DEFAULT
 
 STAGE = "5: branch and bound over all motions"
 MOST_PARAMETERS = 2  # for which the search is complete in a moment
 GAP, FINE_GAP = 1e-4, 1e-8  # of a certificate; of the stage, which is to find the least motion by itself
-CELLS = {1: 20_000, 2: 100_000}  # looked at, at most
+CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
+SECONDS = 20.0  # for the search over rotations
 CELLS_MORE = 60_000  # the same, for more parameters
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
@@ -27,6 +29,8 @@ def branch_and_bound(task: Task) -> Answer | None:
     """Find the least motion with one or two parameters, or prove that there is none."""
     if len(task.weights) > MOST_PARAMETERS:
         return None
+    if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
+        return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled(()))
     return bounded(task, Answer(Status.NOT_FOUND, None, ""), gap=FINE_GAP)[0]
 
 
@@ -34,7 +38,30 @@ def certified(task: Task, answer: Answer) -> tuple[Answer, Evidence | None]:
     """Return an answer with a lower bound that is proved, and what proves it; a better motion if one comes up."""
     if answer.q is not None and task.amount(answer.q) == 0.0:
         return answer, None
+    k = len(task.weights)
+    turned = least_over_turns(task, upper=answer, gap=GAP, seconds=SECONDS) if k > MOST_PARAMETERS else None
+    if turned is not None:
+        better = (
+            turned.q is not None and turned.upper < _amount(task, answer) and task.meets(turned.q, DEFAULT.requirement)
+        )
+        if better:
+            answer = Answer(
+                Status.SOLVED,
+                turned.q,
+                "5: branch and bound over rotations",
+                turned.lower,
+                ("the contact",),
+                task.modelled(()),
+            )
+        answer = replace(answer, lower_bound=min(max(turned.lower, answer.lower_bound), _amount(task, answer)))
+        if turned.closed:
+            return answer, None
     return bounded(task, answer, gap=GAP)
+
+
+def _amount(task: Task, answer: Answer) -> float:
+    """Return the amount of an answer, infinite where it has no motion."""
+    return np.inf if answer.q is None else task.amount(answer.q)
 
 
 def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence | None]:
@@ -49,11 +76,9 @@ def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence
         Relative gap between bound and amount that is enough.
     """
     k = len(task.weights)
-    upper = np.inf if answer.q is None else task.amount(answer.q)
+    upper = _amount(task, answer)
     try:
-        proof = prove(
-            task, upper, gap=gap, most=CELLS.get(k, CELLS_MORE), search=lambda q: near(task, q)
-        )
+        proof = prove(task, upper, gap=gap, most=CELLS.get(k, CELLS_MORE), search=lambda q: near(task, q))
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     found = answer.q if proof.q is None else proof.q

@@ -9,16 +9,20 @@ the bodies' faces and labels; that the nominal contact is one is checked too.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, cached_property
+from math import isfinite
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.tolerance.claim import Claim
+from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
+from fcdm_opt.tolerance.amounts import OwnAmount
+from fcdm_opt.tolerance.claim import Claim, Proof, carriers, least_errors
 from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import MOST_TURNED, TRACKING
 from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status, kept_clear
@@ -61,13 +65,19 @@ def _well_formed(solution: Solution) -> Check:
         *((x, ()) for x in (solution.pair_gap, solution.amount, solution.lower_bound, *solution.parameters.values())),
     )
     wrong = sum(not isinstance(feature, Feature) for feature in solution.features)
-    for claim, shape in claims:
-        try:
-            numbers = np.asarray(claim, dtype=np.float64)
-            wrong += int(numbers.shape != shape or not np.isfinite(numbers).all())
-        except (TypeError, ValueError):
-            wrong += 1
+    wrong += sum(not _finite(claim, shape) for claim, shape in claims)
     return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape")
+
+
+def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
+    """Tell whether a claim is finite numbers in this shape."""
+    if type(claim) is float:
+        return not shape and isfinite(claim)
+    try:
+        numbers = np.asarray(claim, dtype=np.float64)
+    except (TypeError, ValueError):
+        return False
+    return numbers.shape == shape and bool(np.isfinite(numbers).all())
 
 
 def _at_most(name: str, value: float, limit: float, note: str = "") -> Check:
@@ -79,9 +89,24 @@ def _at_least(name: str, value: float, limit: float, note: str = "") -> Check:
     return Check(name, bool(value >= limit), float(value), float(limit), note)
 
 
+def _skewness(T: Array) -> float:
+    """Return how far a transform is from a rigid motion: plain floats, as numpy takes longer for sixteen numbers."""
+    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = T.tolist()
+    return max(
+        *(abs(x * x + y * y + z * z - 1.0) for x, y, z in ((a, b, c), (d, e, f), (g, h, i))),
+        *(abs(a * d + b * e + c * f), abs(a * g + b * h + c * i), abs(d * g + e * h + f * i)),
+        *(abs(x - y) for x, y in zip(last, (0.0, 0.0, 0.0, 1.0), strict=True)),
+        1.0 - (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)),
+    )
+
+
 def _named(feature: Feature | None) -> Any:
     """Return a name of the feature that does not depend on the order in which its vertices are listed."""
     return feature and tuple((element.kind, frozenset(element.vertices)) for element in (feature.one, feature.two))
+
+
+def _pair(scales: Array) -> str:
+    return "({:.6g}, {:.6g})".format(*scales.tolist())
 
 
 def _across(gradients: Array) -> Array:
@@ -98,6 +123,26 @@ def _or_inf(values: Any) -> Array:
     return np.where(np.isnan(values), np.inf, values)
 
 
+def _swept(keep_out: KeepOut) -> Body:
+    """Return what the parts of a keep-out sweep over its range: of a convex part the hull of both ends."""
+    found = _SWEPT.get(keep_out)
+    if found is None:
+        body, (low, high) = keep_out.body, keep_out.ends
+        arms = [part.vertices - body.seed for part in body.parts]
+        hulls = [Body.convex(body.seed + np.vstack([low * x, high * x]), seed=body.seed).parts[0] for x in arms]
+        found = _SWEPT[keep_out] = replace(body, parts=tuple(hulls))
+    return found
+
+
+_SWEPT: WeakKeyDictionary[KeepOut, Body] = WeakKeyDictionary()
+
+
+@cache
+def _positions(count: int) -> Array:
+    """Return positions on the motion, 0 to 1: between those at which the solver looks, and both ends."""
+    return frozen(np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]))
+
+
 class _Judge:
     """One solution under examination; each stage returns its checks."""
 
@@ -105,40 +150,69 @@ class _Judge:
         assert solution.rho is not None
         assert solution.transform is not None
         self.solution, self.problem, self.tolerances = solution, solution.problem, tolerances
-        self.rho, self.transform = np.asarray(solution.rho), np.asarray(solution.transform)
+        self.rho, self.transform = (np.array(own, dtype=np.float64) for own in (solution.rho, solution.transform))
         self.q = np.array(list(solution.parameters.values()), dtype=np.float64)
         self.size = self.problem.size
         self.limit = self.problem.contact_slack
-        self.scaled = ScaledPair(self.problem.movable, self.problem.static)
-        self.claims = [
-            Claim(feature, self.problem.movable, self.problem.static, self.scaled, self.rho, self.transform)
-            for feature in solution.features
-        ]
+        bodies = self.problem.movable, self.problem.static
+        self.scaled = scaled_pair(*bodies)
+        carried = carriers(*bodies)
+        self.claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in solution.features]
+        self._side = self._stepped()
+        pairs = [self.rho, self.problem.target]
+        if not isinstance(self._side, Check):
+            pairs += [self.rho - self._side[1], self.rho + self._side[1]]
+        self.gap, self.pair_gap, *self._beside = self._gaps(np.array(pairs)).tolist()
 
     # ------------------------------------------------------------------------------------------------------ stages
 
     def motion(self) -> list[Check]:
         """Check that transform, parameters, limits and amount agree with each other."""
         T, problem, solution = self.transform, self.problem, self.solution
-        R = T[:3, :3]
-        skew = max(np.abs(R @ R.T - np.eye(3)).max(), np.abs(T[3] - [0, 0, 0, 1]).max(), 1 - np.linalg.det(R))
-        names = [parameter.name for parameter in problem.motion.parameters]
-        if list(solution.parameters) != names:
-            return [_at_most("parameters", float("nan"), 0, f"the motion has {', '.join(names)}")]
-        vertices = problem.movable.vertices
-        apart = problem.movable.placed_vertices(1.0, T) - problem.movable.placed_vertices(1.0, self._pose(1.0))
-        off = np.linalg.norm(apart, axis=1).max() if len(vertices) else float("nan")
-        amount = float(np.sqrt(np.sum((problem.weights * self.q) ** 2)))
+        if not self._known:
+            names = ", ".join(parameter.name for parameter in problem.motion.parameters)
+            return [_at_most("parameters", float("nan"), 0, f"the motion has {names}")]
+        between = T - self._end
+        apart = problem.movable.vertices @ between[:3, :3].T + between[:3, 3]
+        off = np.sqrt((apart * apart).sum(axis=1).max())
+        amount = self._amount()
         slack = self.tolerances.requirement * amount + self.tolerances.line * problem.length
-        low, high = problem.limits.T
-        excess = (problem.weights * np.maximum(low - self.q, self.q - high)).max()
+        ranges = zip(problem.weights.tolist(), self.q.tolist(), problem.limits.tolist(), strict=True)
+        excess = max(weight * max(low - x, x - high) for weight, x, (low, high) in ranges)
         return [
-            _at_most("rigid transform", skew, self.tolerances.rigid),
+            _at_most("rigid transform", _skewness(T), self.tolerances.rigid),
             _at_most("transform of parameters", off, self.limit, "largest displacement of a vertex between the two"),
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
             _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
+            *self._whole_steps(),
         ]
+
+    def _amount(self) -> float:
+        """Return the amount of the claimed motion, by the problem's own measure."""
+        problem = self.problem
+        if isinstance(problem.amount, OwnAmount):
+            return float(problem.amount.function(self.q))
+        if problem.amount == "displacement":
+            drawn = np.concatenate([part.vertices for part in problem.movable.parts])
+            made = problem.movable.seed + problem.target[0] * (drawn - problem.movable.seed)
+            apart = made @ self.transform[:3, :3].T + self.transform[:3, 3] - made
+            return float(np.sqrt((apart * apart).sum(axis=1).max()))
+        return float(np.sqrt(np.sum((problem.weights * self.q) ** 2)))
+
+    def _whole_steps(self) -> list[Check]:
+        """Check that the motion is in whole steps of the machine, where it has any."""
+        steps = self.problem.resolution
+        if steps is None:
+            return []
+        counts = self.q[steps > 0] / steps[steps > 0]
+        off = np.abs(counts - np.round(counts)) / np.maximum(np.abs(counts), 1.0)
+        return [_at_most("whole steps", off.max(), self.tolerances.requirement, "of the resolution, relative")]
+
+    @cached_property
+    def _play(self) -> float:
+        """The length by which a motion in whole steps may miss what is an equation; the slack without steps."""
+        return max(self.limit, self.problem.play(self.q)) if self._known else self.limit
 
     def requirement(self) -> list[Check]:
         """Check that the tracked pair is where the goal wants it."""
@@ -146,14 +220,19 @@ class _Judge:
         if goal == "beyond":
             missing = (self.problem.signs * (target - self.rho) / target).max()
             return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
+        if goal in ("at", "seat") and self._play > self.limit:
+            lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
+            missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
+            return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
         return [_at_most("requirement", off, slack, "relative distance from the target pair")]
 
     def contact(self) -> list[Check]:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
-        gap, claimed = self._gap(self.rho, self.transform), len(self.claims)
+        gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
-        if self.problem.goal == "clear" and not claimed and not abs(gap) <= self.limit:
+        apart = self.problem.goal == "clear" or (self.problem.goal == "touch" and self._play > self.limit)
+        if apart and not claimed and not abs(gap) <= self.limit:
             return []
         checks = [
             _at_most("touching", abs(gap), self.limit, "distance or overlap"),
@@ -166,7 +245,7 @@ class _Judge:
             known = tracked <= allowed and len(tracked) == most
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):
-            error = claim.error(self.rho[None], self.transform[None])[0]
+            error = claim.errors(self.rho[None], self.transform[None])[0]
             checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
         return checks
 
@@ -174,34 +253,46 @@ class _Judge:
         """Check for apart on one side of the contact lines, overlap on the other; a snug fit has two opposed lines."""
         if not self.claims:
             return []
-        lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
-        # a plane through both seeds is in contact at all scales
-        gradients = lines[~(np.linalg.norm(lines[:, :2], axis=1) <= self.tolerances.determinant * self.size), :2]
-        if not len(gradients):
-            return [_at_most("sides", 0, 0, "no change of the scales opens or closes the contact")]
-        units = gradients / np.linalg.norm(gradients, axis=1)[:, None]
-        opposed = float(np.abs(units.sum(axis=0)).max())
-        if len(units) == 2 and opposed <= self.tolerances.determinant:
-            return [_at_most("snug", opposed, self.tolerances.determinant, "overlap on both sides of opposed lines")]
-        upward = units.sum(axis=0)
-        if (units @ upward).min() <= self.tolerances.determinant:
-            return [_at_most("snug", opposed, np.inf, "no change of the scales leaves all contact lines on one side")]
-        step = self._step(gradients, upward)
-        before, after = (self._gap(self.rho + sign * step, self.transform) for sign in (-1, 1))
+        if isinstance(self._side, Check):
+            return [self._side]
+        gradients, step = self._side
+        flat = self.tolerances.determinant * self.size
+        before, after = self._beside
         least = min(self.limit, float((gradients @ step).min()) / 2.0)
-        more = self.scaled.gradients(self.rho, self.transform, self.limit)
-        more = more[np.linalg.norm(more, axis=1) > self.tolerances.determinant * self.size]
-        if not after < -least and len(more):  # vertices and parallel edges meet along more lines than the one claimed
-            upward = _across(more)
-            if (more @ upward).min() <= self.tolerances.determinant * self.size:
-                return [_at_most("snug", 0.0, np.inf, "no change of the scales leaves all contact lines on one side")]
-            step = self._step(more, upward)
-            before, after = (self._gap(self.rho + sign * step, self.transform) for sign in (-1, 1))
-        below = least if len(gradients) == len(lines) else -self.limit
+        if not after < -least:  # vertices and parallel edges meet along more lines than the one claimed
+            more = self.scaled.gradients(self.rho, self.transform, self.limit)
+            more = more[np.hypot(more[:, 0], more[:, 1]) > flat]
+            if len(more):
+                upward = _across(more)
+                if (more @ upward).min() <= flat:
+                    return [
+                        _at_most("snug", 0.0, np.inf, "no change of the scales leaves all contact lines on one side")
+                    ]
+                step = self._step(more, upward)
+                before, after = self._gaps(np.array([self.rho - step, self.rho + step])).tolist()
+        below = least if len(gradients) == len(self.claims) else -self.limit
         return [
-            Check("apart below", bool(before > below), before, below, f"with the scales changed by {-step}"),
-            Check("overlapping above", bool(after < -least), after, -least, f"with the scales changed by {step}"),
+            Check("apart below", before > below, before, below, f"with the scales changed by {_pair(-step)}"),
+            Check("overlapping above", after < -least, after, -least, f"with the scales changed by {_pair(step)}"),
         ]
+
+    def _stepped(self) -> tuple[Array, Array] | Check:
+        """Return the contact lines' gradients and a change of the scales across all of them, or why there is none."""
+        lines = np.concatenate([np.empty((0, 3)), *(claim.lines(self.transform[None]) for claim in self.claims)])
+        # a plane through both seeds is in contact at all scales
+        lengths = np.hypot(lines[:, 0], lines[:, 1])
+        steep = ~(lengths <= self.tolerances.determinant * self.size)
+        gradients = lines[steep, :2]
+        if not len(gradients):
+            return _at_most("sides", 0, 0, "no change of the scales opens or closes the contact")
+        units = gradients / lengths[steep, None]
+        upward = units.sum(axis=0)
+        opposed = float(np.abs(upward).max())
+        if len(units) == 2 and opposed <= self.tolerances.determinant:
+            return _at_most("snug", opposed, self.tolerances.determinant, "overlap on both sides of opposed lines")
+        if (units @ upward).min() <= self.tolerances.determinant:
+            return _at_most("snug", opposed, np.inf, "no change of the scales leaves all contact lines on one side")
+        return gradients, self._step(gradients, upward)
 
     def _step(self, gradients: Array, upward: Array) -> Array:
         """Return a small change of the scales by which all contact lines are crossed."""
@@ -212,10 +303,11 @@ class _Judge:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
         if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
             return []
-        s, poses, pairs = self._way()
+        s, poses, pairs = self._way
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
-        errors = np.max([claim.error(pairs, poses) for claim in self.claims], axis=0)
-        gaps = [abs(self._quick_gap(rho, T)) for rho, T in zip(pairs, poses, strict=True)]
+        proofs = [claim.proofs(pairs, poses) for claim in self.claims]
+        errors = np.maximum.reduce([least_errors(own, len(s)) for own in proofs])
+        gaps = self._off_touch([proof for own in proofs for proof in own], pairs, poses)
         worst = [int(_or_inf(x).argmax()) for x in (errors, gaps)]
         return [
             _at_most("path starts at the nominal", start, self.tolerances.nominal, "relative distance of the scales"),
@@ -233,7 +325,7 @@ class _Judge:
         if not claims:
             return [_at_most("seat", float("nan"), 0, "no flush contact is claimed")]
         least = self.tolerances.shared * min(self.problem.movable.size, self.problem.static.size) / 2.0
-        s, poses, pairs = self._way()
+        s, poses, pairs = self._way
         checks = []
         for k, claim in claims.items():
             size = kinds[_named(claim.feature)]
@@ -257,7 +349,7 @@ class _Judge:
         """Check the state and gap of the parts actually made."""
         solution, problem = self.solution, self.problem
         off = np.abs(solution.pair / problem.target - 1).max()
-        gap = self._gap(problem.target, self.transform)
+        gap = self.pair_gap
         state = self._state(gap)
         claimed = solution.pair_gap
         if gap < 0:
@@ -271,7 +363,10 @@ class _Judge:
             Check("status", self._agrees(state), gap, self.limit, f"{solution.status.name}, the pair is {state}"),
         ]
         if "touch" in (problem.pair, problem.goal):
-            checks.append(_at_most("pair touches", abs(gap), self.limit))
+            near = _at_most("pair touches", abs(gap), self.limit)
+            if gap > 0 and self._play > self.limit:  # in whole steps
+                near = _at_most("pair touches", gap, self._play, "to within the steps' play, not overlapping")
+            checks.append(near)
         if "clear" in (problem.pair, problem.goal):
             checks.append(_at_least("clearance", gap, problem.clearance - self.limit))
         return checks
@@ -282,60 +377,86 @@ class _Judge:
 
     def _kept_clear(self, keep_out: KeepOut) -> Check:
         body, (low, high) = keep_out.body, keep_out.ends
-        scales = np.unique(np.linspace(low, high, self.tolerances.scale_points))
-        at_scale = ScaledPair(self.problem.movable, body)
-        gaps = [self._gap(np.array([self.problem.target[0], r]), self.transform, at_scale) for r in scales]
-        if low < high:  # what a convex part sweeps is the hull of both ends
-            arms = [part.vertices - body.seed for part in body.parts]
-            hulls = [Body.convex(body.seed + np.vstack([low * x, high * x]), seed=body.seed).parts[0] for x in arms]
-            swept = ScaledPair(self.problem.movable, replace(body, parts=tuple(hulls)))
-            gaps.append(self._gap(np.array([self.problem.target[0], 1.0]), self.transform, swept))
+        movable, own = self.problem.movable, self.problem.target[0]
+        filled = _swept(keep_out) if low < high else body  # what the body fills at all its scales
+        whole, pairs = scaled_pair(movable, filled), np.array([[own, 1.0 if low < high else low]])
+        here = self.transform[None]
+        bound, gaps = whole.lower_bounds(pairs, here), self._asked(whole, pairs, here)
+        if not (bound[0] >= keep_out.clearance and gaps[0] >= bound[0] - self.limit):  # explicit vertices do not agree
+            gaps = self._gaps(pairs, whole)
+            if low < high:
+                scales = np.linspace(low, high, self.tolerances.scale_points)
+                each = np.column_stack([np.full(len(scales), own), scales])
+                gaps = np.append(gaps, self._gaps(each, scaled_pair(movable, body)))
         limit = max(self.limit, self.tolerances.tie * body.size)
         note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
         return _at_least(kept_clear(keep_out.name), float(np.min(gaps)), keep_out.clearance - limit, note)
 
     # ------------------------------------------------------------------------------------------------------- parts
 
+    @cached_property
+    def _known(self) -> bool:
+        """Whether the parameters are those of the motion."""
+        return list(self.solution.parameters) == [parameter.name for parameter in self.problem.motion.parameters]
+
+    @cached_property
     def _way(self) -> tuple[Array, Array, Array]:
-        """Return positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
-        turned = sum(
-            abs(x) for (_, kind), x in zip(self.problem.motion.parameters, self.q, strict=True) if kind == "rotation"
-        )
+        """Positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
+        problem, steps = self.problem, zip(self.problem.motion.parameters, self.q.tolist(), strict=False)
+        turned = sum(abs(x) for (_, kind), x in steps if kind == "rotation")
         count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
-        # between the points at which the solver looks, and both ends
-        s = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
-        poses = np.array([self._pose(x) for x in s])
+        s = _positions(count)
+        poses = np.full((len(s), 4, 4), np.nan)
+        if self._known:  # a screw whose axis has vanished on the way has no pose there: nan too
+            poses = problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(s[:, None] * self.q)
         return s, poses, self._tracked(s, poses)
 
-    def _pose(self, s: float) -> Array:
+    @cached_property
+    def _end(self) -> Array:
+        """The pose of the parameters."""
         problem = self.problem
         try:
-            return problem.motion.transform(s * self.q, problem.movable.seed, problem.static.seed)
+            return problem.motion.transform(self.q, problem.movable.seed, problem.static.seed)
         except InputError:  # a screw whose axis has vanished on the way
             return np.full((4, 4), np.nan)
 
-    def _quick_gap(self, rho: Array, transform: Array, scaled: ScaledPair | None = None) -> float:
-        """Signed distance by coal; where coal cannot tell, by explicit vertices; nan for scales that are none."""
-        scaled = scaled or self.scaled
-        if not (np.isfinite(transform).all() and np.isfinite(rho).all() and rho.min() > 0):
-            return float("nan")
-        gap = scaled.signed_distance(rho, transform)
-        return scaled.separation(rho, transform) if np.isnan(gap) else gap
+    def _asked(self, scaled: ScaledPair, pairs: Array, poses: Array, settled: Flags | None = None) -> Array:
+        """Return signed distances by coal; where it cannot tell, by explicit vertices; nan for scales that are none."""
+        gaps = scaled.signed_distances(pairs, poses, settled=settled)
+        lost = np.isnan(gaps)
+        if lost.any():
+            gaps[lost] = scaled.least_separations(pairs[lost], poses[lost])
+        return gaps
 
-    def _gap(self, rho: Array, transform: Array, scaled: ScaledPair | None = None) -> float:
-        """Signed distance by coal, confirmed by explicit vertices; where they disagree exact arithmetic decides.
+    def _off_touch(self, proofs: list[Proof], pairs: Array, poses: Array) -> Array:
+        """Return how far the bodies are apart or overlap at each point of the way, (k,).
 
-        Of the problem's two bodies, or of another pair.
+        By coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
+        touch are left out.
+        """
+        counts = (len(body.parts) for body in (self.problem.movable, self.problem.static))
+        settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
+        for (i, j), errors in proofs:
+            settled[:, i, j] |= errors <= self.limit
+            least = np.minimum(least, errors)
+        settled[np.linspace(0, len(poses) - 1, self.tolerances.path_asked).round().astype(int)] = False
+        gaps = self._asked(self.scaled, pairs, poses, settled)
+        return np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
+
+    def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> Array:
+        """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree.
+
+        At several scale pairs after the motion, (k,), of the problem's two bodies or of another pair.
         """
         scaled = scaled or self.scaled
-        gap = self._quick_gap(rho, transform, scaled)
-        if np.isnan(gap):
-            return gap
-        separation = scaled.separation(rho, transform)
-        agree = separation <= gap + self.limit and (separation > 0 or gap <= separation + self.limit)
-        if agree or np.isnan(separation):
-            return gap
-        return scaled.exact_separation(rho, transform)
+        poses = np.repeat(self.transform[None], len(pairs), axis=0)
+        gaps = self._asked(scaled, pairs, poses)
+        separations = scaled.least_separations(pairs, poses)
+        low, high = separations <= gaps + self.limit, gaps <= separations + self.limit
+        agree = (low & (high | (separations > 0))) | np.isnan(separations) | np.isnan(gaps)
+        for k in np.flatnonzero(~agree).tolist():
+            gaps[k] = scaled.exact_separation(pairs[k], self.transform)
+        return gaps
 
     def _state(self, gap: float) -> str:
         if np.isnan(gap):
@@ -358,14 +479,17 @@ class _Judge:
 
         A single line leaves one degree of freedom: its point nearest to the straight way from nominal to target.
         """
-        own = {_named(feature) for feature in self.problem.nominal_features}
-        leading = [claim for claim in self.claims if _named(claim.feature) in own] or self.claims
-        lines = np.array([claim.lines(poses) for claim in leading[:2]])
+        leading = self.claims
+        if len(leading) > 2 or self.problem.goal == "seat":
+            own = {_named(feature) for feature in self.problem.nominal_features}
+            leading = [claim for claim in self.claims if _named(claim.feature) in own] or self.claims
+        lines = [claim.lines(poses) for claim in leading[:2]]
         if len(lines) == 2:
             (a, b, c), (d, e, f) = lines[0].T, lines[1].T
             determinant = a * e - b * d
-            parallel = np.abs(determinant) <= np.hypot(a, b) * np.hypot(d, e) * self.tolerances.determinant
-            return np.column_stack([c * e - b * f, a * f - c * d]) / np.where(parallel, np.nan, determinant)[:, None]
+            least = np.hypot(a, b) * np.hypot(d, e) * self.tolerances.determinant
+            determinant[np.abs(determinant) <= least] = np.nan  # parallel
+            return np.column_stack([(c * e - b * f) / determinant, (a * f - c * d) / determinant])
         ab, c = lines[0][:, :2], lines[0][:, 2]
         way = self.problem.nominal_pair + s[:, None] * (self.problem.target - self.problem.nominal_pair)
         return way + ((c - (ab * way).sum(axis=1)) / (ab * ab).sum(axis=1))[:, None] * ab

@@ -6,29 +6,85 @@ told by a common point of the two claimed elements and by a plane through it tha
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.collision import Direction, ScaledPair, face_corners
-from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.collision import Direction, PerPair, ScaledPair, face_corners
 from fcdm_opt.tolerances import DEFAULT
 
-_Place = tuple[int, tuple[int, ...]]  # a part, and vertex rows of it
+UNKNOWN = 0  # the sign of a direction that depends on the pose
 
 
 class _Host(NamedTuple):
-    """The part pair that carries a claim: vertices of both parts and of both elements, from the seeds; the normal."""
+    """A part pair that carries a claim: as `judging` takes it, and the parts' numbers.
+
+    Vertices of both parts from the seeds, rows of both elements, rows of the direction in either, its sign.
+    """
 
     one: Array
     two: Array
-    first: Array
-    second: Array
-    direction: Direction
+    first: Ints
+    second: Ints
+    across: Ints
+    along: Ints
+    sign: int
+    parts: tuple[int, int]
+
+    def towards(self, direction: Direction) -> _Host:
+        across, along = (np.array(rows, dtype=np.int64) for rows in direction[:2])
+        return self._replace(across=across, along=along, sign=direction.sign)
+
+
+Proof = tuple[tuple[int, int], Array]  # the numbers of two parts, and a claim's errors on them at each pose
+
+
+def least_errors(proofs: list[Proof], count: int) -> Array:
+    """Return the least errors of all proofs at each pose, (count,); infinite without any."""
+    if len(proofs) == 1:
+        return proofs[0][1]
+    return np.min([np.full(count, np.inf), *(errors for _, errors in proofs)], axis=0)
+
+
+class Carriers:
+    """The part pairs of two bodies that carry a feature; looked for once."""
+
+    def __init__(self, movable: Body, static: Body) -> None:
+        self.seeds = np.array([movable.seed, static.seed])
+        self._parts = movable.parts, static.parts
+        self._arms = [[part.vertices - body.seed for part in body.parts] for body in (movable, static)]
+        self._found: dict[Feature, tuple[_Host, ...]] = {}
+
+    def of(self, feature: Feature) -> tuple[_Host, ...]:
+        """Return the part pairs; their directions have no sign where that takes a pose."""
+        found = self._found.get(feature)
+        if found is None:
+            found = self._found[feature] = tuple(self._hosts(feature))
+        return found
+
+    def _hosts(self, feature: Feature) -> Iterator[_Host]:
+        own = (
+            [(k, rows) for k, part in enumerate(parts) for rows in part.carriers(element)]
+            for parts, element in zip(self._parts, (feature.one, feature.two), strict=True)
+        )
+        for (i, rows), (j, others) in product(*own):
+            one, two = self._parts[0][i], self._parts[1][j]
+            direction = Direction(rows, others, UNKNOWN)
+            if feature.two.kind == "F":
+                direction = Direction((), face_corners(two, two.loops.index(others)), -1)
+            elif feature.one.kind == "F":
+                direction = Direction(face_corners(one, one.loops.index(rows)), (), 1)
+            first, second = (np.array(own, dtype=np.int64) for own in (rows, others))
+            bare = _Host(self._arms[0][i], self._arms[1][j], first, second, first, second, UNKNOWN, (i, j))
+            yield bare.towards(direction)
+
+
+carriers = PerPair(Carriers)  # of two bodies, the same at every call: for one thread
 
 
 class Claim:
@@ -37,87 +93,61 @@ class Claim:
     Parameters
     ----------
     feature : Feature
-    movable, static : Body
-        As drawn.
+    carried : Carriers
+        Of the two bodies.
     scaled : ScaledPair
         The same two bodies; asked for a contact normal where the feature alone gives none (vertex on vertex).
     rho : (2,) array
         Scales at which the feature is claimed.
     transform : (4, 4) array
         Pose change of body 1 there.
-
-    Notes
-    -----
-    Points are handled relative to the static seed: x = o + rho_1 R (v - s_1) on body 1, y = rho_2 (v - s_2) on body 2.
     """
 
-    def __init__(
-        self, feature: Feature, movable: Body, static: Body, scaled: ScaledPair, rho: Array, transform: Array
-    ) -> None:
-        self.feature = feature
-        self._bodies = movable, static
-        self._seeds = movable.seed, static.seed
-        self._host: _Host | None = None
-        self._hosts = hosts = [
-            host
-            for first, second in product(_carriers(movable, feature.one), _carriers(static, feature.two))
-            if (host := self._hosted(first, second, scaled, rho, transform)) is not None
-        ]
-        least = np.inf
-        for host in hosts:
-            error = self._error(host, rho[None], transform[None])[0]
-            if error < least or self._host is None:
-                least, self._host = error, host
+    def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:
+        from fcdm_opt.geometry import judging
 
-    def _hosted(self, first: _Place, second: _Place, scaled: ScaledPair, rho: Array, transform: Array) -> _Host | None:
-        """Return the claim on one part pair; None where it has no normal."""
-        (i, rows), (j, others) = first, second
-        parts = self._bodies[0].parts[i], self._bodies[1].parts[j]
-        one, two = (part.vertices - seed for part, seed in zip(parts, self._seeds, strict=True))
-        direction: Direction | None = None
-        if self.feature.two.kind == "F":
-            direction = Direction((), face_corners(parts[1], parts[1].loops.index(others)), -1)
-        elif self.feature.one.kind == "F":
-            direction = Direction(face_corners(parts[0], parts[0].loops.index(rows)), (), 1)
-        elif self.feature.kind == "E1E2":
-            n = _normals(Direction(rows, others, 1), one, two, transform[None])[0]
-            if not np.isnan(n).any():
-                heights = (one - one[rows[0]]) @ transform[:3, :3].T @ n
-                direction = Direction(rows, others, 1 if heights.max() <= -heights.min() else -1)
-        if direction is None:
-            direction = scaled.best_direction(rho, transform, (i, j))
-        if direction is None:
-            return None
-        return _Host(one, two, one[list(rows)], two[list(others)], direction)
+        self.feature = feature
+        self._kernels: Any = judging
+        self._seeds = carried.seeds
+        found = (self._signed(host, scaled, rho, transform) for host in carried.of(feature))
+        hosts = [host for host in found if host is not None]
+        if len(hosts) > 1:  # the best first
+            errors = [self._errors(host, rho[None], transform[None])[0] for host in hosts]
+            best = int(np.argmin(errors))
+            hosts = [hosts[best], *hosts[:best], *hosts[best + 1 :]]
+        self._hosts = hosts
+
+    def _signed(self, host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host | None:
+        """Return the host with its contact normal at this pose; None where it has none."""
+        if host.sign != UNKNOWN:
+            return host
+        if self.feature.kind == "E1E2":
+            sign = self._kernels.edge_sign(host.one, host.two, host.across, host.along, transform)
+            if sign != UNKNOWN:
+                return host._replace(sign=sign)
+        direction = scaled.best_direction(rho, transform, host.parts)
+        return None if direction is None else host.towards(direction)
 
     def lines(self, poses: Array) -> Array:
-        """Return (a, b, c) of the contact line at each pose, (k, 3).
+        """Return (a, b, c) of the contact line at each pose, (k, 3); nan where there is none."""
+        return self._rows(self._hosts[0], poses)[:, 3:] if self._hosts else np.full((len(poses), 3), np.nan)
 
-        The separation of two claimed vertices along the normal is affine in the scales, c - a rho_1 - b rho_2:
-        three scale pairs give it.
-        """
-        if self._host is None:
-            return np.full((len(poses), 3), np.nan)
-        one, two, first, second, direction = self._host
-        n = _normals(direction, one, two, poses)
-
-        def separation(rho_1: float, rho_2: float) -> Array:
-            scales = np.tile([rho_1, rho_2], (len(poses), 1))
-            x, y = self._placed(first[:1], second[:1], scales, poses)
-            return np.einsum("ki,ki->k", n, y[:, 0] - x[:, 0])
-
-        base, wider, longer = separation(1.0, 1.0), separation(2.0, 1.0), separation(1.0, 2.0)
-        return np.column_stack([base - wider, base - longer, 3 * base - wider - longer])
-
-    def error(self, pairs: Array, poses: Array) -> Array:
+    def errors(self, pairs: Array, poses: Array) -> Array:
         """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
 
-        The largest of: distance between the two elements, distance of their common point from either, and how far
-        either part reaches across the plane through it; least over the part pairs that have such elements, as a face
-        may be spread over several. Infinite where none has.
+        The largest of: distance of a common point from either of the two elements, and how far either part reaches
+        across the plane through it; least over the part pairs that have such elements, as a face may be spread over
+        several. Infinite where none has.
         """
-        errors = [self._error(host, pairs, poses) for host in self._hosts]
-        return np.min([np.full(len(poses), np.inf), *errors], axis=0)
+        return least_errors(self.proofs(pairs, poses), len(poses))
+
+    def proofs(self, pairs: Array, poses: Array) -> list[Proof]:
+        """Return the `errors` on each part pair that has such elements: the parts' numbers, and (k,).
+
+        Where an error is small that part pair touches, and no deeper than twice the error: the common point is as near
+        to both parts, and the plane through it keeps all vertices of the two parts apart.
+        """
+        return [(host.parts, self._errors(host, pairs, poses)) for host in self._hosts]
 
     def flush(self, pairs: Array, poses: Array) -> Array:
         """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths.
@@ -127,23 +157,20 @@ class Claim:
         """
         found = np.tile([np.inf, 0.0, 0.0], (len(poses), 1))
         for host in self._hosts:
-            normals = _normals(host.direction, host.one, host.two, poses)
-            placed = self._placed(host.first, host.second, pairs, poses)
+            normals = self._rows(host, poses)[:, :3]
+            placed = self._placed(host.one[host.first], host.two[host.second], pairs, poses)
             for k, (n, x, y) in enumerate(zip(normals, *placed, strict=True)):
                 off, shared = _off_common_plane(x, y, n), extent(x, y, n)
                 found[k] = min(found[k, 0], off), *max(tuple(found[k, 1:]), shared, key=lambda pair: pair[::-1])
         return found
 
-    def _error(self, host: _Host, pairs: Array, poses: Array) -> Array:
-        one, two, first, second, direction = host
-        n = _normals(direction, one, two, poses)
-        x, y = self._placed(first, second, pairs, poses)
-        witness, distance = _witness(x, y, direction)
-        all_x, all_y = self._placed(one, two, pairs, poses)
-        level = np.einsum("ki,ki->k", n, witness)
-        beyond = np.einsum("ki,kmi->km", n, all_x).max(axis=1) - level
-        before = level - np.einsum("ki,kmi->km", n, all_y).min(axis=1)
-        return np.where(np.isnan(level), np.inf, np.max([distance, beyond, before], axis=0))
+    def _rows(self, host: _Host, poses: Array) -> Array:
+        rows: Array = self._kernels.contact_rows(*host[:-1], self._seeds, poses)
+        return rows
+
+    def _errors(self, host: _Host, pairs: Array, poses: Array) -> Array:
+        errors: Array = self._kernels.contact_errors(*host[:-1], self._seeds, pairs, poses)
+        return errors
 
     def _placed(self, one: Array, two: Array, pairs: Array, poses: Array) -> tuple[Array, Array]:
         """Scale, move and shift points of both bodies, (k, m, 3) each."""
@@ -203,81 +230,3 @@ def _outside(element: Array, points: Array, n: Array) -> Array:
     outward *= np.sign(((element - element.mean(axis=0)) * outward).sum(axis=1, keepdims=True))
     outward /= np.linalg.norm(outward, axis=1)[:, None]
     return np.asarray(((points[:, None] - element) * outward).sum(axis=2).max(axis=1))
-
-
-def _carriers(body: Body, element: Element) -> list[_Place]:
-    """Return (part, vertex rows) wherever a part of the body has the element; face rows in loop order."""
-    return [(k, own) for k, part in enumerate(body.parts) for own in part.carriers(element)]
-
-
-def _normals(direction: Direction, one: Array, two: Array, poses: Array) -> Array:
-    """Return the unit contact normals, (k, 3), body 1 to body 2; nan where two edges are parallel."""
-    R = poses[:, :3, :3]
-    first, second = one[list(direction.one)] @ np.swapaxes(R, 1, 2), two[list(direction.two)]
-    if len(direction.one) == 3:
-        u, v = first[:, 1] - first[:, 0], first[:, 2] - first[:, 0]
-    elif len(direction.two) == 3:
-        u, v = (np.tile(second[k] - second[0], (len(poses), 1)) for k in (1, 2))
-    else:
-        u, v = first[:, 1] - first[:, 0], np.tile(second[1] - second[0], (len(poses), 1))
-    n = direction.sign * np.cross(u, v)
-    length = np.linalg.norm(n, axis=1)
-    parallel = ~(length > DEFAULT.tie * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))
-    return np.where(parallel, np.nan, 1.0)[:, None] * n / np.where(parallel, 1.0, length)[:, None]
-
-
-def _witness(x: Array, y: Array, direction: Direction) -> tuple[Array, Array]:
-    """Return the common point of two elements, (k, 3), and how far it is from either, (k,)."""
-    if x.shape[1] == 1:
-        return x[:, 0], _distance_to(y, x[:, 0])
-    if y.shape[1] == 1:
-        return y[:, 0], _distance_to(x, y[:, 0])
-    if len(direction.one) == len(direction.two) == 2 and x.shape[1] == y.shape[1] == 2:
-        u, v, w = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], y[:, 0] - x[:, 0]
-        n = np.cross(u, v)
-        t = np.einsum("ki,ki->k", np.cross(w, v), n) / np.einsum("ki,ki->k", n, n)
-        point = x[:, 0] + t[:, None] * u
-        return point, np.maximum(_distance_to(x, point), _distance_to(y, point))
-    return _common_point(x, y)
-
-
-def _distance_to(element: Array, points: Array) -> Array:
-    """Bound how far points are from a vertex, a segment or a planar convex polygon in loop order, (k,).
-
-    Largest of the distances from its plane or line and from the lines of its sides: at a corner the true distance
-    may be larger, by a factor that the corner's angle bounds; zero means inside.
-    """
-    if element.shape[1] == 1:
-        return np.linalg.norm(points - element[:, 0], axis=1)
-    if element.shape[1] == 2:
-        u = element[:, 1] - element[:, 0]
-        t = np.clip(np.einsum("ki,ki->k", points - element[:, 0], u) / np.einsum("ki,ki->k", u, u), 0.0, 1.0)
-        return np.linalg.norm(points - element[:, 0] - t[:, None] * u, axis=1)
-    sides = np.roll(element, -1, axis=1) - element
-    normal = np.cross(element - element[:, :1], sides).sum(axis=1)
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    outward = np.cross(sides, normal[:, None])
-    outward /= np.linalg.norm(outward, axis=2)[:, :, None]
-    outside = np.einsum("kmi,kmi->km", points[:, None] - element, outward).max(axis=1)
-    height = np.abs(np.einsum("ki,ki->k", points - element.mean(axis=1), normal))
-    return np.maximum(np.maximum(outside, 0.0), height)
-
-
-def _common_point(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return a point nearest to the convex hulls of x and of y, for flush contacts: non-negative least squares."""
-    from scipy.optimize import nnls
-
-    points, distances = np.full((len(x), 3), np.nan), np.full(len(x), np.nan)
-    for k, (first, second) in enumerate(zip(x, y, strict=True)):
-        centre = first.mean(axis=0)
-        unit = np.abs(np.vstack([first, second]) - centre).max()
-        if not (np.isfinite(unit) and unit > 0):
-            continue
-        count, others = len(first), len(second)
-        left = np.vstack([np.ones(count), np.zeros(count), (first - centre).T / unit])
-        right = np.vstack([np.zeros(others), np.ones(others), (centre - second).T / unit])
-        weights, _ = nnls(np.hstack([left, right]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
-        p = weights[:count] @ first / weights[:count].sum()
-        points[k] = p
-        distances[k] = np.linalg.norm(p - weights[count:] @ second / weights[count:].sum())
-    return points, distances

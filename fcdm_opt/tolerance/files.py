@@ -21,11 +21,13 @@ from pydantic import Discriminator, Field, Tag, ValidationError
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Step
+from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.keep_out import KeepOut, keep_outs
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.schema import (
     REFUSED,
     STEPS,
+    AmountEntry,
     Bodies,
     BodyEntry,
     Bound,
@@ -75,13 +77,24 @@ class Defaults(Entry):
     )
     clearance: Number = Field(default=0.0, description='least gap, length units, for goal or pair "clear"')
     path: str = Field(default="coherent", description='"coherent" or "free"')
-    amount: str = Field(default="weighted", description='"weighted"')
+    amount: str | AmountEntry = Field(
+        default="weighted",
+        description='"weighted", "displacement", or { casadi = ... }, an expression as Problem.to_dict writes it',
+    )
     length: Number | None = Field(default=None, description="length > 0 that turns radians into lengths")
     weights: dict[str, Number] = Field(
         default={}, description="{ TZ = 1.0, RZ_per_rad = 0.5 }: amount per length unit, per radian (or _per_deg)"
     )
     limits: dict[str, tuple[Bound, Bound]] = Field(
         default={}, description='{ TZ = [-1, 1], RZ_deg = [-10, "inf"] }: lower and upper, angles as _deg or _rad'
+    )
+    resolution: Number | dict[str, Number] | None = Field(
+        default=None,
+        description="{ TZ = 0.01, RZ_deg = 0.1 }: machine steps, angles as _deg or _rad; for lengths alone a number",
+    )
+    features: tuple[str, str] | None = Field(
+        default=None,
+        description="labels of the two features to track at a switching point where more than two lines meet",
     )
     snap: Number = Field(
         default=DEFAULT.snap, description="relative distance within which a nominal pair may be closed to the curve"
@@ -92,7 +105,8 @@ class Defaults(Entry):
     motion: list[StepEntry] = Field(
         default=[],
         min_length=1,
-        description="steps in order: { translation = .. }, { rotation = .., centre = .. }, { screw = .., pitch.. }",
+        description="steps in order: { translation = .. }, { rotation = .., centre = .. }, { screw = .., pitch.. }, "
+        "{ free = true }",
     )
     published: list[PublishedEntry] | None = Field(
         default=None,
@@ -119,6 +133,11 @@ class Case(Defaults):
             given["limits"] = _by_name("limits", ends, motion, ("_deg", "_rad"), _radians)
         if given.get("weights"):
             given["weights"] = _by_name("weights", given["weights"], motion, ("_per_deg", "_per_rad"), math.degrees)
+        if isinstance(given.get("amount"), AmountEntry):
+            names = [parameter.name for parameter in motion.parameters]
+            given["amount"] = OwnAmount.from_text(given["amount"].casadi, names)
+        if given.get("resolution") is not None:
+            given["resolution"] = _steps(given["resolution"], motion)
         if given.get("published") is not None:
             given["published"] = _published_values(given["published"], steps)
         given["keep_out"] = _chosen(given.get("keep_out"), scene.keep_out)
@@ -143,6 +162,17 @@ def _placed(key: str, makers: Sequence[Any]) -> list[Any]:
         except InputError as reason:
             raise reason.within(key=f"{key}[{k}]") from reason
     return made
+
+
+def _steps(given: float | dict[str, float], motion: Motion) -> float | dict[str, float]:
+    """Return steps by parameter name; one number stands for lengths only, as angles carry their unit."""
+    if isinstance(given, dict):
+        return _by_name("resolution", given, motion, ("_deg", "_rad"), math.radians)
+    turning = [name for name, kind in motion.parameters if kind == "rotation"]
+    if turning:
+        allowed = f"a table with a step for each parameter that is rounded: {{ {turning[0]}_deg = 0.1 }}"
+        raise InputError("the unit of the angles is missing", key="resolution", found=given, allowed=allowed)
+    return given
 
 
 def _radians(interval: tuple[float, ...]) -> tuple[float, ...]:
@@ -362,7 +392,11 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
     keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] is not None and asked[key] != {}]
     case = {key: plain(asked[key]) for key in keys}
     case["motion"] = [STEPS[type(step)].plain(step) for step in problem.motion.steps]
-    for key, suffix in (("limits", "_rad"), ("weights", "_per_rad")):
+    if isinstance(asked["amount"], OwnAmount):
+        case["amount"] = {"casadi": asked["amount"].text}
+    if asked["features"] is not None:
+        case["features"] = list(asked["features"])
+    for key, suffix in (("limits", "_rad"), ("weights", "_per_rad"), ("resolution", "_rad")):
         if key in case:
             case[key] = {n + suffix * (kinds[n] == "rotation"): plain(value) for n, value in asked[key].items()}
     if asked["published"] is not None:
@@ -375,11 +409,13 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
     return {"bodies": bodies, **({"keep_out": others} if others else {}), "case": [case]}
 
 
-def _published_entries(problem: Problem) -> list[dict[str, float]]:
+def _published_entries(problem: Problem) -> list[dict[str, Any]]:
     entries, values = [], iter(problem.request["published"])
     for step in problem.motion.steps:
-        keys = ["translation" if kind == "translation" else "angle_rad" for _, kind in step.own_parameters]
-        entries.append({key: next(values) for key in keys})
+        entry: dict[str, Any] = {}
+        for _, kind in step.own_parameters:
+            entry.setdefault("translation" if kind == "translation" else "angle_rad", []).append(next(values))
+        entries.append({key: own if len(own) > 1 else own[0] for key, own in entry.items()})
     return entries
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance import rays
-from fcdm_opt.tolerance.bounds import displacement_bound, displacement_rate
+from fcdm_opt.tolerance.bounds import displacement_bound, search_rate
 from fcdm_opt.tolerance.relaxation import Found, choices
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.task import Answer, Parts, Task
@@ -38,7 +38,7 @@ def straight(task: Task) -> Answer | None:
     at its ends; one that slides by flush touches all along and never overlaps. Where a clearance forbids the motion
     that undoes all overlaps, the task is left to stage 4: the distance of corners is not linear.
     """
-    if task.tracked or [kind for _, kind in task.motion.parameters] != ["translation"]:
+    if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
     along = (task.transform(np.ones(1)) - task.transform(task.rest))[:3, 3]
     slack = DEFAULT.line * task.size
@@ -197,7 +197,7 @@ def _on_a_ray(task: Task, best: Found | None) -> Found | None:
     Along the axes always, as a start may have passed the contact by; along the others where nothing is known, or the
     best known motion is as large as the bodies.
     """
-    large = best is None or best.amount * displacement_rate(task) > LARGE * task.size
+    large = best is None or best.amount * search_rate(task) > LARGE * task.size
     for direction in rays.directions(task, rays.FINE) if large else rays.directions(task, ()):
         limit = min(rays.reach(task, direction), best.amount if best else np.inf)
         contact = rays.first_contact(task, direction, limit)
@@ -211,7 +211,7 @@ def _scanned(task: Task, start: Array | float = 0.0) -> Found | None:
     best = None
     for direction in rays.directions(task):
         end = min(rays.reach(task, direction), best.amount if best else np.inf)
-        step, before = min(end / SCAN_POINTS, LARGE * task.size / displacement_rate(task)), 0.0
+        step, before = min(end / SCAN_POINTS, LARGE * task.size / search_rate(task)), 0.0
         for amount in np.arange(1, SCAN_POINTS + 1) * step:
             if amount >= end:
                 break

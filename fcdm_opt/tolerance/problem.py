@@ -9,23 +9,26 @@ import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import cached_property
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Screw
-from fcdm_opt.tolerance import arguments
+from fcdm_opt.tolerance import amounts, arguments
 from fcdm_opt.tolerance.keep_out import keep_outs
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.curve.features import Feature
     from fcdm_opt.curve.flush import Flush
+    from fcdm_opt.curve.region import Piece
     from fcdm_opt.curve.segments import Segment, SwitchingPoint
+    from fcdm_opt.curve.tight import TightLine
 
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = ("beyond", "at", "seat", "touch", "clear")
@@ -52,8 +55,8 @@ class Problem:
     """The question: which smallest motion brings the parts actually made into the intended contact.
 
     The arguments are what the user asks; the attributes of the same name hold what that means (`goal`, `target`,
-    `tolerance`, `length`, `weights` and `limits` are resolved). `request` keeps the question itself; `changed` asks a
-    similar one.
+    `tolerance`, `length`, `weights`, `limits`, `amount`, `features` and `resolution` are resolved). `request` keeps
+    the question itself; `changed` asks a similar one.
 
     Parameters
     ----------
@@ -82,8 +85,11 @@ class Problem:
         Least gap of the target pair, length units, for goal "clear" or pair "clear".
     path : "coherent" or "free"
         Whether the tracked features must stay the real contact along the motion.
-    amount : "weighted"
-        What is minimised: sqrt(sum (w_k q_k)^2).
+    amount : "weighted", "displacement", casadi.SX or casadi.Function
+        What is minimised: sqrt(sum (w_k q_k)^2); the largest displacement of a vertex of body 1 at its target scale;
+        or a number >= 0 of one's own: an expression of scalar symbols named like the motion's parameters, or a function
+        of their vector. It should be smooth; a norm, which is not at rest, is minimised by its square. Attribute: the
+        word, or an `OwnAmount`, which is called with q.
     length : float, optional
         Length that turns radians into lengths; default half the diagonal of the movable body's box as drawn.
     weights : mapping of parameter name to positive number, optional
@@ -93,8 +99,13 @@ class Problem:
     keep_out : sequence of KeepOut or Body
         Further static bodies that the movable body, moved and at its target scale, must keep clear of; a plain body
         at scale 1 and without clearance. Attribute: tuple of KeepOut, each with a name of its own.
-    resolution
-        Not available in this version: anything but the default is refused.
+    resolution : number or mapping of parameter name to number > 0, optional
+        The machine's steps, length units or radians; a plain number is the step of every parameter. The motion found
+        is rounded to whole steps such that it still meets the requirement, see `fcdm_opt.tolerance.resolution`.
+        Attribute: (k,) array, 0 where a parameter is not rounded, or None.
+    features : (label, label), optional
+        The two features to track at a switching point where more than two lines meet; default those of the segments
+        that meet there. Attribute: two `Feature`, or None.
     snap : float
         For goals that need a nominal contact: a nominal pair off the curve, whose gap is at most `snap` times the size
         of the bodies, is closed to the nearest point of the curve in the (rho_1, rho_2) plane, or to a switching point
@@ -130,12 +141,13 @@ class Problem:
     pair: str = "any"
     clearance: float = 0.0
     path: str = "coherent"
-    amount: str = "weighted"
+    amount: Any = "weighted"
     length: Any = None
     weights: Any = None
     limits: Any = None
     keep_out: Any = ()
     resolution: Any = None
+    features: Any = None
     snap: float = DEFAULT.snap
     name: str = ""
     published: tuple[float, ...] | None = None
@@ -163,6 +175,9 @@ class Problem:
                 key: arguments.interval(value, f"limits.{key}")
                 for key, value in arguments.by_parameter(self.limits, "limits", names).items()
             },
+            amount=amounts.amount(self.amount, names),
+            resolution=arguments.steps(self.resolution, "resolution", names),
+            features=arguments.labels(self.features, "features"),
             snap=arguments.real(self.snap, "snap", "a finite number >= 0", lambda x: x >= 0),
             published=arguments.published(self.published, names),
         )
@@ -201,10 +216,6 @@ class Problem:
             ("path", PATHS, ()),
         ):
             arguments.choice(getattr(self, key), key, choices, later)
-        if not (isinstance(self.amount, str) and self.amount == "weighted"):
-            raise InputError("not available in this version", key="amount", found=self.amount, allowed='"weighted"')
-        if self.resolution is not None:
-            raise InputError("not available in this version", key="resolution", found=self.resolution, allowed="None")
         for key in ("name", "published_text"):
             if not isinstance(getattr(self, key), str):
                 raise InputError("not a text", key=key, found=getattr(self, key), allowed="a string")
@@ -263,9 +274,12 @@ class Problem:
         for key, interval in limits.items():
             bounds[names.index(key)] = interval
         self._set(tolerance=tolerance, length=length, weights=frozen(made), limits=frozen(bounds))
+        if self.resolution is not None:
+            self._set(resolution=frozen([self.resolution.get(name, 0.0) for name in names]))
         self._set(goal=self._chosen_goal())
         self._set(target=self._made_pair())
         self._check_goal()
+        self._set(features=self._named_features())
 
     def _made_pair(self) -> Array:
         if self.requirement is None:
@@ -334,10 +348,95 @@ class Problem:
                 allowed='a nominal contact F-F, F-E or E-E parallel; "at" or "touch" at this one',
             )
 
+    def _named_features(self) -> tuple[Feature, Feature] | None:
+        """Return the features that were named, which must touch at the nominal switching point."""
+        if self.features is None:
+            return None
+        lines = {line.feature: line for line in self._tight_lines}
+        if not lines:
+            found = f'goal "{self.goal}"' if self.goal not in TRACKING else "a nominal pair off the switching points"
+            allowed = 'a switching point and goal "beyond", "at" or "seat"'
+            raise InputError("there are no two features to choose from", key="features", found=found, allowed=allowed)
+        chosen = []
+        for k, label in enumerate(self.features, 1):
+            try:
+                feature = Feature.from_label(label)
+            except InputError as reason:
+                raise reason.within(key=f"features[{k}]") from reason
+            if feature not in lines:
+                listed = "; ".join(str(name) for name in lines)
+                raise InputError(
+                    "no such feature touches at the nominal point", key=f"features[{k}]", found=label, allowed=listed
+                )
+            chosen.append(lines[feature])
+        if _parallel(chosen[0].line, chosen[1].line):
+            others = "; ".join(str(name) for name in lines)
+            raise InputError(
+                "the lines of these two features are parallel: they fix no point",
+                key="features",
+                found=" and ".join(self.features),
+                allowed=f"two of different direction: {others}",
+            )
+        return chosen[0].feature, chosen[1].feature
+
+    @cached_property
+    def _tight_lines(self) -> tuple[TightLine, ...]:
+        """The lines that meet at the nominal switching point; none elsewhere, and where the goal tracks nothing."""
+        from fcdm_opt.curve.segments import SwitchingPoint
+        from fcdm_opt.curve.tight import tight_lines
+
+        contact = self.nominal_contact
+        return tight_lines(contact) if self.goal in TRACKING and isinstance(contact, SwitchingPoint) else ()
+
+    @property
+    def feature_pairs(self) -> tuple[tuple[str, str], ...]:
+        """Two features each, by label, that the nominal point may keep, where three or more lines meet in it.
+
+        Which two of them stay consecutive on the curve depends on the motion: those of its segments, neighbours on a
+        part pair's Minkowski difference, or two part pairs'. Empty where two were named, or there is no choice.
+        """
+        from fcdm_opt.curve.tight import edge_and_corner
+
+        lines = self._tight_lines
+        if self.features is not None or len(lines) < 3:
+            return ()
+        found = []
+        for k, (one, two) in enumerate(combinations(lines, 2)):
+            (i, j), others = one.parts, two.parts
+            beside = edge_and_corner(one.site, two.site, self.movable.parts[i], self.static.parts[j])
+            if (k == 0 or (i, j) != others or beside is not None) and not _parallel(one.line, two.line):
+                found.append((one.feature.label, two.feature.label))
+        return tuple(found)
+
+    @property
+    def tracked_lines(self) -> tuple[TightLine | Piece, ...]:
+        """What is tracked of the nominal contact: two lines at a switching point, one inside a segment."""
+        from fcdm_opt.curve.segments import Segment
+
+        contact = self.nominal_contact
+        if self.goal not in TRACKING or contact is None:
+            return ()
+        if isinstance(contact, Segment):
+            return (contact.piece_at(self.nominal_pair),)
+        if self.features is None:
+            return contact.pieces
+        named = {line.feature: line for line in self._tight_lines}
+        return tuple(named[feature] for feature in self.features)
+
     @property
     def size(self) -> float:
         """Length that relative tolerances refer to: the larger box diagonal of the bodies as drawn."""
         return max(self.movable.size, self.static.size)
+
+    def play(self, q: Array) -> float:
+        """Return how far a vertex of body 1 as made may move when every parameter changes by its step; 0 without.
+
+        A goal that is an equation can be met in whole steps to within this length.
+        """
+        if self.resolution is None:
+            return 0.0
+        points = self.movable.seed + self.target[0] * (self.movable.vertices - self.movable.seed)
+        return self.motion.play(q, self.resolution, points, self.movable.seed, self.static.seed)
 
     @property
     def contact_slack(self) -> float:
@@ -423,6 +522,8 @@ class Problem:
         contact = self.nominal_contact
         if contact is None:
             return ()
+        if self.features is not None:
+            return tuple(self.features)
         return (contact.feature,) if isinstance(contact, Segment) else contact.features
 
     @property
@@ -479,3 +580,9 @@ class Problem:
         from fcdm_opt.tolerance.files import problem_from_dict
 
         return problem_from_dict(data)
+
+
+def _parallel(one: Array, two: Array) -> bool:
+    """Tell whether two contact lines fix no point."""
+    (a, b, _), (d, e, _) = one, two
+    return bool(abs(a * e - b * d) <= DEFAULT.determinant * math.hypot(a, b) * math.hypot(d, e))

@@ -1,4 +1,4 @@
-"""The nonlinear program: smallest weighted motion under rows that are instances of the contact equations.
+"""The nonlinear program: smallest motion under rows that are instances of the contact equations.
 
 A program's layout (which templates, in which order) is compiled once and cached; its numbers are parameters.
 Variables: z = q / steps (`Task.steps`), so that everything is of order one whatever the weights, and for each
@@ -19,6 +19,7 @@ import numpy as np
 from fcdm_opt.curve.flush import Overlap
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion import Motion
+from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.equations import FeaturePoints, Scene, intersection
 from fcdm_opt.tolerance.seat import independent, tilts
 from fcdm_opt.tolerance.task import Task
@@ -227,8 +228,10 @@ def _compiled(
     templates: tuple[tuple[Any, ...], ...],
     sizes: tuple[int, ...],
     method: str,
+    amount: str | OwnAmount = "weighted",
+    vertices: int = 0,
 ) -> Any:
-    """Build the NLP solver of a layout."""
+    """Build the NLP solver of a layout; `vertices` is the number of those whose displacement counts."""
     import casadi
 
     k = len(motion.parameters)
@@ -241,8 +244,18 @@ def _compiled(
     values = [casadi.SX.sym(f"row_{m}", size) for m, size in enumerate(sizes)]
     symbols = _Symbols(motion, step * z, seeds, unit, nominal, target, tracked, planes, frames)
     rows = [_template(symbols, template, value) for template, value in zip(templates, values, strict=True)]
+    points, largest = casadi.SX.sym("points", 3, vertices), casadi.SX.sym("largest", min(vertices, 1))
+    objective = casadi.sumsqr(weight * z)
+    if isinstance(amount, OwnAmount):
+        objective = amount.function(symbols.q)
+        objective = objective if amount.is_smooth_at_rest else objective**2
+    elif amount == "displacement":
+        # the largest of several is not smooth: a variable that no square of a displacement exceeds
+        ways = [symbols.end.moved(points[:, m]) - points[:, m] for m in range(vertices)]
+        rows += [casadi.sumsqr(way / unit) - largest for way in ways]
+        objective = largest
     nlp = {
-        "x": casadi.vertcat(z, casadi.vec(planes)),
+        "x": casadi.vertcat(z, casadi.vec(planes), largest),
         "p": casadi.vertcat(
             step,
             weight,
@@ -253,8 +266,9 @@ def _compiled(
             *(value for _, value in tracked),
             *(casadi.vec(frame) for frame in frames),
             *values,
+            casadi.vec(points),
         ),
-        "f": casadi.sumsqr(weight * z),
+        "f": objective,
         "g": casadi.vertcat(*rows),
     }
     return casadi.nlpsol("smallest_motion", method, nlp, _OPTIONS[method])
@@ -309,6 +323,7 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
         CasADi plugin.
     """
     start_of_build = perf_counter()
+    points = task.made_vertices if task.amount_kind == "displacement" else np.empty((0, 3))
     solver = _compiled(
         task.motion,
         tuple(feature.kind for feature in task.tracked),
@@ -316,6 +331,8 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
         tuple(row.template for row in rows),
         tuple(len(row.values) for row in rows),
         method,
+        task.amount_kind,
+        len(points),
     )
     task.seconds["build"] = task.seconds.get("build", 0.0) + perf_counter() - start_of_build
     step, weight = task.steps, task.steps * task.weights
@@ -332,25 +349,27 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
             *(feature.values for feature in task.tracked),
             *(frame.ravel(order="F") for frame in frames),
             *(row.values for row in rows),
+            points.ravel(),
         ]
     )
-    free = np.full(3 * len(planes), INF)
+    free = np.full(3 * len(planes) + min(len(points), 1), INF)
+    largest = np.array([(task.amount(start) / task.unit) ** 2] if len(points) else [])
     result = solver(
-        x0=np.concatenate([start / step, np.column_stack([np.zeros((len(planes), 2)), planes[:, 3]]).ravel()]),
+        x0=np.concatenate([start / step, np.column_stack([np.zeros((len(planes), 2)), planes[:, 3]]).ravel(), largest]),
         p=parameters,
         lbx=np.concatenate([task.limits[:, 0] / step, -free]),
         ubx=np.concatenate([task.limits[:, 1] / step, free]),
-        lbg=[row.lower for row in rows],
-        ubg=[row.upper for row in rows],
+        lbg=[*(row.lower for row in rows), *(-INF for _ in points)],
+        ubg=[*(row.upper for row in rows), *(0.0 for _ in points)],
     )
-    x, g = result["x"].full().ravel(), result["g"].full().ravel()
+    x, g = result["x"].full().ravel(), result["g"].full().ravel()[: len(rows)]
     k = len(step)
     q = np.clip(x[:k] * step, task.limits[:, 0], task.limits[:, 1])
     lower, upper = np.array([row.lower for row in rows]), np.array([row.upper for row in rows])
     excess = np.maximum(lower - g, g - upper)
     feasible = bool(np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= DEFAULT.cut)
     active = tuple(int(m) for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper)))
-    tilts = x[k:].reshape(-1, 3)
+    tilts = x[k : k + 3 * len(planes)].reshape(-1, 3)
     normals = [frame @ [1.0, *tilt[:2]] for frame, tilt in zip(frames, tilts, strict=True)]
     return Outcome(q, np.array(normals).reshape(-1, 3), feasible, active)
 

@@ -16,7 +16,9 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.tolerance.bounds import displacement_rate
+from fcdm_opt.tolerance import compiled
+from fcdm_opt.tolerance.bounds import search_rate
+from fcdm_opt.tolerance.tape import Tape, tape
 from fcdm_opt.tolerance.task import Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
@@ -78,7 +80,7 @@ def reach(task: Task, direction: Array) -> float:
             ends.append((high if slope > 0 else low) / slope)
             if kind == "translation":
                 ends.append(away / abs(slope))
-            elif step.closed or len(direction) > 1:
+            elif step.closed or not step.bounded or len(direction) > 1:
                 ends.append(TURNS / abs(slope))
             else:  # a screw: what it shifts in a radian
                 ends.append(away / step.own_weights(0.0)[0] / abs(slope))
@@ -103,9 +105,12 @@ def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0
     -----
     A contact that a keep-out forbids is passed by: the way is then searched on from there.
     """
+    program = None if task.keep_out else tape(task.motion)
+    if program is not None:
+        return _marched(task, program, direction, limit, start)
     from scipy.optimize import brentq
 
-    rate, slack = displacement_rate(task), DEFAULT.line * task.size
+    rate, slack = search_rate(task), DEFAULT.line * task.size
 
     def miss(amount: float) -> float:
         return task.misses(amount * direction)[0]
@@ -113,7 +118,7 @@ def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0
     here, (value, clear) = start, task.misses(start * direction)
     side = math.copysign(1.0, value)
     floor = DEFAULT.march * task.size / rate
-    proved, sure = 0.0, len(direction) == 1
+    proved, sure = 0.0, len(direction) == 1 and task.bounded
     for _ in range(STEPS):
         if here >= limit:
             return Contact(math.inf, limit if sure else proved)
@@ -134,6 +139,26 @@ def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0
             side = -side
         here, value, clear = ahead, there, cleared
     return Contact(math.inf, proved)
+
+
+def _marched(task: Task, program: Tape, direction: Array, limit: float, start: float) -> Contact:
+    """Return the first contact where no keep-out can forbid it: the same steps, compiled."""
+    rate = search_rate(task)
+    amount, clear = compiled.march(
+        program.scaled(np.ones(len(direction)), task.movable.seed, task.static.seed),
+        task.movable.packed,
+        task.static.packed,
+        np.array([task.nominal, task.target, (task.need, 0.0)]),
+        direction,
+        rate,
+        limit,
+        start,
+        DEFAULT.march * task.size / rate,
+        STEPS,
+        DEFAULT.line,
+    )
+    sure = len(direction) == 1 and task.bounded
+    return Contact(amount, clear if sure else 0.0)
 
 
 def _reach(part: ConvexPart, point: Array, scale: float = 1.0) -> float:

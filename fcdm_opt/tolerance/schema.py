@@ -30,7 +30,8 @@ from pydantic_core import PydanticCustomError
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Rotation, Screw, Step, Translation
+from fcdm_opt.motion import Free, Rotation, Screw, Step, Translation
+from fcdm_opt.own_motion import OwnMotion
 from fcdm_opt.tolerance.keep_out import KeepOut
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -363,67 +364,126 @@ class ScrewEntry(Entry):
         return {"screw": line, **pitch}
 
 
-STEPS: dict[type[Step], Any] = {Translation: TranslationEntry, Rotation: RotationEntry, Screw: ScrewEntry}
+class FreeEntry(Entry):
+    """Any motion: a translation, and a rotation about the seed by a rotation vector."""
+
+    free: Literal[True] = Field(description="true: all six parameters, TX TY TZ and RX RY RZ about the movable seed")
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return Free()
+
+    @staticmethod
+    def plain(step: Free) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"free": True}
+
+
+class OwnMotionEntry(Entry):
+    """A motion of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
+
+    casadi: str = Field(description="the text of an fcdm_opt.OwnMotion")
+    parameters: list[tuple[str, Literal["translation", "rotation"]]] = Field(
+        description='[["TZ", "translation"], ...]: name and kind of each parameter'
+    )
+    name: str = Field(default="own motion", description="name in words and messages (text)")
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return OwnMotion.from_text(self.casadi, self.parameters, self.name)
+
+    @staticmethod
+    def plain(step: OwnMotion) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"casadi": step.text, "parameters": [list(own) for own in step.own_parameters], "name": step.name}
+
+
+STEPS: dict[type[Step], Any] = {
+    Translation: TranslationEntry,
+    Rotation: RotationEntry,
+    Screw: ScrewEntry,
+    Free: FreeEntry,
+    OwnMotion: OwnMotionEntry,
+}
 
 
 def _step_kind(entry: Any) -> str | None:
     """Tell by its first key which step an entry is; tags differ from keys so that paths can drop them."""
-    kinds = ("translation", "rotation", "screw")
+    kinds = ("translation", "rotation", "screw", "free", "casadi")
     return next((f"<{kind}>" for kind in kinds if isinstance(entry, Mapping) and kind in entry), None)
 
 
 StepEntry = Annotated[
     Annotated[TranslationEntry, Tag("<translation>")]
     | Annotated[RotationEntry, Tag("<rotation>")]
-    | Annotated[ScrewEntry, Tag("<screw>")],
+    | Annotated[ScrewEntry, Tag("<screw>")]
+    | Annotated[FreeEntry, Tag("<free>")]
+    | Annotated[OwnMotionEntry, Tag("<casadi>")],
     Discriminator(_step_kind, custom_error_type="step", custom_error_message="not a step of a motion"),
 ]
+
+
+class AmountEntry(Entry):
+    """A motion amount of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
+
+    casadi: str = Field(description="the text of an OwnAmount")
 
 
 class PublishedEntry(Entry):
     """Reference values for one step of the motion."""
 
-    translation: Number | None = Field(default=None, description="a length")
-    angle_deg: Number | None = Field(default=None, description="an angle in degrees")
-    angle_rad: Number | None = Field(default=None, description="an angle in radians")
+    translation: Number | list[Number] | None = Field(
+        default=None, description="a length, or a list where it has several"
+    )
+    angle_deg: Number | list[Number] | None = Field(default=None, description="an angle in degrees, or a list")
+    angle_rad: Number | list[Number] | None = Field(default=None, description="an angle in radians, or a list")
 
     def values(self, step: Step) -> list[float]:
         """Return the values of the step's own parameters; raises `InputError` where the keys do not fit them."""
         kinds = [parameter.kind for parameter in step.own_parameters]
-        angles = [key for key in ("angle_deg", "angle_rad") if getattr(self, key) is not None]
-        given = [*(["translation"] if self.translation is not None else []), *angles]
-        allowed = " and ".join("translation" if kind == "translation" else "angle_deg or angle_rad" for kind in kinds)
-        fixed_pitch = isinstance(step, Screw) and kinds == ["rotation"]
-        if len(angles) != kinds.count("rotation") or (
-            ("translation" in given) != ("translation" in kinds) and not fixed_pitch
+        keys = [key for key in ("angle_deg", "angle_rad") if getattr(self, key) is not None]
+        given = [*(["translation"] if self.translation is not None else []), *keys]
+        counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
+        words = {"translation": "translation", "rotation": "angle_deg or angle_rad"}
+        allowed = " and ".join(f"{words[kind]}{f' = [{n} numbers]' if n > 1 else ''}" for kind, n in counts.items())
+        shifts, degrees = _listed(self.translation), _listed(self.angle_deg)
+        angles = [*map(math.radians, degrees), *_listed(self.angle_rad)]
+        fixed_pitch = isinstance(step, Screw) and kinds == ["rotation"] and len(shifts) <= 1
+        if (
+            len(keys) > 1
+            or len(angles) != kinds.count("rotation")
+            or (len(shifts) != kinds.count("translation") and not fixed_pitch)
         ):
             raise InputError(
                 f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})",
                 found=", ".join(given) or "none",
                 allowed=allowed,
             )
-        angle = math.radians(self.angle_deg) if self.angle_deg is not None else self.angle_rad
-        if isinstance(step, Screw) and fixed_pitch and angle is not None and self.translation is not None:
-            self._check_pitch(step, angle)
-        values = {"translation": self.translation, "rotation": angle}
-        return [value for kind in kinds if (value := values[kind]) is not None]
-
-    def _check_pitch(self, step: Screw, angle: float) -> None:
-        """Refuse a translation that differs from pitch times angle by more than the digits given leave open."""
-        per_unit = float(step.pitch)
-        unit = 1.0 if self.angle_deg is None else math.radians(1.0)
-        shown = self.angle_rad if self.angle_deg is None else self.angle_deg
-        slack = _half_digit(self.translation) + abs(per_unit) * unit * _half_digit(shown)
-        expected = per_unit * angle
-        if abs(float(self.translation or 0.0) - expected) > slack:
-            raise InputError(
-                "translation and angle do not agree with the screw's pitch",
-                key="translation",
-                found=self.translation,
-                allowed=f"{expected:.9g}, to the digits given",
-            )
+        if isinstance(step, Screw) and fixed_pitch and shifts:
+            _check_pitch(step, shifts[0], angles[0], degrees[0] if degrees else None)
+        values = {"translation": iter(shifts), "rotation": iter(angles)}
+        return [next(values[kind]) for kind in kinds]
 
 
-def _half_digit(x: float | None) -> float:
+def _listed(value: float | list[float] | None) -> list[float]:
+    return [] if value is None else value if isinstance(value, list) else [value]
+
+
+def _check_pitch(step: Screw, translation: float, angle: float, degrees: float | None) -> None:
+    """Refuse a translation that differs from pitch times angle by more than the digits given leave open."""
+    per_unit = float(step.pitch)
+    unit, shown = (1.0, angle) if degrees is None else (math.radians(1.0), degrees)
+    slack = _half_digit(translation) + abs(per_unit) * unit * _half_digit(shown)
+    expected = per_unit * angle
+    if abs(translation - expected) > slack:
+        raise InputError(
+            "translation and angle do not agree with the screw's pitch",
+            key="translation",
+            found=translation,
+            allowed=f"{expected:.9g}, to the digits given",
+        )
+
+
+def _half_digit(x: float) -> float:
     """Return half a unit in the last decimal digit that a number is written with."""
     return 0.5 * 10.0 ** int(Decimal(repr(x)).as_tuple().exponent)

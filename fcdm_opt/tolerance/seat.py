@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
+from fcdm_opt.curve.tight import TightLine
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
@@ -18,7 +19,14 @@ Bools = NDArray[np.bool_]
 
 
 def spins(motion: Motion, movable: Body, static: Body) -> Array:
-    """Return the direction of the axis about which each parameter turns body 1 at rest, unit or zero, (k, 3)."""
+    """Return the axis about which each parameter turns body 1 at rest, (k, 3): its length is the rate, 1 or 0.
+
+    A motion of the user's own may have any rate.
+    """
+    if not all(step.bounded for step in motion.steps):  # of the user's own: a radian of it may be anything
+        zero = np.zeros(len(motion.parameters))
+        rates = motion.kinematics(movable.seed, static.seed).rates(zero)[1]
+        return np.array([[W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]] for W in rates]) / 2.0
     made = np.zeros((len(motion.parameters), 3))
     for k, step in enumerate(np.eye(len(made))):  # by a radian: R - R' = 2 sin(1) [u]x
         R = motion.transform(step, movable.seed, static.seed)[:3, :3]
@@ -76,7 +84,7 @@ def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) ->
     return still
 
 
-def seat_of(piece: Piece, seats: Sequence[Flush]) -> Flush | None:
+def seat_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
     """Return the flush contact that a piece of the curve is, if any; of parallel edges one of their planes.
 
     The facet that the piece names may be that of two edges, whose common normal a motion leaves undefined.

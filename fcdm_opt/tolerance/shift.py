@@ -77,6 +77,8 @@ def _must_tilt(task: Task) -> bool:
 def _linear(task: Task, normals: Array, moving: Bools) -> bool:
     """Tell whether every line's gap is linear in the parameters that may move."""
     steps = [step for step in task.motion.steps for _ in step.own_parameters]
+    if any(not step.bounded and some for step, some in zip(steps, moving, strict=True)):
+        return False  # of the user's own: anything
     turning = moving & task.spins.any(axis=1)
     along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
     if turning.any() and not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.besides))):

@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.problem import Problem
+
+if TYPE_CHECKING:
+    from fcdm_opt.tolerance.sensitivity import Sensitivity
 
 
 class Status(Enum):
@@ -29,6 +34,10 @@ class Status(Enum):
     LEFT_COHERENT_RANGE = (
         "Motions that reach the requirement were found only beyond the coherent range: choose another motion, a "
         "smaller tolerance, or path = 'free'."
+    )
+    NOT_IN_STEPS = (
+        "A motion was found, but none near it in whole steps of the resolution meets the requirement: choose finer "
+        "steps, or a goal that leaves room, 'beyond' or 'clear'."
     )
     NOT_VERIFIED = "A motion was found but the judge rejected it: see the certificate's failed checks; do not use it."
 
@@ -104,8 +113,8 @@ class Solution:
         How many features, part pairs, keep-outs and path points were constraints, of how many.
     stage : str
         Which stage of the solver settled it, and why.
-    sensitivity : dict or None
-        Derivatives of the amount; None until asked for.
+    evidence : Evidence or None
+        What `certify` proved, to be checked apart.
     certificate : Certificate or None
     seconds : dict
         Wall time of "build", "solve", "verify".
@@ -125,7 +134,7 @@ class Solution:
     active: tuple[str, ...] = ()
     modelled: Mapping[str, int] = field(default_factory=dict)
     stage: str = ""
-    sensitivity: Mapping[str, Any] | None = None
+    evidence: Evidence | None = None
     certificate: Certificate | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -133,6 +142,18 @@ class Solution:
     def usable(self) -> bool:
         """Whether a motion was found and the judge passed it."""
         return self.status.found and self.certificate is not None and self.certificate.passed
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity:
+        """Derivatives of the amount by the data, see `Sensitivity`; worked out when first asked for, then kept."""
+        from fcdm_opt.tolerance.sensitivity import sensitivity
+
+        return sensitivity(self)
+
+    @property
+    def gap(self) -> float:
+        """Relative gap between the amount and its lower bound; nan where there is no motion."""
+        return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
 
     @property
     def keep_out_gaps(self) -> dict[str, float]:
@@ -172,7 +193,9 @@ class Solution:
             "active": list(self.active),
             "modelled": dict(self.modelled),
             "stage": self.stage,
-            "sensitivity": None if self.sensitivity is None else dict(self.sensitivity),
+            "gap": _plain(self.gap),
+            "evidence": None if self.evidence is None else self.evidence.to_dict(),
+            "sensitivity": self.sensitivity.to_dict() if "sensitivity" in self.__dict__ else None,
             "certificate": None
             if self.certificate is None
             else {
@@ -190,7 +213,7 @@ class Solution:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
             certificate = data["certificate"]
-            return cls(
+            solution = cls(
                 problem=Problem.from_dict(data["problem"]),
                 status=Status[data["status"]],
                 parameters={str(name): float(value) for name, value in data["parameters"].items()},
@@ -205,7 +228,7 @@ class Solution:
                 active=tuple(data["active"]),
                 modelled={str(name): int(value) for name, value in data["modelled"].items()},
                 stage=data["stage"],
-                sensitivity=data["sensitivity"],
+                evidence=None if data["evidence"] is None else Evidence.from_dict(data["evidence"]),
                 certificate=None
                 if certificate is None
                 else Certificate(
@@ -216,6 +239,11 @@ class Solution:
                 ),
                 seconds={str(name): float(value) for name, value in data["seconds"].items()},
             )
+            if data["sensitivity"] is not None:
+                from fcdm_opt.tolerance.sensitivity import Sensitivity
+
+                solution.__dict__["sensitivity"] = Sensitivity.from_dict(data["sensitivity"])
+            return solution
         except (KeyError, TypeError, ValueError, AttributeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
 

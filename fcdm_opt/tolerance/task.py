@@ -18,12 +18,13 @@ from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
-from fcdm_opt.curve.segments import SwitchingPoint
+from fcdm_opt.curve.tight import TightLine
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.motion import Motion
+from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
 from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import MOST_TURNED, TRACKING, Problem
@@ -62,6 +63,11 @@ class Answer:
     lower_bound: float = 0.0
     active: tuple[str, ...] = ()
     modelled: dict[str, int] | None = None
+
+    @property
+    def settles(self) -> bool:
+        """Whether there is a motion, or provably none."""
+        return self.q is not None or not math.isfinite(self.lower_bound)
 
 
 class Opponent(NamedTuple):
@@ -108,6 +114,10 @@ class Task:
         The flush contacts that "seat" keeps, tracked or not.
     besides : tuple of FeaturePoints
         One feature for each plane of flush contacts that is not tracked.
+    amount_kind : "weighted", "displacement" or OwnAmount
+        What is made least; "displacement" of `made_vertices`.
+    resolution : (k,) array or None
+        Steps of the machine, 0 where a parameter has none.
     seconds : dict
         Time spent on "build", the compiling of templates, on the way.
     """
@@ -130,34 +140,34 @@ class Task:
     keep_out: tuple[KeepOut, ...] = ()
     seats: tuple[Flush, ...] = ()
     besides: tuple[FeaturePoints, ...] = ()
+    amount_kind: str | OwnAmount = "weighted"
+    resolution: Array | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
         """Return the task of a problem."""
-        pieces: tuple[Piece | Flush, ...] = ()
+        pieces: tuple[Piece | TightLine | Flush, ...] = ()
         flush: tuple[Feature | None, ...] = ()
         seats = problem.nominal_seats if problem.goal == "seat" else ()
         if problem.goal in TRACKING:
-            contact = problem.nominal_contact
-            assert contact is not None  # Problem refuses these goals off the curve
-            if isinstance(contact, SwitchingPoint):
-                pieces = contact.pieces
-            else:
-                pieces = (contact.piece_at(problem.nominal_pair),)
+            lines = problem.tracked_lines
             if problem.goal == "seat":
-                pieces = tuple(seat_of(piece, seats) or piece for piece in pieces)
+                pieces = tuple(seat_of(line, seats) or line for line in lines)
             else:
-                flush = tuple(p.feature if p.feature.is_flush else None for p in pieces)
+                pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
         tracked, others = (
             tuple(feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in some)
             for some in (pieces, besides(seats, pieces, problem.target))
         )
+        weights, amount = problem.weights, problem.amount
+        if amount == "displacement" and _shifts_at_right_angles(problem):
+            weights, amount = frozen(np.ones(len(weights))), "weighted"  # the same number
         return cls(
             problem.movable,
             problem.static,
             problem.motion,
-            problem.weights,
+            weights,
             _held_limits(problem, seats),
             problem.goal,
             problem.nominal_pair,
@@ -172,6 +182,8 @@ class Task:
             problem.keep_out,
             seats,
             others,
+            amount,
+            problem.resolution,
         )
 
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
@@ -281,8 +293,29 @@ class Task:
         return float(short[:, len(self.static.parts) :].max())
 
     def amount(self, q: Array) -> float:
-        """Return the weighted motion amount."""
-        return float(np.linalg.norm(self.weights * q))
+        """Return the motion amount."""
+        if self.weighted:
+            return float(np.linalg.norm(self.weights * q))
+        if isinstance(self.amount_kind, OwnAmount):
+            return self.amount_kind(q)
+        T = self.transform(q)
+        return float(np.linalg.norm(self.made_vertices @ (T[:3, :3] - np.eye(3)).T + T[:3, 3], axis=1).max())
+
+    @property
+    def weighted(self) -> bool:
+        """Whether the amount is the weighted one: that which the stages make least."""
+        return self.amount_kind == "weighted"
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is known without trying what each parameter displaces."""
+        return all(step.bounded for step in self.motion.steps)
+
+    @cached_property
+    def made_vertices(self) -> Array:
+        """Vertices of body 1 at the scale made, about the seed at rest, (n, 3)."""
+        used = np.concatenate([part.vertices for part in self.movable.parts])
+        return frozen(self.movable.seed + self.target[0] * (used - self.movable.seed))
 
     def transform(self, q: Array) -> Array:
         """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""
@@ -367,7 +400,7 @@ class Task:
         """Return the least of `pair_gaps` over the static body's parts."""
         return float(gaps[:, : len(self.static.parts)].min())
 
-    def _way_between(self, parts: Parts, q: Array) -> Array:
+    def way_between(self, parts: Parts, q: Array) -> Array:
         """Return the direction along which two parts that are apart are their distance apart.
 
         The differences of their points are {v: n_i . v >= gap_i} over facet directions; the nearest to 0 is a least
@@ -453,9 +486,46 @@ class Task:
         gaps, slack = self.pair_gaps(q, normals), slack * self.size
         short = np.argwhere((gaps > 0) & (gaps < self.needs - slack)).tolist()
         if short:  # facet directions understate the distance of corners and edges
-            ways = {(i, j): self._way_between((i, j), q) for i, j in short}
+            ways = {(i, j): self.way_between((i, j), q) for i, j in short}
             gaps = self.pair_gaps(q, {**(normals or {}), **ways})
         return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
+
+    @property
+    def is_equation(self) -> bool:
+        """Whether the requirement is an equation, which motions in whole steps miss."""
+        return self.must_touch or self.goal in ("at", "seat")
+
+    def miss(self, q: Array) -> float:
+        """Return by how much a motion misses an equation, a length."""
+        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat") else 0.0
+        return max(lines, abs(self.gap(q))) if self.must_touch else lines
+
+    def meets_in_steps(self, q: Array) -> bool:
+        """Tell whether a motion in whole steps meets the requirement; an equation to within what the steps leave open.
+
+        The target pair of such a goal must not overlap.
+        """
+        if not self.is_equation:
+            return self.meets(q, DEFAULT.requirement)
+        assert self.resolution is not None
+        play = self.motion.play(q, self.resolution, self.made_vertices, self.movable.seed, self.static.seed)
+        if self.miss(q) > play or self.gap(q) < -DEFAULT.touch * self.size:
+            return False
+        if self.tracked and self.path_faults(q, first=True):
+            return False
+        if self.goal == "beyond" and not replace(self, pair="any", keep_out=()).meets(q, DEFAULT.requirement):
+            return False
+        gaps = self.pair_gaps(q)
+        return bool((gaps >= self.needs - DEFAULT.requirement * self.size).all())
+
+
+def _shifts_at_right_angles(problem: Problem) -> bool:
+    """Tell whether the motion shifts along directions at right angles: all vertices then move by the norm of q."""
+    if not problem.motion.shifts:
+        return False
+    seeds, units = (problem.movable.seed, problem.static.seed), np.eye(len(problem.weights))
+    ways = np.array([problem.motion.transform(q, *seeds)[:3, 3] for q in units])
+    return bool(np.abs(ways @ ways.T - units).max() <= DEFAULT.tie)
 
 
 def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion import Screw
+from fcdm_opt.tolerance import compiled
 from fcdm_opt.tolerance.bounds import displacement_bound
 from fcdm_opt.tolerance.relaxation import choices
 from fcdm_opt.tolerance.solution import Status
@@ -23,7 +23,7 @@ from fcdm_opt.tolerance.task import Answer, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_NODES, MOST_WAYS = 2000, 200  # nodes looked at, and directions of one pair, before the task is left to stage 4
-NOWHERE = 1e-9  # residual of the dual below which half-spaces exclude each other: no motion is 1e9 sizes long
+NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
 
 class Wall(NamedTuple):
@@ -40,9 +40,7 @@ def translations(task: Task) -> Answer | None:
     clearances keeps them too it is the answer; else the shift found keeps them along facet directions, is improved by
     the nonlinear program, and nothing is proved.
     """
-    kinds = {kind for _, kind in task.motion.parameters}
-    bent = any(isinstance(step, Screw) and step.axis == "seeds" for step in task.motion.steps)
-    if task.tracked or len(task.weights) < 2 or kinds != {"translation"} or bent:
+    if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
     if task.need <= 0 < task.needs.max():
         answer = translations(task.bare)
@@ -125,13 +123,17 @@ def _least(
     number = count()
     heap: list[tuple[float, int, Array, Array, Array, tuple[Parts, ...]]] = []
 
-    def push(G: Array, h: Array, pairs: tuple[Parts, ...]) -> None:
-        x = _least_distance(G, h)
-        if x is not None:
-            heapq.heappush(heap, (float(np.linalg.norm(x)), next(number), x, G, h, pairs))
+    def push(G: Array, h: Array, wall: Wall, pairs: tuple[Parts, ...]) -> None:
+        """Add the least x of each half-space of a wall, among those that G x >= h leaves."""
+        found = compiled.least_distance(G, h, *wall)
+        for x, length, normal, level in zip(found, np.linalg.norm(found, axis=1).tolist(), *wall, strict=True):
+            if length < 1.0 / NOWHERE:  # nan where there is none
+                heapq.heappush(heap, (length, next(number), x, np.vstack([G, -normal]), np.append(h, -level), pairs))
 
+    everywhere = Wall(np.eye(1, len(task.weights)), np.array([1.0 / NOWHERE]))
     for closing, G, h in closings:
-        push(np.vstack([box[0], G]), np.concatenate([box[1], h]), () if closing is None else (closing,))
+        sides = np.vstack([box[0], G]), np.concatenate([box[1], h])
+        push(*sides, everywhere, () if closing is None else (closing,))
     for _ in range(MOST_NODES):
         if not heap:
             return None, []
@@ -140,8 +142,7 @@ def _least(
         worst = min(gaps, key=gaps.__getitem__, default=None)
         if worst is None or gaps[worst] >= -DEFAULT.cut:
             return x, sorted(set(pairs))
-        for normal, level in zip(*walls[worst], strict=True):
-            push(np.vstack([G, -normal]), np.append(h, -level), (*pairs, worst))
+        push(G, h, walls[worst], (*pairs, worst))
     return None
 
 
@@ -157,19 +158,3 @@ def _sides(task: Task) -> Iterator[tuple[Array, float]]:
         for sign, end in ((1.0, low), (-1.0, -high)):
             if np.isfinite(end):
                 yield sign * np.eye(len(task.weights))[k], float(end * task.weights[k] / task.size)
-
-
-def _least_distance(G: Array, h: Array) -> Array | None:
-    """Return the least x with G x >= h, None if there is none: through non-negative least squares (Lawson, Hanson)."""
-    from scipy.optimize import nnls
-
-    if not len(h) or h.max() <= 0.0:
-        return np.zeros(G.shape[1])
-    goal = np.append(np.zeros(G.shape[1]), 1.0)
-    system = np.vstack([G.T, h])
-    weights, rest = nnls(system, goal)
-    if rest <= NOWHERE:
-        return None
-    residual = system @ weights - goal
-    x: Array = -residual[:-1] / residual[-1]
-    return x

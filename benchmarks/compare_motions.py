@@ -1,0 +1,278 @@
+"""Compare the solver with rival methods on random problems over all motions, goals and requirements; all are judged.
+
+    python benchmarks/compare_motions.py SEED COUNT [--nonconvex M] [--first K] [--processes 2] [--seconds 500]
+                                         [--out out/motions] [--rivals NAME ...] [--without NAME ...]
+
+Case k is drawn from (SEED, kind, k) alone. One JSON line a case goes to OUT/SEED.jsonl; cases that are there already
+are not run again, so that a long comparison can be made in pieces: run the same command until it says that nothing is
+left. A single case, with `--first K` and a count of 1, is run in any case. Ends with 1 if a rival found a verified
+motion that is smaller by more than 1e-6, or one where the solver found none, or if the solver raised, hung or
+contradicted itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import signal
+import sys
+import time
+import traceback
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from motion_cases import KINDS, Case, draw
+from report import describe, table
+
+import fcdm_opt as fo
+from fcdm_opt.errors import InputError
+from fcdm_opt.measure.motions import RIVALS, judged
+
+SMALLER = 1e-6  # relative: a rival's motion that is smaller by more beats ours
+ROUNDING = 1e-10  # of the size of the bodies: amounts that differ by less are one
+BOUND = 1e-9  # relative: slack of the lower bound
+PATIENCE = 90  # seconds of our own solve, and of each rival
+WARM = 12  # cases of each kind solved by a process before its first
+FAULTS = ("smaller", "missed", "wrongly infeasible", "bound too high", "not verified", "raised", "hung", "rival raised")
+
+
+class HungError(Exception):
+    """A method took longer than its patience."""
+
+
+@contextmanager
+def within(seconds: int) -> Iterator[None]:
+    """Interrupt what takes longer."""
+
+    def stop(*_: object) -> None:
+        raise HungError
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def compare(case: Case, rivals: Sequence[str]) -> dict[str, Any]:
+    """Solve a case by ourselves and by rivals; all that is found is judged."""
+    own = _ours(case.problem)
+    found = {name: _rival(case.problem, name) for name in rivals}
+    record = {**case.labels, "command": case.command, "size": case.problem.size, "ours": own, "rivals": found}
+    return record | {"faults": faults(record)}
+
+
+def _ours(problem: fo.Problem) -> dict[str, Any]:
+    start = time.perf_counter()
+    try:
+        with within(PATIENCE):
+            solution = fo.solve(problem)
+    except HungError:
+        return {"status": "hung", "usable": False, "seconds": time.perf_counter() - start}
+    except Exception:  # whatever it is, it is recorded, and the run goes on
+        return {"status": "raised", "usable": False, "error": traceback.format_exc(limit=-3)}
+    return _told(solution, time.perf_counter() - start) | {
+        "bound": solution.lower_bound,
+        "stage": solution.stage,
+        "build": solution.seconds.get("build"),
+    }
+
+
+def _told(solution: fo.Solution, seconds: float) -> dict[str, Any]:
+    checks = solution.certificate.failed if solution.certificate else ()
+    return {
+        "status": solution.status.name,
+        "usable": solution.usable,
+        "amount": None if math.isnan(solution.amount) else solution.amount,
+        "q": list(solution.parameters.values()),
+        "failed": [check.name for check in checks],
+        "seconds": seconds,
+    }
+
+
+def _rival(problem: fo.Problem, name: str) -> dict[str, Any]:
+    start = time.perf_counter()
+    try:
+        with within(PATIENCE):
+            attempt = RIVALS[name](problem)
+    except InputError as reason:
+        return {"status": "refused", "usable": False, "reason": str(reason)}
+    except HungError:
+        return {"status": "hung", "usable": False, "seconds": time.perf_counter() - start}
+    except Exception:
+        return {"status": "raised", "usable": False, "error": traceback.format_exc(limit=-3)}
+    counts = {"queries": attempt.queries, "evaluations": attempt.evaluations, "seconds": attempt.seconds}
+    if attempt.q is None:
+        return {"status": "none", "usable": False, **counts}
+    return _told(judged(problem, attempt.q), attempt.seconds) | counts
+
+
+def faults(record: dict[str, Any]) -> list[str]:
+    """Return what is wrong with our own answer, in view of the rivals'."""
+    own, rounding = record["ours"], ROUNDING * record["size"]
+    verified = [r["amount"] for r in record["rivals"].values() if r["usable"]]
+    least = min(verified, default=math.inf)
+    found = []
+    if own["status"] in ("raised", "hung"):
+        found.append(own["status"])
+    if own["status"] == "NOT_VERIFIED":
+        found.append("not verified")
+    if own["usable"] and least < own["amount"] * (1 - SMALLER) - rounding:
+        found.append("smaller")
+    if not own["usable"] and verified:
+        found.append("wrongly infeasible" if own["status"] == "INFEASIBLE" else "missed")
+    amounts = [least, *([own["amount"]] if own.get("amount") is not None else [])]
+    if min(amounts) < own.get("bound", 0.0) * (1 - BOUND) - rounding:
+        found.append("bound too high")
+    if any(r["status"] == "raised" for r in record["rivals"].values()):
+        found.append("rival raised")
+    return found
+
+
+def warm() -> None:
+    """Compile kernels and load what is compiled, so that no case waits for it."""
+    for kind, number in [(kind, number) for kind in KINDS for number in range(WARM)]:
+        with suppress(Exception):  # what fails here fails in its own case, and is recorded there
+            fo.solve(draw(0, kind, number).problem)
+
+
+def run(seed: int, kind: str, number: int, rivals: Sequence[str]) -> dict[str, Any]:
+    """Draw and compare one case."""
+    return compare(draw(seed, kind, number), rivals)
+
+
+# -------------------------------------------------------------------------------------------------------------- report
+
+
+def report(records: Sequence[dict[str, Any]], seed: int) -> str:
+    """Tell the results in Markdown."""
+    kinds = Counter(r["kind"] for r in records)
+    statuses = Counter(r["ours"]["status"] for r in records)
+    told = [
+        f"Seed {seed}: {', '.join(f'{n} {kind}' for kind, n in kinds.items())} cases. {describe()}",
+        "Our statuses: " + ", ".join(f"{name} {n}" for name, n in statuses.most_common()) + ".",
+        _methods(records),
+        _by_motion(records),
+    ]
+    for fault in FAULTS:
+        own = [r for r in records if fault in r["faults"]]
+        told.append(f"{fault}: {len(own)}")
+        told += ["\n".join(f"- {_line(r)}" for r in own)] if own else []
+    return "\n\n".join(told)
+
+
+def _methods(records: Sequence[dict[str, Any]]) -> str:
+    rows = []
+    own = [r["ours"]["seconds"] for r in records if "seconds" in r["ours"]]
+    rows.append(["ours", str(len(own)), str(sum(r["ours"]["usable"] for r in records)), "", "", "", _ms(own), ""])
+    for name in RIVALS:
+        mine = [(r, r["rivals"][name]) for r in records if name in r["rivals"]]
+        asked = [(r, x) for r, x in mine if x["status"] != "refused"]
+        usable = [(r, x) for r, x in asked if x["usable"]]
+        same = [_same(r, x) for r, x in usable]
+        smaller = sum("smaller" in r["faults"] and _beats(r, x) for r, x in usable)
+        alone = sum(not r["ours"]["usable"] for r, x in usable)
+        times = [x["seconds"] for _, x in asked if "seconds" in x]
+        queries = [x["queries"] for _, x in asked if "queries" in x]
+        count = f"{np.median(queries):.0f}" if queries else ""
+        rows.append(
+            [name, str(len(asked)), str(len(usable)), str(sum(same)), str(smaller), str(alone), _ms(times), count]
+        )
+    head = ["", "asked", "verified", "as small as ours", "smaller", "ours has none", "median ms", "median queries"]
+    return table(head, rows)
+
+
+def _beats(record: dict[str, Any], rival: dict[str, Any]) -> bool:
+    own = record["ours"]
+    return own["usable"] and rival["amount"] < own["amount"] * (1 - SMALLER) - ROUNDING * record["size"]
+
+
+def _same(record: dict[str, Any], rival: dict[str, Any]) -> bool:
+    own = record["ours"]
+    return own["usable"] and rival["amount"] <= own["amount"] * (1 + SMALLER) + ROUNDING * record["size"]
+
+
+def _by_motion(records: Sequence[dict[str, Any]]) -> str:
+    groups = defaultdict(list)
+    for record in records:
+        groups[record["motion"]].append(record)
+    rows = []
+    for name, some in groups.items():
+        times = [r["ours"]["seconds"] for r in some if "seconds" in r["ours"]]
+        usable, wrong = sum(r["ours"]["usable"] for r in some), sum(bool(r["faults"]) for r in some)
+        rows.append([name, str(len(some)), str(usable), str(wrong), _ms(times), f"{1e3 * max(times, default=0):.0f}"])
+    return table(["motion", "cases", "verified", "faults", "median ms", "most ms"], rows)
+
+
+def _ms(times: Sequence[float]) -> str:
+    return f"{1e3 * np.median(times):.3g}" if times else ""
+
+
+def _line(record: dict[str, Any]) -> str:
+    own = record["ours"]
+    usable = {name: r["amount"] for name, r in record["rivals"].items() if r["usable"]}
+    best = min(usable, key=usable.__getitem__, default=None)
+    labels = f"{record['motion']}, {record['goal']}, pair {record['pair']}, {record['path']}"
+    extra = [word for word in ("limits", "keep_outs") if record[word]]
+    extra += [] if record["amount"] == "weighted" else [record["amount"]]
+    rival = "" if best is None else f"; {best} {usable[best]:.9g}"
+    ours = f"{own['status']} {own.get('amount')} [{own.get('stage', own.get('error', ''))}]"
+    return f"`{record['command']}`: {', '.join([labels, *extra])}: ours {ours}{rival}"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the comparison from the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("seed", type=int)
+    parser.add_argument("count", type=int, help="convex cases")
+    parser.add_argument("--nonconvex", type=int, default=0, help="non-convex cases (%(default)s)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case (%(default)s)")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=500.0, help="begin no further case after (%(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("out/motions"))
+    parser.add_argument("--rivals", nargs="+", choices=list(RIVALS), default=list(RIVALS))
+    parser.add_argument("--without", nargs="+", choices=list(RIVALS), default=[])
+    given = parser.parse_args(arguments)
+    rivals = [name for name in given.rivals if name not in given.without]
+    counts = zip(KINDS, (given.count, given.nonconvex), strict=True)
+    wanted = [(kind, number) for kind, n in counts for number in range(given.first, given.first + n)]
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / f"{given.seed}.jsonl"
+    known = {} if not path.exists() else {_key(r): r for r in map(json.loads, path.read_text().splitlines())}
+    left = wanted if len(wanted) == 1 else [key for key in wanted if key not in known]
+    start, records = time.perf_counter(), [known[key] for key in wanted if key in known and key not in left]
+    with (
+        ProcessPoolExecutor(given.processes, mp_context=get_context("spawn"), initializer=warm) as pool,
+        path.open("a", encoding="utf-8") as lines,
+    ):
+        for first in range(0, len(left), 2 * given.processes):
+            if time.perf_counter() - start > given.seconds:
+                break
+            jobs = [pool.submit(run, given.seed, *key, rivals) for key in left[first : first + 2 * given.processes]]
+            for job in as_completed(jobs):
+                records.append(job.result())
+                lines.write(json.dumps(records[-1]) + "\n")
+                lines.flush()
+    print(report(records, given.seed))
+    if len(records) < len(wanted):
+        print(f"\n{len(wanted) - len(records)} cases are left: run the same command again.")
+    if len(wanted) == 1:
+        print(json.dumps(records[0], indent=1))
+    return 1 if any(record["faults"] for record in records) else 0
+
+
+def _key(record: dict[str, Any]) -> tuple[str, int]:
+    return record["kind"], record["number"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,173 @@
+"""The family of decision curves over a coherent range, as in Figs. 2, 6 and 7 of the paper."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fcdm_opt.curve.segments import Segment
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, VERMILLION, new_figure
+from fcdm_opt.show.plots import plane
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fcdm_opt.tolerance.ranges import CoherentRange, Event
+
+CURVES = 5
+"""Curves drawn on either side of the one at rest."""
+
+FINE = 40
+"""Steps on either side in which the swept area and the tracked point's track are drawn."""
+
+DOUBLINGS, HALVINGS = 60, 40
+"""Steps of the search for where the tracked point leaves the box."""
+
+INSIDE = 1.0 - 2.0**-30
+"""Share of a range that is drawn: just at its end the tracked lines may be parallel."""
+
+
+def family_figure(found: CoherentRange, *, title: str = "", caption: str = "") -> Figure:
+    """Draw the decision curves over a coherent range, and the tracked scale pair against the motion.
+
+    Left: the family, from the lower end (blue) over rest (black) to the upper end (vermillion); what the tracked
+    features' segments sweep is shaded, and its two border curves are double lines. Right: the tracked pair's scales.
+    Where the range leads out of the box of scales, it is drawn as far as the tracked pair stays in it.
+
+    Parameters
+    ----------
+    found : CoherentRange
+    title, caption : str
+        Text above and below the picture.
+    """
+    figure = new_figure(11.0, 6.2)
+    left, right = (figure.add_axes((x, 0.24, 0.41, 0.65)) for x in (0.065, 0.56))
+    ends = [_drawn(found, sign) for sign in (-1.0, 1.0)]
+    _draw_family(left, found, ends)
+    _draw_scales(right, found, ends)
+    for axes in (left, right):
+        axes.legend(loc="best", fontsize=8, framealpha=0.85)
+    left.set_title("decision curves over the range", fontsize=9)
+    right.set_title("scales of the tracked point", fontsize=9)
+    words = [
+        f"{name} x = {event.x:.9g}: {_short(event)}" for name, event in zip(("low", "high"), found.events, strict=True)
+    ]
+    figure.text(0.5, 0.1, "\n".join(words), ha="center", va="center", fontsize=8, linespacing=1.5)
+    figure.suptitle(title, fontsize=11, y=0.975)
+    figure.text(0.5, 0.02, caption, ha="center", va="bottom", fontsize=8.5)
+    return figure
+
+
+def _short(event: Event) -> str:
+    """Return an event in a few words."""
+    what = event.what.split("; ")[0]
+    return f"{event.kind}{' (grazing)' if event.grazing else ''}, {what}" if what else event.kind
+
+
+def _drawn(found: CoherentRange, sign: float) -> float:
+    """Return up to which x a side of the range is drawn: its end, or where the tracked point leaves the box."""
+    low, high = np.asarray(found.problem.box, dtype=float).T
+
+    def seen(x: float) -> bool:
+        rho = found.rho(x)
+        return bool(((rho >= low) & (rho <= high)).all())
+
+    end = abs(found.high if sign > 0 else found.low)
+    if end == 0.0 or not seen(0.0):
+        return 0.0
+    near, far = 0.0, min(end, found.natural_step / 2**10)
+    for _ in range(DOUBLINGS):
+        if not seen(sign * far):
+            break
+        near = far
+        if far >= end:
+            return sign * end * INSIDE
+        far = min(2.0 * far, end)
+    else:
+        return sign * near
+    for _ in range(HALVINGS):
+        middle = (near + far) / 2.0
+        near, far = (middle, far) if seen(sign * middle) else (near, middle)
+    return sign * near
+
+
+def _is_end(found: CoherentRange, x: float) -> bool:
+    return x / INSIDE in (found.low, found.high)
+
+
+def _draw_family(axes: Any, found: CoherentRange, ends: list[float]) -> None:
+    from matplotlib.collections import PolyCollection
+
+    plane(axes, found.problem.box)
+    low, high = ends
+    track = np.unique(np.concatenate([np.linspace(low, 0.0, FINE + 1), np.linspace(0.0, high, FINE + 1)]))
+    swept = [_own(found, x) for x in track]
+    cells = [
+        [before.start, before.end, after.end, after.start]
+        for one, two in pairwise(swept)
+        for before, after in ((one[f], two[f]) for f in found.features if f in one and f in two)
+    ]
+    if cells:
+        axes.add_collection(PolyCollection(cells, facecolor="#DDEFE8", edgecolor="#DDEFE8", linewidth=0.5, zorder=0.5))
+    for end, colour in ((low, BLUE), (high, VERMILLION)):
+        for x in np.linspace(0.0, end, CURVES + 1)[1:-1]:
+            _draw_curve(axes, found, x, colour, 0.8, 0.45)
+        if end:
+            name = "low" if end < 0 else "high"
+            at = "end" if _is_end(found, end) else "leaves the box"
+            _draw_curve(axes, found, end, colour, 3.2, 1.0, f"x = {end:.4g} ({name}, {at})")
+            _draw_curve(axes, found, end, "white", 1.4, 1.0)
+    _draw_curve(axes, found, 0.0, BLACK, 1.6, 1.0, "at rest")
+    pairs = np.array([found.rho(x) for x in track])
+    axes.plot(*pairs.T, color=GREEN, linewidth=2.0, zorder=4, label="track of the tracked point")
+    axes.plot(
+        *found.rho(0.0), marker="*", markersize=10, color=BLACK, linestyle="none", zorder=5, label="tracked point"
+    )
+
+
+def _own(found: CoherentRange, x: float) -> dict[Any, Segment]:
+    """Return the tracked features' segments at x, those at the tracked point."""
+    rho = found.rho(x)
+    near: dict[Any, tuple[float, Segment]] = {}
+    for segment in found.curve(x).segments:
+        if segment.feature in found.features:
+            away = float(np.abs(segment.nearest(rho) - rho).max())
+            if segment.feature not in near or away < near[segment.feature][0]:
+                near[segment.feature] = (away, segment)
+    return {feature: segment for feature, (_, segment) in near.items()}
+
+
+def _draw_curve(
+    axes: Any, found: CoherentRange, x: float, colour: str, width: float, alpha: float, label: str | None = None
+) -> None:
+    for k, segment in enumerate(found.curve(x).segments):
+        axes.plot(
+            *np.column_stack([segment.start, segment.end]),
+            color=colour,
+            linewidth=width,
+            alpha=alpha,
+            solid_capstyle="butt",
+            zorder=3,
+            label=label if k == 0 else None,
+        )
+
+
+def _draw_scales(axes: Any, found: CoherentRange, ends: list[float]) -> None:
+    low, high = ends
+    xs = np.linspace(low, high, 4 * FINE + 1) if high > low else np.zeros(1)
+    pairs: Array = np.array([found.rho(x) for x in xs])
+    for column, colour, style in ((0, BLUE, "-"), (1, VERMILLION, "--")):
+        axes.plot(xs, pairs[:, column], color=colour, linestyle=style, linewidth=1.8, label=rf"$\rho_{column + 1}$")
+    for x, colour in ((low, BLUE), (high, VERMILLION)):
+        if x and _is_end(found, x):
+            axes.axvline(x, color=colour, linewidth=3.2)
+            axes.axvline(x, color="white", linewidth=1.4)
+    axes.axvline(0.0, color=GREY, linewidth=0.8)
+    axes.set_xlabel(f"x, multiples of {found.problem.motion.describe(found.direction)}", fontsize=9)
+    axes.set_ylabel("scale", fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(color=GREY, alpha=0.2, linewidth=0.6)
+    axes.margins(x=0.06, y=0.08)

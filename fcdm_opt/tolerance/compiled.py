@@ -1,0 +1,1323 @@
+"""Compiled least motions: contact rows with gradients, coherence along a path, and the descent over them.
+
+All kernels of the descent stand in this one file, as numba's cache does not follow imports. They share:
+
+    tape        a motion's pose and rates as the instructions of its CasADi function, see `tape.Tape`
+    parts       (reals, ints, places) of the parts of body 1, and of body 2, packed together
+    rows        the constraints, one a row of `ROW` integers and three numbers, see below
+
+Variables are z = weights * q / unit, so that the amount is unit |z| and every step of order one. A row says that its
+value is not negative, or zero where it is an equality:
+
+    REACH   rho of body 1 or 2 less its target, of the tracked pair after the motion
+    ON      the target's height over the one tracked line (an equality)
+    SIDE    the tracked pair's separation along a feature, at path position s
+    BEHIND  how far a vertex lies behind the plane of a tracked feature, at path position s
+    GAP     separation of two vertices at the target pair along a feature's normal, less what is needed
+    BOUND   a parameter's distance from a limit
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import E1E2, F1V2, facet_rows, kernel, near_gaps, pair_bounds
+
+REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
+TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
+ROW = 10  # integers of a row; its numbers are the path position s, the side, and the level or edges' orientation
+POSITION, HAND, SIGN = range(3)
+FOUND, NOWHERE, STUCK, BROKEN = range(4)  # how a descent ended
+STEPS, HALVINGS, PATIENCE, ROUNDS = 40, 8, 4, 30
+STEEPEST = 0.6  # radians, or share of the bodies' size: longest step
+EXACT = 1e-13  # of the unit: steps and violations that are rounding
+NEAR_EXACT = 1e-10  # where rounding stops a descent
+HOPELESS = 1e-3  # violation, in units, up to which a larger amount than is known ends a descent
+SPREAD = 1e-6  # step of the second differences, in units
+LEAST_CURVE = 0.05  # least eigenvalue kept of the Lagrangian's Hessian
+_TINY = 1e-300
+CODES = {
+    name: code
+    for code, name in enumerate(
+        ("CONST", "INPUT", "OUTPUT", "ADD", "SUB", "MUL", "DIV", "NEG", "SQ", "TWICE", "SIN", "COS", "SQRT", "INV",
+         "ASSIGN", "LT", "LE", "NOT", "IF_ELSE_ZERO", "FABS", "FMIN", "FMAX", "EXP", "LOG", "POW", "TAN", "ATAN2",
+         "EQ", "AND", "OR", "NE", "SIGN")
+    )
+}  # fmt: skip
+CODES["CONSTPOW"] = CODES["POW"]
+
+
+# ------------------------------------------------------------------------------------------------------- the motion
+
+
+@kernel
+def run(tape, constants, work, q, seeds, flat, count):
+    """Run a motion's first instructions: fill `flat` with the pose (12,), then its derivatives by each parameter."""
+    for k in range(count):
+        op, out, a, b = tape[k, 0], tape[k, 1], tape[k, 2], tape[k, 3]
+        if op == 0:
+            work[out] = constants[k]
+        elif op == 1:
+            work[out] = q[b] if a == 0 else seeds[b]
+        elif op == 2:
+            flat[out] = work[a]
+        elif op == 3:
+            work[out] = work[a] + work[b]
+        elif op == 4:
+            work[out] = work[a] - work[b]
+        elif op == 5:
+            work[out] = work[a] * work[b]
+        elif op == 6:
+            work[out] = work[a] / work[b]
+        elif op == 7:
+            work[out] = -work[a]
+        elif op == 8:
+            work[out] = work[a] * work[a]
+        elif op == 9:
+            work[out] = 2.0 * work[a]
+        elif op == 10:
+            work[out] = math.sin(work[a])
+        elif op == 11:
+            work[out] = math.cos(work[a])
+        elif op == 12:
+            work[out] = math.sqrt(work[a]) if work[a] >= 0.0 else math.nan
+        elif op == 13:
+            work[out] = 1.0 / work[a]
+        elif op == 14:
+            work[out] = work[a]
+        elif op == 15:
+            work[out] = 1.0 if work[a] < work[b] else 0.0
+        elif op == 16:
+            work[out] = 1.0 if work[a] <= work[b] else 0.0
+        elif op == 17:
+            work[out] = 0.0 if work[a] != 0.0 else 1.0
+        elif op == 18:
+            work[out] = work[b] if work[a] != 0.0 else 0.0
+        elif op == 19:
+            work[out] = abs(work[a])
+        elif op == 20:
+            work[out] = min(work[a], work[b])
+        elif op == 21:
+            work[out] = max(work[a], work[b])
+        elif op == 22:
+            work[out] = math.exp(work[a])
+        elif op == 23:
+            work[out] = math.log(work[a])
+        elif op == 24:
+            work[out] = work[a] ** work[b]
+        elif op == 25:
+            work[out] = math.tan(work[a])
+        elif op == 26:
+            work[out] = math.atan2(work[a], work[b])
+        elif op == 27:
+            work[out] = 1.0 if work[a] == work[b] else 0.0
+        elif op == 28:
+            work[out] = 1.0 if work[a] != 0.0 and work[b] != 0.0 else 0.0
+        elif op == 29:
+            work[out] = 1.0 if work[a] != 0.0 or work[b] != 0.0 else 0.0
+        elif op == 30:
+            work[out] = 1.0 if work[a] != work[b] else 0.0
+        elif op == 31:
+            work[out] = (1.0 if work[a] > 0.0 else 0.0) - (1.0 if work[a] < 0.0 else 0.0)
+
+
+@kernel
+def _place(motion, z, s, q, flat, rates):
+    """Fill `flat` with the pose at path position s and, if asked for, its derivatives by z."""
+    tape, constants, work, scale, seeds, short = motion
+    k = len(scale)
+    for m in range(k):
+        q[m] = s * z[m] * scale[m]
+    run(tape, constants, work, q, seeds, flat, len(tape) if rates else short)
+    for m in range(k if rates else 0):
+        for e in range(12):
+            flat[12 + 12 * m + e] *= s * scale[m]
+
+
+# ---------------------------------------------------------------------------------------------------- contact rows
+
+
+@kernel
+def _part(parts, p):
+    reals, ints, places = parts
+    return reals[places[p, 0] : places[p + 1, 0]], ints[places[p, 1] : places[p + 1, 1]]
+
+
+@kernel
+def _turn(M, at, x0, x1, x2):
+    return (
+        M[at] * x0 + M[at + 1] * x1 + M[at + 2] * x2,
+        M[at + 3] * x0 + M[at + 4] * x1 + M[at + 5] * x2,
+        M[at + 6] * x0 + M[at + 7] * x1 + M[at + 8] * x2,
+    )
+
+
+@kernel
+def _line(parts1, parts2, kind, i, j, p1, p2, sign, flat, out):
+    """Fill `out`, (k + 1, 6), with a feature's (n, a, b, c) and their derivatives; nan where edges are parallel."""
+    reals1, ints1 = _part(parts1, p1)
+    reals2, ints2 = _part(parts2, p2)
+    count = len(out)
+    if kind == E1E2:
+        h, g = ints1[3] + 8 * i, ints2[3] + 8 * j
+        v, v2, w, w2 = ints1[h], ints1[h + 1], ints2[g], ints2[g + 1]
+    elif kind == F1V2:
+        v, w = ints1[ints1[3] + 4 * ints1[ints1[5] + i]], j
+        v2, w2 = v, w
+    else:
+        v, w = i, ints2[ints2[3] + 4 * ints2[ints2[5] + j]]
+        v2, w2 = v, w
+    x0, x1, x2 = reals1[v, 0], reals1[v, 1], reals1[v, 2]
+    w0, w1, z2 = reals2[w, 0], reals2[w, 1], reals2[w, 2]
+    d0, d1, d2 = flat[9], flat[10], flat[11]
+    r0, r1, r2 = _turn(flat, 0, x0, x1, x2)
+    steep = 1.0
+    if kind == F1V2:
+        f = ints1[0] + i
+        m0, m1, m2 = reals1[f, 0], reals1[f, 1], reals1[f, 2]
+        n0, n1, n2 = _turn(flat, 0, m0, m1, m2)
+        t0 = t1 = t2 = 0.0
+    elif kind == E1E2:
+        m0, m1, m2 = reals1[v2, 0] - x0, reals1[v2, 1] - x1, reals1[v2, 2] - x2
+        t0, t1, t2 = reals2[w2, 0] - w0, reals2[w2, 1] - w1, reals2[w2, 2] - z2
+        e0, e1, e2 = _turn(flat, 0, m0, m1, m2)
+        n0, n1, n2 = sign * (e1 * t2 - e2 * t1), sign * (e2 * t0 - e0 * t2), sign * (e0 * t1 - e1 * t0)
+        steep = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        n0, n1, n2 = n0 / steep, n1 / steep, n2 / steep
+    else:
+        f = ints2[0] + j
+        n0, n1, n2 = -reals2[f, 0], -reals2[f, 1], -reals2[f, 2]
+        m0 = m1 = m2 = t0 = t1 = t2 = 0.0
+    out[0, 0], out[0, 1], out[0, 2] = n0, n1, n2
+    out[0, 3] = n0 * r0 + n1 * r1 + n2 * r2
+    out[0, 4] = -(n0 * w0 + n1 * w1 + n2 * z2)
+    out[0, 5] = n0 * d0 + n1 * d1 + n2 * d2
+    for m in range(1, count):
+        at = 12 * m
+        s0, s1, s2 = _turn(flat, at, x0, x1, x2)
+        u0 = u1 = u2 = 0.0
+        if kind == F1V2:
+            u0, u1, u2 = _turn(flat, at, m0, m1, m2)
+        elif kind == E1E2:
+            e0, e1, e2 = _turn(flat, at, m0, m1, m2)
+            u0 = sign * (e1 * t2 - e2 * t1) / steep
+            u1 = sign * (e2 * t0 - e0 * t2) / steep
+            u2 = sign * (e0 * t1 - e1 * t0) / steep
+            along = n0 * u0 + n1 * u1 + n2 * u2
+            u0, u1, u2 = u0 - along * n0, u1 - along * n1, u2 - along * n2
+        out[m, 0], out[m, 1], out[m, 2] = u0, u1, u2
+        out[m, 3] = u0 * r0 + u1 * r1 + u2 * r2 + n0 * s0 + n1 * s1 + n2 * s2
+        out[m, 4] = -(u0 * w0 + u1 * w1 + u2 * z2)
+        out[m, 5] = u0 * d0 + u1 * d1 + u2 * d2 + n0 * flat[at + 9] + n1 * flat[at + 10] + n2 * flat[at + 11]
+
+
+@kernel
+def _pair(lines, count, nominal, target, s, rho):
+    """Fill `rho`, (k + 1, 2), with the tracked scale pair and its derivatives; tell if it exists."""
+    k = len(rho) - 1
+    a, b, c = lines[0, 0, 3], lines[0, 0, 4], lines[0, 0, 5]
+    if count == 2:
+        d, e, f = lines[1, 0, 3], lines[1, 0, 4], lines[1, 0, 5]
+        det = a * e - b * d
+        if not abs(det) > 1e-9 * math.sqrt((a * a + b * b) * (d * d + e * e)):
+            return False
+        x, y = (c * e - b * f) / det, (a * f - c * d) / det
+        rho[0, 0], rho[0, 1] = x, y
+        for m in range(1, k + 1):
+            u = lines[0, m, 5] - lines[0, m, 3] * x - lines[0, m, 4] * y
+            v = lines[1, m, 5] - lines[1, m, 3] * x - lines[1, m, 4] * y
+            rho[m, 0], rho[m, 1] = (u * e - b * v) / det, (a * v - u * d) / det
+        return True
+    x, y = nominal[0] + s * (target[0] - nominal[0]), nominal[1] + s * (target[1] - nominal[1])
+    square = a * a + b * b
+    excess = (c - a * x - b * y) / square
+    rho[0, 0], rho[0, 1] = x + excess * a, y + excess * b
+    for m in range(1, k + 1):
+        u, v, w = lines[0, m, 3], lines[0, m, 4], lines[0, m, 5]
+        change = (w - u * x - v * y) / square - excess * 2.0 * (a * u + b * v) / square
+        rho[m, 0], rho[m, 1] = change * a + excess * u, change * b + excess * v
+    return square > 0.0
+
+
+@kernel
+def evaluate(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, only, z, g, G):
+    """Fill values g and gradients G of the rows (of those with `only` positive); tell if all exist."""
+    k = len(z)
+    nominal, target = pairs[0], pairs[1]
+    flat, q = np.empty(12 * (k + 1)), np.empty(k)
+    lines, own, rho = np.empty((2, k + 1, 6)), np.empty((k + 1, 6)), np.empty((k + 1, 2))
+    here = -1.0
+    for r in range(count):
+        if only[r] <= 0.0:
+            continue
+        kind, s, hand = ints[r, TYPE], reals[r, POSITION], reals[r, HAND]
+        if kind == BOUND:
+            for m in range(k):
+                G[r, m] = 0.0
+            m = ints[r, V]
+            g[r], G[r, m] = hand * (z[m] - reals[r, SIGN]), hand
+            continue
+        if s != here:
+            _place(motion, z, s, q, flat, True)
+            here = s
+            for t in range(len(tracked)):
+                _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
+            if len(tracked) and not _pair(lines, len(tracked), nominal, target, s, rho):
+                return False
+        if kind == REACH:
+            c = ints[r, BODY]
+            g[r] = hand * (rho[0, c] - target[c])
+            for m in range(k):
+                G[r, m] = hand * rho[m + 1, c]
+        elif kind == ON:
+            for m in range(-1, k):
+                value = lines[0, m + 1, 3] * target[0] + lines[0, m + 1, 4] * target[1] - lines[0, m + 1, 5]
+                if m < 0:
+                    g[r] = value
+                else:
+                    G[r, m] = value
+        elif kind == SIDE:
+            _line(
+                parts1,
+                parts2,
+                ints[r, KIND],
+                ints[r, ONE],
+                ints[r, TWO],
+                ints[r, P1],
+                ints[r, P2],
+                reals[r, SIGN],
+                flat,
+                own,
+            )
+            x, y = rho[0, 0], rho[0, 1]
+            g[r] = hand * (own[0, 5] - own[0, 3] * x - own[0, 4] * y)
+            for m in range(1, k + 1):
+                slope = own[m, 5] - own[m, 3] * x - own[m, 4] * y
+                G[r, m - 1] = hand * (slope - own[0, 3] * rho[m, 0] - own[0, 4] * rho[m, 1])
+        elif kind == BEHIND:
+            t = ints[r, ONE]
+            line, body, v = lines[t], ints[r, BODY], ints[r, V]
+            if body == 1:
+                x = _part(parts1, tracked[t, 3])[0][v]
+                for m in range(k + 1):
+                    u0, u1, u2 = _turn(flat, 0, x[0], x[1], x[2])
+                    value = line[m, 3] - line[m, 0] * u0 - line[m, 1] * u1 - line[m, 2] * u2
+                    if m == 0:
+                        g[r] = value
+                    else:
+                        u0, u1, u2 = _turn(flat, 12 * m, x[0], x[1], x[2])
+                        G[r, m - 1] = value - line[0, 0] * u0 - line[0, 1] * u1 - line[0, 2] * u2
+            else:
+                x = _part(parts2, tracked[t, 4])[0][v]
+                for m in range(k + 1):
+                    value = line[m, 4] + line[m, 0] * x[0] + line[m, 1] * x[1] + line[m, 2] * x[2]
+                    if m == 0:
+                        g[r] = value
+                    else:
+                        G[r, m - 1] = value
+        else:
+            _line(
+                parts1,
+                parts2,
+                ints[r, KIND],
+                ints[r, ONE],
+                ints[r, TWO],
+                ints[r, P1],
+                ints[r, P2],
+                reals[r, SIGN],
+                flat,
+                own,
+            )
+            x, w = _part(parts1, ints[r, P1])[0][ints[r, V]], _part(parts2, ints[r, P2])[0][ints[r, W]]
+            u0, u1, u2 = _turn(flat, 0, x[0], x[1], x[2])
+            way0 = flat[9] - target[0] * u0 + target[1] * w[0]
+            way1 = flat[10] - target[0] * u1 + target[1] * w[1]
+            way2 = flat[11] - target[0] * u2 + target[1] * w[2]
+            g[r] = hand * (own[0, 0] * way0 + own[0, 1] * way1 + own[0, 2] * way2 - pairs[2, 0])
+            for m in range(1, k + 1):
+                at = 12 * m
+                u0, u1, u2 = _turn(flat, at, x[0], x[1], x[2])
+                slope = own[m, 0] * way0 + own[m, 1] * way1 + own[m, 2] * way2
+                slope += own[0, 0] * (flat[at + 9] - target[0] * u0)
+                slope += own[0, 1] * (flat[at + 10] - target[0] * u1)
+                slope += own[0, 2] * (flat[at + 11] - target[0] * u2)
+                G[r, m - 1] = hand * slope
+    return True
+
+
+@kernel
+def _five(site):
+    return site[0], site[1], site[2], site[3], site[4]
+
+
+# ------------------------------------------------------------------------------------------------------- active set
+
+
+@kernel
+def nearest(G, h, equal, count, x, duals):
+    """Fill x with the least vector that keeps G x >= h, or = h; tell if there is one. Dual method of Goldfarb, Idnani.
+
+    Rows must be of length about one. The active rows' orthonormal basis is made anew at each change: they are few.
+    """
+    k = len(x)
+    active = np.empty(k + 1, np.int64)
+    multipliers = np.zeros(k + 1)
+    basis, R = np.empty((k + 1, k)), np.zeros((k + 1, k + 1))
+    z, r, along = np.empty(k), np.empty(k + 1), np.empty(k + 1)
+    implied = np.zeros(count, np.bool_)
+    used = 0
+    x[:] = 0.0
+    duals[:count] = 0.0
+    for _ in range(20 * (k + count)):
+        worst, pick, flip = -1e-14, -1, 1.0
+        for c in range(count):
+            if implied[c]:
+                continue
+            value = -h[c]
+            for m in range(k):
+                value += G[c, m] * x[m]
+            held = False
+            for a in range(used):
+                held = held or active[a] == c
+            if held:
+                continue
+            if equal[c]:  # before all others
+                pick, flip = c, (-1.0 if value > 0.0 else 1.0)
+                worst = -abs(value)
+                break
+            if value < worst * (1.0 + abs(h[c])):
+                worst, pick, flip = value, c, 1.0
+        if pick < 0:
+            for a in range(used):
+                duals[active[a]] = multipliers[a]
+            return True
+        own, short = 0.0, worst
+        while True:
+            # modified Gram-Schmidt of the active rows, twice over the new one
+            for a in range(used):
+                for m in range(k):
+                    basis[a, m] = G[active[a], m]
+                for b in range(a):
+                    R[b, a] = 0.0
+                for _again in range(2):
+                    for b in range(a):
+                        product = 0.0
+                        for m in range(k):
+                            product += basis[b, m] * basis[a, m]
+                        R[b, a] += product
+                        for m in range(k):
+                            basis[a, m] -= product * basis[b, m]
+                length = 0.0
+                for m in range(k):
+                    length += basis[a, m] * basis[a, m]
+                length = math.sqrt(length)
+                R[a, a] = length
+                for m in range(k):
+                    basis[a, m] /= length
+            for m in range(k):
+                z[m] = flip * G[pick, m]
+            along[:] = 0.0
+            for _again in range(2):
+                for b in range(used):
+                    product = 0.0
+                    for m in range(k):
+                        product += basis[b, m] * z[m]
+                    along[b] += product
+                    for m in range(k):
+                        z[m] -= product * basis[b, m]
+            for a in range(used - 1, -1, -1):
+                total = along[a]
+                for b in range(a + 1, used):
+                    total -= R[a, b] * r[b]
+                r[a] = total / R[a, a]
+            square = 0.0
+            for m in range(k):
+                square += z[m] * z[m]
+            free = square > 1e-18
+            if not free and short > -1e-11:
+                implied[pick] = True  # follows from those before it
+                break
+            if equal[pick] and not free:
+                return False
+            ratio, drop = np.inf, -1
+            for a in range(used):
+                if not equal[active[a]] and r[a] > 1e-14 and multipliers[a] / r[a] < ratio:
+                    ratio, drop = multipliers[a] / r[a], a
+            full = -short / square if free else np.inf
+            t = min(ratio, full)
+            if not t < np.inf:
+                return False
+            if free:
+                for m in range(k):
+                    x[m] += t * z[m]
+            for a in range(used):
+                multipliers[a] -= t * r[a]
+            own += t
+            if free and full <= ratio:
+                active[used], multipliers[used] = pick, own
+                if flip < 0.0:  # an equality met from above: its row enters as it is
+                    multipliers[used] = -own
+                used += 1
+                break
+            for a in range(drop, used - 1):
+                active[a], multipliers[a] = active[a + 1], multipliers[a + 1]
+            used -= 1
+            short = -flip * h[pick]
+            for m in range(k):
+                short += flip * G[pick, m] * x[m]
+    return False
+
+
+@kernel
+def least_distance(G, h, walls, levels):
+    """Return for each wall the least x with G x >= h and wall . x <= level, (n, k); nan where there is none."""
+    count, k = G.shape
+    rows, sides, equal = np.empty((count + 1, k)), np.empty(count + 1), np.zeros(count + 1, np.bool_)
+    for c in range(count):
+        length = _norm(G[c])
+        rows[c], sides[c] = G[c] / length, h[c] / length
+    found, x, duals = np.full((len(walls), k), np.nan), np.empty(k), np.empty(count + 1)
+    for r in range(len(walls)):
+        length = _norm(walls[r])
+        rows[count], sides[count] = -walls[r] / length, -levels[r] / length
+        if nearest(rows, sides, equal, count + 1, x, duals):
+            found[r] = x
+    return found
+
+
+@kernel
+def _newton(H, G, h, equal, count, z, step, duals):
+    """Fill `step` with the least of p'Hp / 2 + z'p that keeps h + G p >= 0, or = 0; tell if there is one."""
+    k = len(z)
+    L = np.zeros((k, k))
+    for a in range(k):
+        for b in range(a + 1):
+            total = H[a, b]
+            for m in range(b):
+                total -= L[a, m] * L[b, m]
+            if a == b:
+                if not total > LEAST_CURVE:
+                    return False
+                L[a, a] = math.sqrt(total)
+            else:
+                L[a, b] = total / L[b, b]
+    low = np.empty(k)
+    for a in range(k):
+        total = z[a]
+        for m in range(a):
+            total -= L[a, m] * low[m]
+        low[a] = total / L[a, a]
+    turned, levels, lengths = np.empty((count, k)), np.empty(count), np.empty(count)
+    for c in range(count):
+        square, level = 0.0, -h[c]
+        for a in range(k):
+            total = G[c, a]
+            for m in range(a):
+                total -= L[a, m] * turned[c, m]
+            turned[c, a] = total / L[a, a]
+            square += turned[c, a] * turned[c, a]
+            level += turned[c, a] * low[a]
+        lengths[c] = max(math.sqrt(square), _TINY)
+        for a in range(k):
+            turned[c, a] /= lengths[c]
+        levels[c] = level / lengths[c]
+    x = np.empty(k)
+    if not nearest(turned, levels, equal, count, x, duals):
+        return False
+    for c in range(count):
+        duals[c] /= lengths[c]
+    for a in range(k - 1, -1, -1):
+        total = x[a] - low[a]
+        for m in range(a + 1, k):
+            total -= L[m, a] * step[m]
+        step[a] = total / L[a, a]
+    return True
+
+
+@kernel
+def _relaxed(G, h, equal, count, z, step):
+    """Fill `step` with one that violates linearised rows as little as possible, in squares, where none keeps them."""
+    k = len(z)
+    A = np.zeros((k, k))
+    b = np.zeros(k)
+    for m in range(k):
+        A[m, m] = 1e-6
+        b[m] = -1e-6 * z[m]
+    for c in range(count):
+        if equal[c] or h[c] < 0.0:
+            for m in range(k):
+                b[m] -= h[c] * G[c, m]
+                for n in range(k):
+                    A[m, n] += G[c, m] * G[c, n]
+    step[:] = np.linalg.solve(A, b)
+
+
+# ---------------------------------------------------------------------------------------------------------- descent
+
+
+@kernel
+def _violation(g, equal, count):
+    total, most = 0.0, 0.0
+    for c in range(count):
+        short = abs(g[c]) if equal[c] else max(-g[c], 0.0)
+        total, most = total + short, max(most, short)
+    return total, most
+
+
+@kernel
+def descend(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, steepest, z, duals, enough):
+    """Move z to the least vector that keeps the rows, from where it is; return how it ended.
+
+    Each step solves the least distance problem of the linearised rows, from the second on with the Lagrangian's
+    Hessian by differences of gradients; a step is shortened until violation or amount fall.
+    """
+    k = len(z)
+    g, G, lengths = np.empty(count), np.zeros((count, k)), np.ones(count)
+    g2, G2 = np.empty(count), np.zeros((count, k))
+    all_rows, equal = np.ones(count), np.empty(count, np.bool_)
+    for c in range(count):
+        equal[c] = ints[c, EQUAL] > 0
+    H, step, trial, slope, beside = np.eye(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+    duals[:count] = 0.0
+    price = 0.0
+    if not evaluate(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, all_rows, z, g, G):
+        return BROKEN
+    last, idle, least = np.inf, 0, np.inf
+    for turn in range(STEPS):
+        for c in range(count):
+            square = 0.0
+            for m in range(k):
+                square += G[c, m] * G[c, m]
+            lengths[c] = max(math.sqrt(square), 1e-9)
+            g[c] /= lengths[c]
+            for m in range(k):
+                G[c, m] /= lengths[c]
+        if not np.isfinite(g).all() or not np.isfinite(G).all():
+            return BROKEN
+        total, most = _violation(g, equal, count)
+        idle = 0 if most < 0.8 * least else idle + 1
+        least = min(least, most)
+        H[:] = 0.0
+        for m in range(k):
+            H[m, m] = 1.0
+        if turn > 0 and duals[:count].any():
+            for c in range(count):
+                all_rows[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != BOUND else 0.0
+            for m in range(k):
+                for other in range(k):
+                    slope[other] = 0.0
+                beside[:] = z
+                beside[m] += SPREAD
+                if not evaluate(
+                    motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, all_rows, beside, g2, G2
+                ):
+                    return BROKEN
+                for c in range(count):
+                    if all_rows[c] > 0.0:
+                        for other in range(k):
+                            slope[other] += duals[c] * (G2[c, other] / lengths[c] - G[c, other])
+                for other in range(k):
+                    H[m, other] -= slope[other] / SPREAD
+            all_rows[:] = 1.0
+            for m in range(k):
+                for other in range(m):
+                    H[m, other] = H[other, m] = 0.5 * (H[m, other] + H[other, m])
+        done = False
+        for _ in range(5):
+            if _newton(H, G, g, equal, count, z, step, duals):
+                done = True
+                break
+            for m in range(k):  # towards the plain least distance problem
+                for other in range(k):
+                    H[m, other] *= 0.3 if turn > 0 else 0.0
+                H[m, m] += 0.7 if turn > 0 else 1.0
+            if turn == 0:
+                break
+        if not done:
+            if idle >= PATIENCE:
+                return NOWHERE
+            duals[:count] = 0.0
+            _relaxed(G, g, equal, count, z, step)
+        longest, far = 0.0, 0.0
+        for m in range(k):
+            longest = max(longest, abs(step[m]) / steepest[m])
+            far = max(far, abs(step[m]))
+        if not np.isfinite(far):
+            return BROKEN
+        if done and far <= EXACT * (1.0 + np.abs(z).max()) * 10.0 and most <= EXACT * 100.0:
+            return FOUND
+        if longest > 1.0:
+            for m in range(k):
+                step[m] /= longest
+        for c in range(count):
+            price = max(price, 2.0 * abs(duals[c]))
+        amount = 0.0
+        for m in range(k):
+            amount += 0.5 * z[m] * z[m]
+        here, t = amount + price * total, 1.0
+        accepted = False
+        for _ in range(HALVINGS):
+            amount = 0.0
+            for m in range(k):
+                trial[m] = z[m] + t * step[m]
+                amount += 0.5 * trial[m] * trial[m]
+            good = evaluate(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, all_rows, trial, g2, G2)
+            if good:
+                for c in range(count):
+                    square = 0.0
+                    for m in range(k):
+                        square += G2[c, m] * G2[c, m]
+                    g[c] = g2[c] / max(math.sqrt(square), 1e-9)
+                now, peak = _violation(g, equal, count)
+                if (
+                    amount + price * now <= here - 1e-4 * t * max(here - amount, 0.0)
+                    or peak <= 0.5 * most
+                    or (far * t <= 1e-3 and peak <= max(most, 1e-4))
+                ):
+                    accepted = True
+                    break
+            t *= 0.4
+        if not accepted:
+            return FOUND if done and far <= NEAR_EXACT and most <= NEAR_EXACT else STUCK
+        z[:] = trial
+        g[:] = g2
+        G[:] = G2
+        if done and far <= NEAR_EXACT and far >= 0.3 * last and peak <= NEAR_EXACT:
+            return FOUND  # rounding
+        last = far
+        if done and turn > 1 and peak < HOPELESS and math.sqrt(2.0 * amount) > enough * (1.0 + 10.0 * HOPELESS):
+            return STUCK
+    return STUCK
+
+
+# -------------------------------------------------------------------------------------------------------- coherence
+
+
+@kernel
+def _inside(reals, ints, rho, x0, x1, x2, slack):
+    """Tell whether a point, in a part's axes relative to its seed, lies in the part at a scale."""
+    n = ints[0]
+    for f in range(ints[1]):
+        v = ints[ints[3] + 4 * ints[ints[5] + f]]
+        m = reals[n + f]
+        level = rho * (m[0] * reals[v, 0] + m[1] * reals[v, 1] + m[2] * reals[v, 2])
+        if not m[0] * x0 + m[1] * x1 + m[2] * x2 <= level + slack:
+            return False
+    return True
+
+
+@kernel
+def _shared(parts1, parts2, site, flat, x, y, slack):
+    """Tell whether the vertex or crossing of edges that a feature names lies in both parts at a scale pair."""
+    kind, i, j = site[0], site[1], site[2]
+    reals1, ints1 = _part(parts1, site[3])
+    reals2, ints2 = _part(parts2, site[4])
+    if kind == F1V2:  # relative to s_2
+        p0, p1, p2 = y * reals2[j, 0], y * reals2[j, 1], y * reals2[j, 2]
+    elif kind == E1E2:
+        h, g = ints1[3] + 8 * i, ints2[3] + 8 * j
+        v, e, w, t = reals1[ints1[h]], reals1[ints1[h + 1]], reals2[ints2[g]], reals2[ints2[g + 1]]
+        a0, a1, a2 = _turn(flat, 0, x * v[0], x * v[1], x * v[2])
+        b0, b1, b2 = _turn(flat, 0, x * e[0], x * e[1], x * e[2])
+        b0, b1, b2 = b0 - a0, b1 - a1, b2 - a2
+        c0, c1, c2 = y * (t[0] - w[0]), y * (t[1] - w[1]), y * (t[2] - w[2])
+        s0, s1, s2 = a0 - flat[9] - y * w[0], a1 - flat[10] - y * w[1], a2 - flat[11] - y * w[2]
+        bb, cc, bc = b0 * b0 + b1 * b1 + b2 * b2, c0 * c0 + c1 * c1 + c2 * c2, b0 * c0 + b1 * c1 + b2 * c2
+        bs, cs = b0 * s0 + b1 * s1 + b2 * s2, c0 * s0 + c1 * s1 + c2 * s2
+        det = bb * cc - bc * bc
+        u = min(max((bb * cs - bc * bs) / det, 0.0), 1.0) if det > 0.0 else 0.5
+        p0, p1, p2 = y * w[0] + u * c0, y * w[1] + u * c1, y * w[2] + u * c2
+    else:
+        v = reals1[i]
+        p0, p1, p2 = _turn(flat, 0, x * v[0], x * v[1], x * v[2])
+        p0, p1, p2 = p0 - flat[9], p1 - flat[10], p2 - flat[11]
+    if not _inside(reals2, ints2, y, p0, p1, p2, slack):
+        return False
+    p0, p1, p2 = p0 + flat[9], p1 + flat[10], p2 + flat[11]
+    q0 = flat[0] * p0 + flat[3] * p1 + flat[6] * p2
+    q1 = flat[1] * p0 + flat[4] * p1 + flat[7] * p2
+    q2 = flat[2] * p0 + flat[5] * p1 + flat[8] * p2
+    return _inside(reals1, ints1, x, q0, q1, q2, slack)
+
+
+@kernel
+def _orientation(parts1, parts2, site, p1, p2, flat, n):
+    """Return the sign with which a site's normal is n; of edges that of edge 1 x edge 2."""
+    if site[0] != E1E2:
+        return 1.0
+    reals1, ints1 = _part(parts1, p1)
+    reals2, ints2 = _part(parts2, p2)
+    h, g = ints1[3] + 8 * site[1], ints2[3] + 8 * site[2]
+    v, e, w, t = reals1[ints1[h]], reals1[ints1[h + 1]], reals2[ints2[g]], reals2[ints2[g + 1]]
+    e0, e1, e2 = _turn(flat, 0, e[0] - v[0], e[1] - v[1], e[2] - v[2])
+    t0, t1, t2 = t[0] - w[0], t[1] - w[1], t[2] - w[2]
+    product = n[0] * (e1 * t2 - e2 * t1) + n[1] * (e2 * t0 - e0 * t2) + n[2] * (e0 * t1 - e1 * t0)
+    return 1.0 if product > 0.0 else -1.0
+
+
+@kernel
+def _note(ints, reals, excess, count, kind, s, hand, sign, site, p1, p2, body, v, amount):
+    """Note a fault, or a worse one of the same kind; return how many are known."""
+    at = count
+    for r in range(count):
+        same = ints[r, TYPE] == kind and ints[r, P1] == p1 and ints[r, P2] == p2 and reals[r, HAND] == hand
+        same = same and ints[r, BODY] == body and ints[r, V] == v
+        if same and ints[r, KIND] == site[0] and ints[r, ONE] == site[1] and ints[r, TWO] == site[2]:
+            if not amount > excess[r]:
+                return count
+            at = r
+    if at == len(ints):
+        return count
+    ints[at] = 0
+    ints[at, TYPE], ints[at, KIND], ints[at, ONE], ints[at, TWO] = kind, site[0], site[1], site[2]
+    ints[at, P1], ints[at, P2], ints[at, BODY], ints[at, V] = p1, p2, body, v
+    reals[at, POSITION], reals[at, HAND], reals[at, SIGN], excess[at] = s, hand, sign, amount
+    return max(count, at + 1)
+
+
+@kernel
+def path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, first, ints, reals, excess):
+    """Fill rows that forbid what is wrong with the tracked contact along the path; return how many.
+
+    The worst fault of each kind, as `Task.path_faults`; -1 where the tracked pair does not exist. With `first` what is
+    met first. `path` is (positions, whether all are looked at or the end alone, radians between two, most radians,
+    slack, then for each parameter whether it turns).
+    """
+    k, count = len(z), 0
+    turned, slack = 0.0, path[4]
+    for m in range(k):
+        turned += abs(z[m] * motion[3][m]) * path[5 + m]
+    points = max(int(path[0]), int(np.ceil(min(turned, path[3]) / path[2])))
+    most = points if path[1] > 0.0 else 1
+    flat, q = np.empty(12 * (k + 1)), np.empty(k)
+    lines, rho, pair = np.empty((2, 1, 6)), np.empty((1, 2)), np.empty(2)
+    many = len(parts1[2]) * len(parts2[2]) > 4
+    level = np.empty(3)
+    for point in range(most):
+        s = 1.0 - point / points
+        _place(motion, z, s, q, flat, False)
+        for t in range(len(tracked)):
+            _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
+        if not _pair(lines, len(tracked), pairs[0], pairs[1], s, rho):
+            return -1
+        x, y = rho[0, 0], rho[0, 1]
+        if not (x > 0.0 and y > 0.0 and x < np.inf and y < np.inf):
+            return -1
+        for t in range(len(tracked)):
+            p1, p2 = tracked[t, 3], tracked[t, 4]
+            line = lines[t, 0]
+            reals1, ints1 = _part(parts1, p1)
+            reals2, ints2 = _part(parts2, p2)
+            for c in range(3):
+                level[c] = flat[c] * line[0] + flat[3 + c] * line[1] + flat[6 + c] * line[2]
+            high, vertex = -np.inf, 0
+            for v in range(ints1[0]):
+                height = reals1[v, 0] * level[0] + reals1[v, 1] * level[1] + reals1[v, 2] * level[2]
+                if height > high:
+                    high, vertex = height, v
+            over = (high - line[3]) * x
+            if not over <= slack:
+                site = (tracked[t, 0], t, tracked[t, 2])
+                count = _note(ints, reals, excess, count, BEHIND, s, 1.0, 0.0, site, p1, p2, 1, vertex, over)
+            high = -np.inf
+            for w in range(ints2[0]):
+                height = -reals2[w, 0] * line[0] - reals2[w, 1] * line[1] - reals2[w, 2] * line[2]
+                if height > high:
+                    high, vertex = height, w
+            over = (high - line[4]) * y
+            if not over <= slack:
+                site = (tracked[t, 0], t, tracked[t, 2])
+                count = _note(ints, reals, excess, count, BEHIND, s, 1.0, 0.0, site, p1, p2, 2, vertex, over)
+        pair[0], pair[1] = x, y
+        if not many:
+            met = False
+            for t in range(len(tracked)):
+                met = met or _shared(parts1, parts2, tracked[t], flat, x, y, 0.01 * slack)
+            if not met:
+                count = _apart(
+                    parts1,
+                    parts2,
+                    tracked,
+                    lines,
+                    flat,
+                    pair,
+                    s,
+                    slack,
+                    np.zeros((0, 3)),
+                    0,
+                    ints,
+                    reals,
+                    excess,
+                    count,
+                )
+        else:
+            count = _scene(parts1, parts2, tracked, lines, flat, pair, s, slack, ints, reals, excess, count)
+        if first and count:
+            return count
+    return count
+
+
+@kernel
+def _apart(parts1, parts2, tracked, lines, flat, rho, s, slack, flats, known, ints, reals, excess, count):
+    """Note the tracked part pairs that are apart, unless the contact has moved over a seam in the same plane."""
+    for t in range(len(tracked)):
+        p1, p2 = tracked[t, 3], tracked[t, 4]
+        if t == 1 and p1 == tracked[0, 3] and p2 == tracked[0, 4]:
+            continue
+        sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), flat[:12])
+        best, widest = 0, -np.inf
+        for r in range(len(rows)):
+            wide = rows[r, 5] - rows[r, 3] * rho[0] - rows[r, 4] * rho[1]
+            if wide > widest:
+                best, widest = r, wide
+        if widest <= slack:
+            continue
+        excused = known > 0
+        for u in range(len(tracked)):
+            if tracked[u, 3] == p1 and tracked[u, 4] == p2:
+                same = False
+                for m in range(known):
+                    line = lines[u, 0]
+                    same = same or (line[0] * flats[m, 0] + line[1] * flats[m, 1] + line[2] * flats[m, 2] > 1.0 - 1e-9)
+                excused = excused and same
+        if not excused:
+            sign = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
+            site = (sites[best, 0], sites[best, 1], sites[best, 2])
+            count = _note(ints, reals, excess, count, SIDE, s, -1.0, sign, site, p1, p2, 0, 0, widest)
+    return count
+
+
+@kernel
+def _scene(parts1, parts2, tracked, lines, flat, rho, s, slack, ints, reals, excess, count):
+    """Note other part pairs that overlap, and tracked ones that are apart."""
+    pose = flat[:12].copy()
+    bounds = pair_bounds(*parts1, *parts2, pose, rho)
+    flats, known = np.empty((64, 3)), 0
+    for p1 in range(bounds.shape[0]):
+        for p2 in range(bounds.shape[1]):
+            touching = False
+            for t in range(len(tracked)):
+                touching = touching or (tracked[t, 3] == p1 and tracked[t, 4] == p2)
+            if touching or not bounds[p1, p2] <= slack:
+                continue
+            sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
+            best, widest = 0, -np.inf
+            for r in range(len(rows)):
+                wide = rows[r, 5] - rows[r, 3] * rho[0] - rows[r, 4] * rho[1]
+                if wide > widest:
+                    best, widest = r, wide
+            if not -widest <= slack:
+                sign = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
+                site = (sites[best, 0], sites[best, 1], sites[best, 2])
+                count = _note(ints, reals, excess, count, SIDE, s, 1.0, sign, site, p1, p2, 0, 0, -widest)
+            elif widest <= slack:
+                for r in range(len(rows)):
+                    wide = rows[r, 5] - rows[r, 3] * rho[0] - rows[r, 4] * rho[1]
+                    if wide >= -slack and known < len(flats):
+                        flats[known, 0], flats[known, 1], flats[known, 2] = rows[r, 0], rows[r, 1], rows[r, 2]
+                        known += 1
+    return _apart(parts1, parts2, tracked, lines, flat, rho, s, slack, flats, known, ints, reals, excess, count)
+
+
+# ------------------------------------------------------------------------------------------------- touch and clear
+
+
+@kernel
+def _own_vertices(parts1, parts2, site, p1, p2):
+    """Return a vertex of either part on the elements that a site names."""
+    ints1, ints2 = _part(parts1, p1)[1], _part(parts2, p2)[1]
+    if site[0] == F1V2:
+        return ints1[ints1[3] + 4 * ints1[ints1[5] + site[1]]], site[2]
+    if site[0] == E1E2:
+        return ints1[ints1[3] + 8 * site[1]], ints2[ints2[3] + 8 * site[2]]
+    return site[1], ints2[ints2[3] + 4 * ints2[ints2[5] + site[2]]]
+
+
+@kernel
+def ways(motion, parts1, parts2, tracked, signs, pairs, path, z, p1, p2):
+    """Return the sites of a part pair at z, edges' orientations, normals, separations, and slopes by z."""
+    k = len(z)
+    flat, q, line = np.empty(12 * (k + 1)), np.empty(k), np.empty((k + 1, 6))
+    _place(motion, z, 1.0, q, flat, True)
+    sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), flat[:12])
+    hands, gaps, steep = np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites))
+    x, y = pairs[1, 0], pairs[1, 1]
+    for r in range(len(sites)):
+        hands[r] = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
+        gaps[r] = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
+        _line(parts1, parts2, sites[r, 0], sites[r, 1], sites[r, 2], p1, p2, hands[r], flat, line)
+        square = 0.0
+        for m in range(1, k + 1):
+            slope = line[m, 5] - line[m, 3] * x - line[m, 4] * y
+            square += slope * slope
+        steep[r] = math.sqrt(square)
+    return sites, hands, rows[:, :3].copy(), gaps, steep
+
+
+@kernel
+def _add(ints, reals, count, hand, site, sign, p1, p2, v, w):
+    """Add a row that two vertices are apart, or not, along a site's normal; return how many rows there are."""
+    if count == len(ints):
+        return count
+    for r in range(count):
+        same = ints[r, TYPE] == GAP and reals[r, HAND] == hand and ints[r, P1] == p1 and ints[r, P2] == p2
+        same = same and ints[r, KIND] == site[0] and ints[r, ONE] == site[1] and ints[r, TWO] == site[2]
+        if same and ints[r, V] == v and ints[r, W] == w and reals[r, SIGN] == sign:
+            return count
+    ints[count] = 0
+    ints[count, TYPE], ints[count, KIND], ints[count, ONE], ints[count, TWO] = GAP, site[0], site[1], site[2]
+    ints[count, P1], ints[count, P2], ints[count, V], ints[count, W] = p1, p2, v, w
+    reals[count, POSITION], reals[count, HAND], reals[count, SIGN] = 1.0, hand, sign
+    return count + 1
+
+
+@kernel
+def _foremost(parts1, parts2, p1, p2, flat, x, y, n):
+    """Return the vertices of a part pair that reach furthest along n, and the separation there."""
+    reals1, ints1 = _part(parts1, p1)
+    reals2, ints2 = _part(parts2, p2)
+    u0 = flat[0] * n[0] + flat[3] * n[1] + flat[6] * n[2]
+    u1 = flat[1] * n[0] + flat[4] * n[1] + flat[7] * n[2]
+    u2 = flat[2] * n[0] + flat[5] * n[1] + flat[8] * n[2]
+    first, v, second, w = -np.inf, 0, np.inf, 0
+    for r in range(ints1[0]):
+        height = u0 * reals1[r, 0] + u1 * reals1[r, 1] + u2 * reals1[r, 2]
+        if height > first:
+            first, v = height, r
+    for r in range(ints2[0]):
+        height = n[0] * reals2[r, 0] + n[1] * reals2[r, 1] + n[2] * reals2[r, 2]
+        if height < second:
+            second, w = height, r
+    return v, w, n[0] * flat[9] + n[1] * flat[10] + n[2] * flat[11] - x * first + y * second
+
+
+@kernel
+def _forbid(ints, reals, count, fault_ints, fault_reals, faults):
+    """Add rows that are not known yet; return how many rows there are."""
+    for f in range(faults):
+        known = count == len(ints)
+        for r in range(count):
+            same = reals[r, POSITION] == fault_reals[f, POSITION] and reals[r, HAND] == fault_reals[f, HAND]
+            for c in range(ROW):
+                same = same and ints[r, c] == fault_ints[f, c]
+            known = known or same
+        if not known:
+            ints[count], reals[count] = fault_ints[f], fault_reals[f]
+            count += 1
+    return count
+
+
+@kernel
+def settle(
+    motion,
+    parts1,
+    parts2,
+    tracked,
+    signs,
+    pairs,
+    path,
+    ints,
+    reals,
+    count,
+    chosen,
+    hands,
+    made,
+    closing,
+    steepest,
+    z,
+    slack,
+    enough,
+    duals,
+):
+    """Descend to the least z that keeps the rows; return (how it ended, rows, chosen sites).
+
+    Besides, the tracked contact stays real, the first `made` chosen sites keep their pairs apart, and `closing` meets.
+    Rows are added for what solutions violate; pairs that come up are kept apart along the best of their sites.
+    """
+    k = len(z)
+    flat, q, line = np.empty(12 * (k + 1)), np.empty(k), np.empty((1, 6))
+    fault_ints, fault_reals, excess = np.zeros((32, ROW), np.int64), np.zeros((32, 3)), np.zeros(32)
+    x, y, need = pairs[1, 0], pairs[1, 1], pairs[2, 0]
+    base = count
+    for turn in range(ROUNDS):
+        if turn > 0 or (made == 0 and closing[0] < 0):
+            ended = descend(
+                motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, steepest, z, duals, enough
+            )
+            if ended != FOUND:
+                return ended, count, made
+            if _norm(z) >= enough:
+                return STUCK, count, made
+        changed = turn == 0 and (made > 0 or closing[0] >= 0)
+        faulty = False
+        if len(tracked) and not changed:
+            faults = path_faults(
+                motion, parts1, parts2, tracked, signs, pairs, z, path, False, fault_ints, fault_reals, excess
+            )
+            if faults < 0:
+                return BROKEN, count, made
+            before = count
+            count = _forbid(ints, reals, count, fault_ints, fault_reals, faults)
+            duals[before:count] = 0.0
+            changed, faulty = count > before, faults > 0
+        if not need > -np.inf:
+            if not changed:
+                return (NOWHERE if faulty else FOUND), count, made
+            continue
+        _place(motion, z, 1.0, q, flat, False)
+        pose = flat[:12]
+        for c in range(made):
+            p1, p2 = chosen[c, 3], chosen[c, 4]
+            _line(parts1, parts2, *_five(chosen[c]), hands[c], pose, line)
+            v, w, gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])
+            if gap < need - slack or turn == 0:
+                before = count
+                count = _add(ints, reals, count, 1.0, chosen[c], hands[c], p1, p2, v, w)
+                changed = changed or count > before
+        bounds = pair_bounds(*parts1, *parts2, pose, pairs[1])
+        for p1 in range(bounds.shape[0] if turn > 0 else 0):
+            for p2 in range(bounds.shape[1]):
+                known = bounds[p1, p2] >= need
+                for c in range(made):
+                    known = known or (chosen[c, 3] == p1 and chosen[c, 4] == p2)
+                if known or made == len(chosen):
+                    continue
+                sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
+                best, widest = _widest(rows, x, y)
+                if widest < need - slack:
+                    for e in range(3):
+                        chosen[made, e] = sites[best, e]
+                    chosen[made, 3], chosen[made, 4] = p1, p2
+                    hands[made] = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
+                    n = (rows[best, 0], rows[best, 1], rows[best, 2])
+                    v, w, _ = _foremost(parts1, parts2, p1, p2, flat, x, y, n)
+                    count = _add(ints, reals, count, 1.0, chosen[made], hands[made], p1, p2, v, w)
+                    made += 1
+                    changed = True
+        if closing[0] >= 0:
+            p1, p2 = closing[0], closing[1]
+            kept = base
+            for r in range(base, count):  # what no longer bounds the separation is dropped
+                stale = False
+                if ints[r, TYPE] == GAP and reals[r, HAND] < 0.0:
+                    _line(parts1, parts2, ints[r, KIND], ints[r, ONE], ints[r, TWO], p1, p2, reals[r, SIGN], pose, line)
+                    v, w, gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])
+                    left, right = _part(parts1, p1)[0][ints[r, V]], _part(parts2, p2)[0][ints[r, W]]
+                    a0, a1, a2 = _turn(flat, 0, left[0], left[1], left[2])
+                    value = (
+                        line[0, 0] * (flat[9] - x * a0 + y * right[0])
+                        + line[0, 1] * (flat[10] - x * a1 + y * right[1])
+                        + line[0, 2] * (flat[11] - x * a2 + y * right[2])
+                    )
+                    stale = not value <= gap + slack
+                    changed = changed or (stale and duals[r] > 0.0)
+                if not stale:
+                    ints[kept], reals[kept], duals[kept] = ints[r], reals[r], duals[r]
+                    kept += 1
+            count = kept
+            sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
+            widest = _widest(rows, x, y)[1]
+            for r in range(len(rows)):
+                wide = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
+                if wide > slack and wide >= 0.5 * widest:
+                    v, w = _own_vertices(parts1, parts2, sites[r], p1, p2)
+                    sign = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
+                    count = _add(ints, reals, count, -1.0, sites[r], sign, p1, p2, v, w)
+            changed = changed or widest > slack
+        if not changed:
+            return (NOWHERE if faulty else FOUND), count, made
+    return STUCK, count, made
+
+
+@kernel
+def _norm(z):
+    square = 0.0
+    for m in range(len(z)):
+        square += z[m] * z[m]
+    return math.sqrt(square)
+
+
+@kernel
+def _widest(rows, x, y):
+    """Return the row with the largest separation, and that."""
+    best, widest = 0, -np.inf
+    for r in range(len(rows)):
+        wide = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
+        if wide > widest:
+            best, widest = r, wide
+    return best, widest
+
+
+@kernel
+def settle_all(
+    motion,
+    parts1,
+    parts2,
+    tracked,
+    signs,
+    pairs,
+    path,
+    ints,
+    reals,
+    count,
+    chosen,
+    hands,
+    made,
+    closing,
+    steepest,
+    starts,
+    slack,
+    enough,
+    duals,
+):
+    """Settle from several starts; return (how the best ended, its rows, its sites), and its z in the first start.
+
+    All but the best leave no trace.
+    """
+    best, rows, sites = NOWHERE, count, made
+    own_ints, own_reals, own_duals = ints.copy(), reals.copy(), np.zeros(len(duals))
+    own_chosen, own_hands, z = chosen.copy(), hands.copy(), np.empty(starts.shape[1])
+    first = starts[0].copy()
+    for r in range(len(starts)):
+        z[:] = starts[r]
+        own_ints[:count], own_reals[:count] = ints[:count], reals[:count]
+        own_chosen[:made], own_hands[:made] = chosen[:made], hands[:made]
+        ended, own_count, own_made = settle(
+            motion,
+            parts1,
+            parts2,
+            tracked,
+            signs,
+            pairs,
+            path,
+            own_ints,
+            own_reals,
+            count,
+            own_chosen,
+            own_hands,
+            made,
+            closing,
+            steepest,
+            z,
+            slack,
+            enough,
+            own_duals,
+        )
+        if ended == FOUND and _norm(z) < enough:
+            best, rows, sites, enough = ended, own_count, own_made, _norm(z) * (1.0 - 1e-9)
+            first[:] = z
+            ints[count:rows], reals[count:rows] = own_ints[count:rows], own_reals[count:rows]
+            duals[:rows] = own_duals[:rows]
+            chosen[made:sites], hands[made:sites] = own_chosen[made:sites], own_hands[made:sites]
+    starts[0] = first
+    return best, rows, sites
+
+
+@kernel
+def settle_jointly(motion, parts1, parts2, tracked, signs, pairs, path, ints, reals, count, steepest, starts, duals):
+    """Settle with rows that all starts share, each round from the least of their solutions; its z in the first start.
+
+    Rows added for one start alone may shut it up in a corner that others never enter.
+    """
+    fault_ints, fault_reals, excess = np.zeros((32, ROW), np.int64), np.zeros((32, 3)), np.zeros(32)
+    k = starts.shape[1]
+    z, best, own_duals = np.empty(k), np.full(k, np.nan), np.zeros(len(duals))
+    for turn in range(ROUNDS):
+        enough, latest = np.inf, best.copy()
+        for r in range(-1 if turn > 0 else 0, len(starts)):
+            z[:] = latest if r < 0 else starts[r]
+            own_duals[:] = 0.0
+            ended = descend(
+                motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, steepest, z, own_duals, enough
+            )
+            if ended == FOUND and _norm(z) < enough:
+                enough, best[:], duals[:] = _norm(z), z, own_duals
+        if enough == np.inf:
+            return NOWHERE, count
+        faults = path_faults(
+            motion, parts1, parts2, tracked, signs, pairs, best, path, False, fault_ints, fault_reals, excess
+        )
+        if faults == 0:
+            starts[0] = best
+            return FOUND, count
+        before = count
+        count = _forbid(ints, reals, count, fault_ints, fault_reals, max(faults, 0))
+        duals[before:count] = 0.0
+        if count == before:
+            return NOWHERE, count
+    return STUCK, count
+
+
+@kernel
+def first_beyond(motion, parts1, parts2, tracked, signs, pairs, path, trials, hands, miss):
+    """Return the first of several z that bring the tracked pair beyond its target, real all along; -1 for none."""
+    k = trials.shape[1]
+    flat, q = np.empty(12 * (k + 1)), np.empty(k)
+    lines, rho = np.empty((2, 1, 6)), np.empty((1, 2))
+    ints, reals, excess = np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4)
+    for r in range(len(trials)):
+        z = trials[r]
+        _place(motion, z, 1.0, q, flat, False)
+        for t in range(len(tracked)):
+            _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
+        if not _pair(lines, len(tracked), pairs[0], pairs[1], 1.0, rho):
+            continue
+        if hands[0] * (rho[0, 0] - pairs[1, 0]) < miss or hands[1] * (rho[0, 1] - pairs[1, 1]) < miss:
+            continue
+        if path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess) == 0:
+            return r
+    return -1
+
+
+# ------------------------------------------------------------------------------------------------------------- rays
+
+
+@kernel
+def _miss(motion, parts1, parts2, pairs, direction, amount, z, q, flat):
+    """Return the target pair's gap less what is needed, at an amount along a direction."""
+    for m in range(len(z)):
+        z[m] = amount * direction[m]
+    _place(motion, z, 1.0, q, flat, False)
+    return near_gaps(*parts1, *parts2, flat[:12], pairs[1], pairs[2, 0]).min() - pairs[2, 0]
+
+
+@kernel
+def march(motion, parts1, parts2, pairs, direction, rate, limit, start, floor, most, fine):
+    """Return (amount, clear to) of the first contact along a ray, see `rays.first_contact`.
+
+    A step is as long as the gap takes to close at the most; a change of side within one is a root, found to `fine`.
+    """
+    k = len(direction)
+    z, q, flat = np.empty(k), np.empty(k), np.empty(12 * (k + 1))
+    here, proved, sure = start, 0.0, True
+    value = _miss(motion, parts1, parts2, pairs, direction, here, z, q, flat)
+    side = -1.0 if value < 0.0 else 1.0
+    for _ in range(most):
+        if here >= limit:
+            return np.inf, (limit if sure else proved)
+        step = abs(value) / rate
+        proved = here if sure else proved
+        sure = sure and step >= floor
+        ahead = min(here + max(step, floor), limit)
+        there = _miss(motion, parts1, parts2, pairs, direction, ahead, z, q, flat)
+        if there * side <= 0.0 and there * value <= 0.0:
+            low, high, below, above = here, ahead, value, there
+            kept = 0  # of which end the last trial was
+            for turn in range(200):  # regula falsi (Illinois), then halves
+                if above == 0.0 or high - low <= fine * high:
+                    break
+                middle = high - above * (high - low) / (above - below)
+                if turn > 60 or not low < middle < high:
+                    middle = 0.5 * (low + high)
+                    if not low < middle < high:
+                        break
+                now = _miss(motion, parts1, parts2, pairs, direction, middle, z, q, flat)
+                if now * side > 0.0:
+                    low, below, above, kept = middle, now, (0.5 * above if kept == 1 else above), 1
+                else:
+                    high, above, below, kept = middle, now, (0.5 * below if kept == 2 else below), 2
+            return high, proved
+        here, value = ahead, there
+    return np.inf, proved

@@ -1,0 +1,325 @@
+"""Interval arithmetic for the checker of proofs, and CasADi functions worked out in it.
+
+An interval is a middle and a radius. Every operation adds to the radius what rounding to nearest can do to the middle,
+2^-53 of it, and rounds the radius up: whatever numbers within the operands, the exact result lies within the interval
+returned. What cannot be bounded has an infinite radius or is nan; no comparison with it holds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array
+
+UNIT = 2.0**-52  # more than the rounding of one operation, relative to its result
+UP = 1.0 + 2.0**-49  # more than the rounding of the few operations that a radius takes
+LEAST = 1e-300  # more than what underflow can take from a result
+LIBRARY = 2.0**-48  # error of a library function: sixteen units in the last place of its result
+WHOLE_TURNS = 1e6  # sines of larger angles are bounded by 1 alone
+
+
+class Interval:
+    """Numbers within `radius` of `middle`, arrays that broadcast."""
+
+    __slots__ = ("middle", "radius")
+    __array_ufunc__ = None  # numpy leaves the arithmetic to this class
+
+    def __init__(self, middle: Any, radius: Any = 0.0) -> None:
+        self.middle, self.radius = middle, radius
+
+    @classmethod
+    def between(cls, low: Any, high: Any) -> Interval:
+        """Return the interval with these ends; nan where an end is."""
+        with np.errstate(all="ignore"):
+            middle = 0.5 * low + 0.5 * high
+            bounded = np.isfinite(middle) | np.isnan(middle)
+            middle = np.where(bounded, middle, 0.0)
+            radius = np.maximum(high - middle, middle - low) * UP
+            return cls(middle, np.where(bounded, radius, np.inf))
+
+    @property
+    def low(self) -> Any:
+        """Lower end."""
+        return self.middle - (self.radius + UNIT * (np.abs(self.middle) + self.radius))
+
+    @property
+    def high(self) -> Any:
+        """Upper end."""
+        return self.middle + (self.radius + UNIT * (np.abs(self.middle) + self.radius))
+
+    @property
+    def size(self) -> Any:
+        """Largest absolute value."""
+        return (np.abs(self.middle) + self.radius) * UP
+
+    def __getitem__(self, key: Any) -> Interval:
+        radius = self.radius if np.ndim(self.radius) == 0 else self.radius[key]
+        return Interval(self.middle[key], radius)
+
+    def hull(self, other: Interval) -> Interval:
+        """Return the least interval that holds both."""
+        return Interval.between(np.minimum(self.low, other.low), np.maximum(self.high, other.high))
+
+    def tighter(self, other: Interval) -> Interval:
+        """Return whichever of two intervals for the same numbers is the narrower."""
+        better = other.radius < self.radius
+        return Interval(np.where(better, other.middle, self.middle), np.where(better, other.radius, self.radius))
+
+    def __add__(self, other: Any) -> Interval:
+        other = _interval(other)
+        middle = self.middle + other.middle
+        return Interval(middle, (self.radius + other.radius + UNIT * np.abs(middle)) * UP)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Interval:
+        return Interval(-self.middle, self.radius)
+
+    def __sub__(self, other: Any) -> Interval:
+        return self + -_interval(other)
+
+    def __rsub__(self, other: Any) -> Interval:
+        return -self + other
+
+    def __mul__(self, other: Any) -> Interval:
+        other = _interval(other)
+        middle, own, others = self.middle * other.middle, np.abs(self.middle), np.abs(other.middle)
+        spread = own * other.radius + self.radius * (others + other.radius)
+        return Interval(middle, (spread + UNIT * np.abs(middle)) * UP + LEAST)
+
+    __rmul__ = __mul__
+
+    def reciprocal(self) -> Interval:
+        """Return 1 / x; all numbers where x may be 0."""
+        low, high = self.low, self.high
+        with np.errstate(all="ignore"):
+            found = Interval.between(_down(1.0 / high), _up(1.0 / low))
+        sure = (low > 0) | (high < 0)
+        return Interval(np.where(sure, found.middle, 0.0), np.where(sure, found.radius, np.inf))
+
+    def __truediv__(self, other: Any) -> Interval:
+        return self * _interval(other).reciprocal()
+
+    def square(self) -> Interval:
+        """Return x x."""
+        middle, radius = self.middle * self.middle, self.radius
+        spread = radius * (2.0 * np.abs(self.middle) + radius)
+        return Interval(middle, (spread + UNIT * middle) * UP + LEAST)
+
+    def magnitude(self) -> Interval:
+        """Return |x|."""
+        low, high = self.low, self.high
+        across = Interval.between(np.zeros_like(low), np.maximum(-low, high))
+        sure = (low > 0) | (high < 0)
+        return Interval(
+            np.where(sure, np.abs(self.middle), across.middle), np.where(sure, self.radius, across.radius)
+        )
+
+    def increasing(self, function: Callable[[Any], Any]) -> Interval:
+        """Return a function that increases wherever it is defined, given in floats."""
+        with np.errstate(all="ignore"):
+            return Interval.between(_down(function(self.low)), _up(function(self.high)))
+
+    def wave(self, function: Callable[[Any], Any], top: float) -> Interval:
+        """Return a sine or cosine, which is 1 at the angle `top`."""
+        low, high = self.low, self.high
+        with np.errstate(all="ignore"):
+            ends = function(low), function(high)
+            least, most = np.minimum(*ends) - LIBRARY, np.maximum(*ends) + LIBRARY
+            # an angle misjudged by its rounding is so near the crest that LIBRARY holds the difference
+            crest, trough = (
+                np.floor((high - angle) / math.tau) != np.floor((low - angle) / math.tau)
+                for angle in (top, top + math.pi)
+            )
+            far = ~(np.maximum(np.abs(low), np.abs(high)) <= WHOLE_TURNS)
+        return Interval.between(
+            np.where(far | trough | ~(least >= -1.0), -1.0, least), np.where(far | crest | ~(most <= 1.0), 1.0, most)
+        )
+
+    def power(self, exponent: Interval) -> Interval:
+        """Return x to a power: a small whole number, or any for positive x."""
+        if np.ndim(exponent.middle) == 0 and not np.any(exponent.radius) and float(exponent.middle).is_integer():
+            count = int(exponent.middle)
+            if abs(count) <= 64:
+                made = _product([self] * abs(count))
+                return made if count >= 0 else made.reciprocal()
+        return (exponent * self.increasing(np.log)).increasing(np.exp)
+
+    def angle(self, x: Interval) -> Interval:
+        """Return the angle of the point (x, self): atan2."""
+        with np.errstate(all="ignore"):
+            right, side = (self / x).increasing(np.arctan), (x / self).increasing(np.arctan)
+        above, below = math.pi / 2.0 - side, -math.pi / 2.0 - side
+        found, known = Interval(np.zeros(np.shape(self.middle + x.middle)), math.pi * UP), [x.low > 0, self.low > 0]
+        for own, sure in ((right, known[0]), (above, ~known[0] & known[1]), (below, ~known[0] & (self.high < 0))):
+            found = Interval(np.where(sure, own.middle, found.middle), np.where(sure, own.radius, found.radius))
+        return Interval(found.middle, found.radius + math.pi * UNIT)
+
+
+def _interval(value: Any) -> Interval:
+    return value if isinstance(value, Interval) else Interval(value)
+
+
+def _down(value: Any) -> Any:
+    return value - (LIBRARY * np.abs(value) + LEAST)
+
+
+def _up(value: Any) -> Any:
+    return value + (LIBRARY * np.abs(value) + LEAST)
+
+
+def _product(factors: Sequence[Interval]) -> Interval:
+    total = Interval(1.0)
+    for factor in factors:
+        total = total * factor
+    return total
+
+
+# ------------------------------------------------------------------------------------------------------ truth values
+
+
+def _truth(sure: Any, never: Any) -> Interval:
+    """Return 1 where something is sure, 0 where it never is, and what holds both elsewhere."""
+    return Interval(np.where(sure, 1.0, np.where(never, 0.0, 0.5)), np.where(sure | never, 0.0, 0.5))
+
+
+def _known(x: Interval) -> tuple[Any, Any]:
+    """Tell where x is surely not 0, and where it surely is."""
+    return (x.low > 0) | (x.high < 0), (x.middle == 0) & (x.radius == 0)
+
+
+def _less(x: Interval, y: Interval) -> Interval:
+    return _truth(x.high < y.low, x.low > y.high)
+
+
+def _same(x: Interval, y: Interval) -> Interval:
+    exact = (x.radius == 0) & (y.radius == 0) & (x.middle == y.middle)
+    return _truth(exact, (x.high < y.low) | (x.low > y.high))
+
+
+def _is_not(x: Interval) -> Interval:
+    sure, never = _known(x)
+    return _truth(never, sure)
+
+
+def _both(x: Interval, y: Interval) -> Interval:
+    (sure, never), (others_sure, others_never) = _known(x), _known(y)
+    return _truth(sure & others_sure, never | others_never)
+
+
+def _kept_if(condition: Interval, x: Interval) -> Interval:
+    """Return x where the condition holds, 0 where it does not, whatever x is there."""
+    (sure, never), either = _known(condition), x.hull(Interval(0.0))
+    middle = np.where(never, 0.0, np.where(sure, x.middle, either.middle))
+    return Interval(middle, np.where(never, 0.0, np.where(sure, x.radius, either.radius)))
+
+
+def _least(x: Interval, y: Interval) -> Interval:
+    return Interval.between(np.minimum(x.low, y.low), np.minimum(x.high, y.high))
+
+
+def _within(function: Callable[[Any], Any], low: float, high: float) -> Callable[[Interval], Interval]:
+    """Return an increasing function with a domain; nan where an argument may be beyond it."""
+    return lambda x: x.increasing(lambda end: function(np.where((end >= low) & (end <= high), end, np.nan)))
+
+
+JUMPS = frozenset(("LT", "LE", "EQ", "NE", "SIGN", "FLOOR", "CEIL"))  # operations that are not continuous
+OPERATIONS: dict[str, Callable[..., Interval]] = {
+    "ASSIGN": lambda x: x,
+    "ADD": lambda x, y: x + y,
+    "SUB": lambda x, y: x - y,
+    "MUL": lambda x, y: x * y,
+    "DIV": lambda x, y: x / y,
+    "NEG": lambda x: -x,
+    "SQ": Interval.square,
+    "TWICE": lambda x: Interval(2.0 * x.middle, 2.0 * x.radius),
+    "INV": Interval.reciprocal,
+    "SQRT": _within(np.sqrt, 0.0, np.inf),
+    "POW": Interval.power,
+    "CONSTPOW": Interval.power,
+    "SIN": lambda x: x.wave(np.sin, math.pi / 2.0),
+    "COS": lambda x: x.wave(np.cos, 0.0),
+    "TAN": lambda x: x.wave(np.sin, math.pi / 2.0) / x.wave(np.cos, 0.0),
+    "ASIN": _within(np.arcsin, -1.0, 1.0),
+    "ACOS": lambda x: -_within(lambda end: -np.arccos(end), -1.0, 1.0)(x),
+    "ATAN": lambda x: x.increasing(np.arctan),
+    "ATAN2": Interval.angle,
+    "EXP": lambda x: x.increasing(np.exp),
+    "EXPM1": lambda x: x.increasing(np.expm1),
+    "LOG": _within(np.log, 0.0, np.inf),
+    "LOG1P": _within(np.log1p, -1.0, np.inf),
+    "SINH": lambda x: x.increasing(np.sinh),
+    "COSH": lambda x: x.magnitude().increasing(np.cosh),
+    "TANH": lambda x: x.increasing(np.tanh),
+    "ASINH": lambda x: x.increasing(np.arcsinh),
+    "ACOSH": _within(np.arccosh, 1.0, np.inf),
+    "ATANH": _within(np.arctanh, -1.0, 1.0),
+    "FABS": Interval.magnitude,
+    "SIGN": lambda x: Interval.between(np.sign(x.low), np.sign(x.high)),
+    "FLOOR": lambda x: Interval.between(np.floor(x.low), np.floor(x.high)),
+    "CEIL": lambda x: Interval.between(np.ceil(x.low), np.ceil(x.high)),
+    "FMIN": _least,
+    "FMAX": lambda x, y: -_least(-x, -y),
+    "LT": _less,
+    "LE": _less,
+    "EQ": _same,
+    "NE": lambda x, y: _is_not(_same(x, y)),
+    "NOT": _is_not,
+    "AND": _both,
+    "OR": lambda x, y: _is_not(_both(_is_not(x), _is_not(y))),
+    "IF_ELSE_ZERO": _kept_if,
+}
+
+
+class Program:
+    """A CasADi function of symbols (SX), worked out in intervals, instruction by instruction.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        An operation that is not known here gives all numbers.
+    """
+
+    def __init__(self, function: Any) -> None:
+        import casadi
+
+        names = {value: name[3:] for name, value in vars(casadi).items() if name.startswith("OP_")}
+        self._sizes = [function.nnz_out(k) for k in range(function.n_out())]
+        self._work = function.sz_w()
+        self._steps = []
+        for k in range(function.n_instructions()):
+            name = names[function.instruction_id(k)]
+            constant = function.instruction_constant(k) if name == "CONST" else 0.0
+            self._steps.append((name, function.instruction_input(k), function.instruction_output(k), constant))
+
+    def __call__(self, *inputs: Sequence[Interval]) -> tuple[list[list[Interval]], Any]:
+        """Return the outputs, a list of numbers each, and where the function may have a jump within the inputs.
+
+        Parameters
+        ----------
+        inputs : sequences of Interval
+            The numbers of each input.
+        """
+        work: list[Any] = [None] * self._work
+        outputs = [[Interval(0.0)] * size for size in self._sizes]
+        jumps: Any = False
+        for name, given, made, constant in self._steps:
+            if name == "CONST":
+                work[made[0]] = Interval(constant)
+            elif name == "INPUT":
+                work[made[0]] = inputs[given[0]][given[1]]
+            elif name == "OUTPUT":
+                outputs[made[0]][made[1]] = work[given[0]]
+            elif name in OPERATIONS:
+                found = work[made[0]] = OPERATIONS[name](*(work[k] for k in given))
+                if name in JUMPS:
+                    jumps = jumps | (found.radius > 0)
+            else:
+                for place in made:
+                    work[place] = Interval(0.0, np.inf)
+                jumps = True
+        return outputs, jumps

@@ -1,0 +1,163 @@
+"""The rival methods find smallest motions known in closed form, refuse what they cannot express, and are judged."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import CUBE, Shape, box_shape, shape
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.measure.motions import COARSE, FINE, RIVALS, judged
+from fcdm_opt.motion import Rotation, Translation
+from fcdm_opt.tolerance.keep_out import KeepOut
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.solver import solve
+
+WIDE = ((0.5, 5.0), (0.5, 5.0))
+X = Translation("x")
+# 1 <= x <= 3/2, seed in its middle: a body of reach h_1 towards x meets it where rho_1 h_1 + rho_2 / 4 = 5/4
+PLATE = box_shape((1, -2, -2), ("1.5", 2, 2))
+TIP = shape([("0.5", 0, 0), ("-0.5", 0, 0), (0, "0.5", 0), (0, "-0.5", 0), (0, 0, "0.5"), (0, 0, "-0.5")], (0, 0, 0))
+EXACT = 1e-6  # relative: of methods whose answers are brought onto their conditions
+
+
+def problem(one: Shape, two: Shape, **arguments: Any) -> Problem:
+    return Problem(one.body("one"), two.body("two"), **{"box": WIDE, "goal": "touch", "motion": X, **arguments})
+
+
+EVERY = pytest.mark.parametrize("name", list(RIVALS))
+EQUATIONS = pytest.mark.parametrize("name", [name for name in RIVALS if name != "grid"])
+
+
+def check(name: str, asked: Problem, amount: float, slack: float = EXACT) -> None:
+    """The rival finds a motion of this amount, which the judge accepts."""
+    attempt = RIVALS[name](asked)
+    assert attempt.q is not None
+    solution = judged(asked, attempt.q)
+    assert solution.usable, solution.certificate and solution.certificate.failed
+    assert amount * (1 - 1e-8) - 1e-9 <= solution.amount <= amount * (1 + slack) + 1e-9
+    assert attempt.queries > 0
+    assert attempt.evaluations > 0
+    assert attempt.seconds > 0
+
+
+# ----------------------------------------------------------------------------------------------------- closed forms
+
+
+@EQUATIONS
+def test_a_tip_is_shifted_by_its_gap(name: str) -> None:
+    check(name, problem(TIP, PLATE, target=(1.2, 1.1)), 1.25 - 0.6 - 0.275)
+
+
+@EQUATIONS
+def test_an_overlap_is_undone(name: str) -> None:
+    check(name, problem(TIP, PLATE, target=(2.2, 1.1)), 1.1 + 0.275 - 1.25)
+
+
+@EVERY
+def test_a_clearance_is_kept(name: str) -> None:
+    """A grid of 1e-4 finds the next node, and an interior point method stops inside."""
+    asked = problem(TIP, PLATE, goal="clear", clearance=0.05, target=(2.2, 1.1))
+    check(name, asked, 0.175, {"grid": FINE["translation"] / 0.175, "trust-constr": 1e-3}.get(name, EXACT))
+
+
+@EQUATIONS
+def test_two_directions_share_the_way(name: str) -> None:
+    """The gap closes along x alone: with a slanted second direction the shortest way mixes both."""
+    slanted = Translation((1.0, 1.0, 0.0))
+    asked = problem(TIP, PLATE, target=(1.2, 1.1), motion=X >> slanted)
+    slack = {"differential evolution": 1e-4, "Nelder-Mead": 1e-4}.get(name, EXACT)
+    check(name, asked, 0.375 / np.hypot(1.0, np.sqrt(0.5)), slack)
+
+
+@EVERY
+def test_a_keep_out_asks_for_more_than_the_contact(name: str) -> None:
+    """It begins before the plate does: the tip's reach of 1.1 must go back to 0.8."""
+    block = KeepOut(box_shape(("0.8", -2, -2), (1, 2, 2)).body("block"))
+    asked = problem(TIP, PLATE, goal="clear", target=(2.2, 1.1), keep_out=[block])
+    check(name, asked, 0.3, {"grid": FINE["translation"] / 0.3, "trust-constr": 1e-3}.get(name, EXACT))
+
+
+@pytest.mark.parametrize("name", [name for name in RIVALS if name != "coal in the loop"])
+def test_a_switching_point_goes_beyond_its_target(name: str) -> None:
+    """By every method and by our own: none is smaller, and those that end on their conditions are as small."""
+    rng = np.random.default_rng(4)
+    one, two = (Body.convex(rng.normal(size=(8, 3)) + shift) for shift in (np.zeros(3), np.array([3.0, 0.5, 0.2])))
+    asked = Problem(one, two, nominal=1, tolerance=0.01, requirement="A",
+                    motion=X >> Rotation("z"))  # fmt: skip
+    own = solve(asked)
+    assert own.usable
+    loose = {"grid": 0.5, "trust-constr": 0.01, "differential evolution": 0.01, "Nelder-Mead": 0.01}
+    check(name, asked, own.amount, loose.get(name, EXACT))
+
+
+@pytest.mark.parametrize("name", ["SLSQP", "IPOPT, full model", "coal in the loop"])
+def test_a_displacement_is_made_least(name: str) -> None:
+    """Turning may help the weighted amount, not the largest displacement: a tip turned is no nearer."""
+    motion = X >> Translation("z") >> Rotation("z")
+    check(name, problem(TIP, PLATE, target=(1.2, 1.1), motion=motion, amount="displacement"), 0.375)
+
+
+def test_the_full_model_is_a_stage_that_agrees_with_the_others() -> None:
+    asked = problem(TIP, PLATE, target=(1.2, 1.1), motion=X >> Rotation("z"))
+    full, own = solve(asked, model="full"), solve(asked)
+    assert full.usable
+    assert full.amount == pytest.approx(own.amount, rel=1e-7)
+    assert full.modelled["constraints"] > 14
+    assert full.modelled["part_pairs_kept"] == full.modelled["part_pairs_total"] == 1
+
+
+def test_the_full_model_is_forced_only() -> None:
+    assert "full" not in solve(problem(TIP, PLATE, target=(1.2, 1.1), motion=X >> Rotation("z"))).stage
+
+
+# --------------------------------------------------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize("goal", ["touch", "at"])
+def test_a_grid_meets_no_equation(goal: str) -> None:
+    asked = problem(TIP, PLATE, goal=goal, nominal=(2.0, 1.0), target=(2.1, 1.0))
+    with pytest.raises(InputError, match="meet no equation"):
+        RIVALS["grid"](asked)
+
+
+def test_a_collision_library_knows_no_features() -> None:
+    asked = problem(TIP, PLATE, goal="at", nominal=(2.0, 1.0), target=(2.1, 1.0))
+    with pytest.raises(InputError, match="does not tell features"):
+        RIVALS["coal in the loop"](asked)
+
+
+def test_the_full_model_has_no_flush_contacts() -> None:
+    asked = problem(CUBE, CUBE.shifted((2, 0, 0)), goal="seat", nominal=(1.0, 1.0), target=(1.1, 1.0))
+    with pytest.raises(InputError, match="no rows for flush contacts"):
+        RIVALS["IPOPT, full model"](asked)
+
+
+# -------------------------------------------------------------------------------------------------------- the judge
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.3749, 0.3751, -0.375])
+def test_a_wrong_motion_is_not_verified(wrong: float) -> None:
+    asked = problem(TIP, PLATE, target=(1.2, 1.1))
+    assert judged(asked, [0.375]).usable
+    solution = judged(asked, [wrong])
+    assert solution.status is Status.NOT_VERIFIED
+    assert solution.certificate is not None
+    assert {"pair touches", "touching"} & {check.name for check in solution.certificate.failed}
+
+
+def test_a_motion_beyond_a_limit_is_not_verified() -> None:
+    asked = problem(TIP, PLATE, target=(1.2, 1.1), limits={"TX": (-0.1, 0.1)})
+    assert [check.name for check in judged(asked, [0.375]).certificate.failed] == ["limits"]
+
+
+def test_a_grid_is_as_fine_as_the_paper_prints() -> None:
+    """Table 1, B: a translation of 0.25 with 7.0191 degrees; C: -0.1178 with -6 degrees."""
+    for value, kind, step in ((0.25, "translation", COARSE), (0.1178, "translation", FINE)):
+        assert round(value / step[kind]) * step[kind] == pytest.approx(value, abs=1e-12)
+    for degrees, step in ((6.0, COARSE), (7.0191, FINE)):
+        assert round(np.radians(degrees) / step["rotation"]) * step["rotation"] == pytest.approx(np.radians(degrees))

@@ -1,0 +1,406 @@
+"""Coherent ranges and contact times: closed forms, invariance, the curve's own features at both ends, brute force."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+from cases import CUBE, box_shape, shape, union
+from strategies import random_pair, random_pose, random_union
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt.cli import app
+from fcdm_opt.curve.coherence import contact_faults
+from fcdm_opt.show.family import family_figure
+from fcdm_opt.tolerance.ranges import KINDS
+from fcdm_opt.tolerance.task import Task
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+WIDE = ((0.05, 20.0), (0.05, 20.0))
+# tip at x = 1/2 of body 1 before the face x = 1 of a plate 4 wide and high: rho_1 / 2 + rho_2 / 4 = 5/4
+TIP = shape([("0.5", 0, 0), ("-0.5", 0, 0), (0, "0.5", 0), (0, "-0.5", 0), (0, 0, "0.5"), (0, 0, "-0.5")], (0, 0, 0))
+PLATE = box_shape((1, -2, -2), ("1.5", 2, 2))
+
+
+def problem(one: Any, two: Any, motion: fo.Motion, nominal: Any, **more: Any) -> fo.Problem:
+    target = nominal if not isinstance(nominal, int) else (1.0, 1.0)
+    return fo.Problem(one, two, nominal=nominal, target=target, goal="touch", motion=motion, box=WIDE, **more)
+
+
+def tip(motion: fo.Motion, **more: Any) -> fo.Problem:
+    return problem(TIP.body("tip"), PLATE.body("plate"), motion, (1.5, 2.0), **more)
+
+
+def labels(features: Any) -> list[str]:
+    return [feature.label for feature in features]
+
+
+# --------------------------------------------------------------------------------------------------------- closed forms
+
+
+def test_a_tip_slides_until_it_reaches_the_edge_of_a_plate():
+    found = fo.coherent_range(tip(fo.Translation("y")))
+    assert found.low == pytest.approx(-4.0, rel=1e-14)  # rho_2 = 2 makes the plate 8 wide
+    assert found.high == pytest.approx(4.0, rel=1e-14)
+    assert [event.kind for event in found.events] == ["border", "border"]
+    assert not any(event.grazing for event in found.events)
+    assert max(event.error for event in found.events) < 1e-12
+    assert labels(found.last.features) == ["V1F2(P1V1; P2V1,V3,V5,V7)"]
+    assert "V3" in found.last.what
+    assert "V7" in found.last.what
+    assert "body 2" in found.last.what
+    assert [feature.kind for feature in found.last.merged] == ["V1E2"]
+    assert [feature.kind for feature in found.last.successors] == ["E1E2"]
+    assert found.proved
+
+
+def test_a_tip_moves_towards_a_plate_until_a_scale_is_zero_and_away_for_ever():
+    found = fo.coherent_range(tip(fo.Translation("x")))
+    # the point of a line (1/2, 1/4) moved by x nearest to (1.5, 2) is off by -x (1.6, 0.8): rho_1 vanishes first
+    assert found.last.kind == "scale"
+    assert found.high == pytest.approx(1.5 / 1.6, rel=1e-14)
+    assert (found.low, found.first.kind) == (-math.inf, "unbounded")
+
+
+def test_a_tip_turns_until_its_neighbour_takes_over():
+    found = fo.coherent_range(tip(fo.Rotation("z")))
+    # the octahedron turned by 45 degrees lies on the plate with an edge
+    assert found.high == pytest.approx(math.pi / 4, rel=1e-14)
+    assert found.low == pytest.approx(-math.pi / 4, rel=1e-14)
+    assert (found.first.kind, found.last.kind) == ("neighbour", "neighbour")
+    assert found.last.merged[0].kind == "E1F2"
+    assert labels(found.last.successors) == ["V1F2(P1V4; P2V1,V3,V5,V7)"]
+
+
+def test_a_screw_ends_where_the_turning_does():
+    pitch = 0.25
+    found = fo.coherent_range(tip(fo.Screw(((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), pitch=pitch)))
+    assert found.high == pytest.approx(math.pi / 4, rel=1e-14)
+    steep = fo.coherent_range(tip(fo.Screw(((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), pitch=16.0)))
+    # rho is the point of cos(t) / 2 rho_1 + rho_2 / 4 = 5/4 nearest to (1.5, 2); the tip leaves where 16 t = 2 rho_2
+    assert steep.last.kind == "border"
+    rho = steep.rho(steep.high)
+    assert 16.0 * steep.high == pytest.approx(2.0 * rho[1], rel=1e-12)
+    assert math.cos(steep.high) / 2 * rho[0] + rho[1] / 4 == pytest.approx(1.25, rel=1e-12)
+
+
+def test_nothing_ends_a_turn_about_the_normal_through_a_tip():
+    found = fo.coherent_range(tip(fo.Rotation("x")))
+    assert (found.first.kind, found.last.kind) == ("whole turn", "whole turn")
+    assert (found.low, found.high) == (-2 * math.pi, 2 * math.pi)
+
+
+def test_limits_and_what_was_asked_end_a_range():
+    limited = tip(fo.Translation("y"), limits={"TY": (-1.0, 2.0)})
+    found = fo.coherent_range(limited, [0.5])
+    assert (found.low, found.high) == (-2.0, 4.0)
+    assert [event.kind for event in found.events] == ["limit", "limit"]
+    assert fo.coherent_range(limited, limit=0.75).high == 0.75
+
+
+def test_the_paths_of_edges_that_graze_are_flagged():
+    def swing(q):  # the tip comes back just where it reaches the border at y = 4
+        T = casadi.SX.eye(4)
+        T[1, 3] = 4.0 - 4.0 * (q[0] - 1.0) ** 2
+        return T
+
+    found = fo.coherent_range(tip(fo.OwnMotion(swing, [("s", "translation")], name="swing")))
+    assert found.last.grazing
+    assert found.last.kind == "border"
+    assert abs(found.high - 1.0) <= found.last.error <= 1e-5
+    assert found.low == pytest.approx(1.0 - math.sqrt(2.0), rel=1e-13)  # at y = -4
+
+
+def test_an_edge_that_crosses_an_edge_slides_to_its_end():
+    one = shape([(-1, 0, 0), (1, 0, 0), (0, 1, -1), (0, -1, -1)], (0, 0, "-0.5")).body("lower")  # ridge along x on top
+    two = shape([(0, -1, 0), (0, 1, 0), (1, 0, 1), (-1, 0, 1)], (0, 0, "0.5")).shifted((0, 0, 1)).body("upper")
+    rho = (2.0, 2.0)  # ridges at -1/2 + rho_1 / 2 and 3/2 - rho_2 / 2
+    found = fo.coherent_range(problem(one, two, fo.Translation("x") >> fo.Translation("y"), rho), {"TX": 1.0})
+    assert found.high == pytest.approx(2.0, rel=1e-14)
+    assert found.first.what == "the contact point reaches the vertex V2 of body 1"
+    assert [feature.kind for feature in found.features] == ["E1E2"]
+    turned = fo.coherent_range(problem(one, two, fo.Rotation("z"), rho))
+    assert turned.last.kind == "parallel edges"
+    assert turned.high == pytest.approx(math.pi / 2, rel=1e-12)
+
+
+# ---------------------------------------------------------------------------------------------- flush contacts, unions
+
+
+def test_a_flush_contact_slides_until_it_shares_nothing_and_any_tilt_ends_it():
+    lying = problem(CUBE.body(), CUBE.shifted((4, 0, 0)).body(), fo.Translation("y") >> fo.Rotation("z"), (2.0, 2.0))
+    found = fo.coherent_range(lying, {"TY": 1.0})
+    assert (found.low, found.high) == pytest.approx((-4.0, 4.0), rel=1e-14)
+    assert labels(found.features) == ["F1F2(P1V2,V4,V6,V8; P2V1,V3,V5,V7)"]
+    tilted = fo.coherent_range(lying, {"RZ": 1.0})
+    assert (tilted.low, tilted.high, tilted.last.kind) == (0.0, 0.0, "opens")
+    spun = fo.coherent_range(problem(lying.movable, lying.static, fo.Rotation("x"), (2.0, 2.0)))
+    assert spun.last.kind == "whole turn"
+
+
+def test_a_contact_goes_on_over_a_seam():
+    halves = union(box_shape((1, -2, -2), ("1.5", 1, 2)), box_shape((1, 1, -2), ("1.5", 2, 2)), seed=(1.25, 0, 0))
+    split = problem(TIP.body(), halves.body(), fo.Translation("y"), (1.5, 2.0))
+    found = fo.coherent_range(split)
+    assert (found.low, found.high) == pytest.approx((-4.0, 4.0), rel=1e-13)
+    assert found.last.kind == "border"
+
+
+def test_a_wall_ends_the_way_before_the_border():
+    walled = union(box_shape((1, -4, -2), ("1.5", 4, 2)), box_shape((0, 2, -2), ("1.5", 4, 2)), seed=(1.25, 0, 0))
+    found = fo.coherent_range(problem(TIP.body(), walled.body(), fo.Translation("y"), (1.5, 2.0)))
+    assert (found.first.kind, found.last.kind) == ("border", "overlap")
+    assert found.high == pytest.approx(4.0 - 0.75, rel=1e-13)
+    assert found.low == pytest.approx(-8.0, rel=1e-13)
+    assert any(feature.kind in ("V1F2", "E1F2") for feature in found.last.merged)
+
+
+# --------------------------------------------------------------------------------------------------------- the examples
+
+
+def example(number: int, name: str) -> fo.Problem:
+    return next(own for own in fo.load_problems(PROBLEMS / f"example{number}.toml") if own.name == name)
+
+
+@pytest.mark.parametrize(("number", "name"), [(n, name) for n in (1, 2) for name in "ABCD"])
+def test_published_motions_lie_in_the_coherent_range_and_the_features_end_with_it(number, name):
+    asked = example(number, name)
+    found = fo.coherent_range(asked, asked.published)
+    assert found.low < 0 < 1 < found.high  # the published motion is x = 1
+    assert found.proved
+    for event, inward in zip(found.events, (1.0, -1.0), strict=True):
+        assert event.error <= 1e-12 * abs(event.x)
+        if event.kind == "scale":
+            continue
+        inside, outside = (event.x + side * 1e-4 * abs(event.x) for side in (inward, -inward))
+        assert features_at(found, inside) == set(found.features)
+        assert features_at(found, outside) != set(found.features)
+    assert found.rho(0.0) == pytest.approx(asked.nominal_pair, rel=1e-13)
+
+
+def features_at(found: fo.CoherentRange, x: float) -> set[fo.Feature]:
+    """The features that meet at the tracked pair on the moved bodies' own curve."""
+    asked, rho = found.problem, found.rho(x)
+    curve = fo.decision_curve(asked.movable, asked.static, box=WIDE, transform=found.transform(x))
+    located = curve.locate(rho, 1e-8) if rho.min() > 0 else None
+    return set() if located is None else set(getattr(located, "features", None) or (located.feature,))
+
+
+def test_example_1_moved_along_the_seeds_shrinks_to_nothing_at_the_static_seed():
+    asked = example(1, "A")
+    offset = float(np.linalg.norm(asked.static.seed - asked.movable.seed))
+    sliding = asked.changed(motion=fo.Screw("seeds", pitch=math.inf))
+    found = fo.coherent_range(sliding)
+    assert found.high == pytest.approx(offset, rel=1e-12)
+    assert (found.last.kind, found.first.kind) == ("scale", "unbounded")
+
+
+# ------------------------------------------------------------------------------------------------- random, brute force
+
+MOTIONS = (
+    fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"),
+    fo.Rotation("z"),
+    fo.Translation("z") >> fo.Rotation("x", centre="origin"),
+    fo.Screw("seeds"),
+    fo.Rotation((1.0, 2.0, 3.0)) >> fo.Rotation("y") >> fo.Translation("x"),
+    fo.Free(),
+    fo.Translation("y") >> fo.Screw("seeds", pitch=300.0),
+)
+
+
+def random_problem(rng: np.random.Generator, unions: bool) -> tuple[fo.Problem, np.ndarray]:
+    """A nominal contact of random bodies, and a direction of a random motion."""
+    while True:
+        if unions:
+            one, two = (random_union(rng, 400, int(rng.integers(1, 4))) for _ in range(2))
+            two = two.shifted(rng.integers(-800, 800, 3).tolist())
+        else:
+            one, two = random_pair(rng, 1000)
+        movable, static = one.body(), two.body()
+        curve = fo.decision_curve(movable, static, box=WIDE)
+        if not curve.segments:
+            continue
+        if curve.switching_points and rng.random() < 0.7:
+            nominal: Any = int(rng.integers(len(curve.switching_points))) + 1
+        else:
+            segment = curve.segments[int(rng.integers(len(curve.segments)))]
+            nominal = tuple((segment.start + rng.uniform(0.1, 0.9) * (segment.end - segment.start)).tolist())
+        motion = MOTIONS[int(rng.integers(len(MOTIONS)))]
+        scale = np.array([1.0 if kind == "rotation" else 1000.0 for _, kind in motion.parameters])
+        asked = problem(movable, static, motion, nominal)
+        if asked.nominal_contact is not None and len(asked.nominal_features) <= 2:
+            return asked, rng.normal(size=len(scale)) * scale
+
+
+def is_real(task: Task, q: np.ndarray, slack: float) -> bool:
+    rho, pose, tracked = task.tracked_contact(q)
+    if not (np.isfinite(rho).all() and rho.min() > 0):
+        return False
+    return not contact_faults(task.movable, task.static, pose, rho, tracked, slack * task.size)
+
+
+@pytest.mark.parametrize(("unions", "count", "seed"), [(False, 200, 5), (True, 100, 6)])
+def test_random_rays_agree_with_sampling(unions, count, seed):
+    rng, ends = np.random.default_rng(seed), 0
+    for _ in range(count):
+        asked, direction = random_problem(rng, unions)
+        found = fo.coherent_range(asked, direction)
+        tracking = asked.changed(goal="at", target=tuple(asked.nominal_pair.tolist()))
+        task = Task.of(tracking)
+        assert found.proved
+        low, high = max(found.low, -10.0), min(found.high, 10.0)
+        for x in np.concatenate([np.linspace(low, high, 15)[1:-1], [low * (1 - 1e-5), high * (1 - 1e-5)]]):
+            assert is_real(task, x * direction, 1e-9), (found.events, x)
+        for event, out in zip(found.events, (-1.0, 1.0), strict=True):
+            assert event.kind in KINDS
+            if event.kind in ("border", "neighbour", "overlap", "scale", "parallel edges", "parallel lines"):
+                ends += 1
+                beyond = event.x + out * 1e-4 * max(abs(event.x), 1e-3)
+                assert event.grazing or not is_real(task, beyond * direction, 1e-12), event
+                assert event.grazing or event.error <= 1e-12 * abs(event.x), event
+    assert ends > count
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_common_rigid_motion_a_common_scale_and_the_way_round_change_nothing(seed):
+    rng = np.random.default_rng(seed)
+    asked, _ = random_problem(rng, seed % 2 == 1)
+    asked = asked.changed(motion=fo.Free())
+    direction = rng.normal(size=6) * [1000, 1000, 1000, 1, 1, 1]
+    found = fo.coherent_range(asked, direction)
+    back = fo.coherent_range(asked, -direction)
+    assert (back.low, back.high) == pytest.approx((-found.high, -found.low), rel=1e-13)
+    assert [event.what for event in back.events] == [event.what for event in reversed(found.events)]
+    T = random_pose(rng, 500.0)
+    turned = asked.changed(
+        movable=asked.movable.moved(T), static=asked.static.moved(T), nominal=tuple(asked.nominal_pair.tolist())
+    )
+    R = T[:3, :3]
+    other = fo.coherent_range(turned, np.concatenate([R @ direction[:3], R @ direction[3:]]))
+    assert (other.low, other.high) == pytest.approx((found.low, found.high), rel=1e-8)
+
+
+# -------------------------------------------------------------------------------------------------------- contact times
+
+
+def test_contact_times_of_a_cube_that_passes_through_another():
+    facing = fo.Problem(
+        CUBE.body(), CUBE.shifted((4, 0, 0)).body(), target=(1.0, 0.5), goal="touch", motion=fo.Translation("x")
+    )
+    times = fo.contact_times(facing)
+    assert [span.state for span in times.spans] == ["apart", "overlapping", "apart"]
+    assert [touch.x for touch in times.touches] == pytest.approx([2.5, 5.5], rel=1e-13)
+    assert times.free is not None
+    assert times.free[1] == times.touches[0].x
+    assert labels(times.touches[0].features) == ["F1F2(P1V2,V4,V6,V8; P2V1,V3,V5,V7)"]
+    assert (times.state(4.0), times.state(6.0), times.state(1e9)) == ("overlapping", "apart", "unknown")
+    assert times.proved
+    assert fo.contact_times(facing, scale_pair=(3.5, 1.0)).spans[1].state == "overlapping"
+
+
+def test_contact_times_of_a_bar_that_turns():
+    bar = box_shape((-2, "-0.25", -1), (2, "0.25", 1), seed=(0, 0, 0)).body("bar")
+    post = box_shape((1, 1, -1), (3, 3, 1)).body("post")
+    times = fo.contact_times(fo.Problem(bar, post, target=(1.0, 1.0), goal="touch", motion=fo.Rotation("z")))
+    # the bar's corner (2, 1/4) comes up to the post's side y = 1, and so mirrored, and with the bar's other end
+    first = math.asin(1.0 / math.hypot(2.0, 0.25)) - math.atan2(0.25, 2.0)
+    ways = sorted(turn + way for turn in (0.0, -math.pi) for way in (first, math.pi / 2 - first))
+    assert [touch.x for touch in times.touches] == pytest.approx(ways, rel=1e-12)
+    assert [span.state for span in times.spans] == ["apart", "overlapping", "apart", "overlapping", "apart"]
+    assert (times.spans[0].low, times.spans[-1].high) == pytest.approx((-math.pi, math.pi))
+    assert times.free == pytest.approx((ways[1], ways[2]), rel=1e-12)
+    assert all(touch.features and not touch.grazing for touch in times.touches)
+
+
+@pytest.mark.parametrize(("unions", "count"), [(False, 40), (True, 20)])
+def test_random_contact_times_agree_with_sampling(unions, count):
+    rng, touched = np.random.default_rng(11), 0
+    for _ in range(count):
+        asked, direction = random_problem(rng, unions)
+        pair = rng.uniform(0.5, 1.2, 2) * asked.nominal_pair
+        times = fo.contact_times(asked, direction, scale_pair=pair)
+        for x in np.linspace(times.spans[0].low, times.spans[-1].high, 30):
+            T = asked.motion.transform(x * direction, asked.movable.seed, asked.static.seed)
+            gap = float(fo.decision_curve(asked.movable, asked.static, transform=T).gap(pair))
+            assert abs(gap) < 1e-7 * asked.size or times.state(x) == ("apart" if gap > 0 else "overlapping")
+        for touch in times.touches:
+            T = asked.motion.transform(touch.x * direction, asked.movable.seed, asked.static.seed)
+            gap = float(fo.decision_curve(asked.movable, asked.static, transform=T).gap(pair))
+            assert abs(gap) < 1e-10 * asked.size
+            assert touch.features
+            touched += 1
+    assert touched > count // 2
+
+
+# -------------------------------------------------------------------------------------------------- input, command line
+
+
+@pytest.mark.parametrize(
+    ("direction", "key"),
+    [
+        ({"TQ": 1.0}, "direction"),
+        ({}, "direction"),
+        ([1.0, 2.0], "direction"),
+        ("up", "direction"),
+        ([math.nan], "direction"),
+    ],
+)
+def test_what_is_no_direction_is_refused(direction, key):
+    with pytest.raises(fo.InputError) as caught:
+        fo.coherent_range(tip(fo.Translation("y")), direction)
+    assert caught.value.key == key
+
+
+def test_a_motion_of_two_parameters_needs_a_direction_and_ranges_a_contact():
+    with pytest.raises(fo.InputError, match="direction"):
+        fo.coherent_range(tip(fo.Translation("y") >> fo.Translation("z")))
+    off = fo.Problem(TIP.body(), PLATE.body(), target=(1.0, 1.0), goal="touch", motion=fo.Translation("y"))
+    with pytest.raises(fo.InputError, match="not on the decision curve"):
+        fo.coherent_range(off)
+    with pytest.raises(fo.InputError, match="limits exclude"):
+        fo.coherent_range(tip(fo.Translation("y"), limits={"TY": (1.0, 2.0)}))
+    with pytest.raises(fo.InputError, match="limit"):
+        fo.coherent_range(tip(fo.Translation("y")), limit=-1.0)
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def test_the_command_prints_both_ends_and_gives_them_as_json():
+    result = run("range", PROBLEMS / "example2.toml", "--case", "B", "--direction", "TY=1")
+    assert result.exit_code == 0
+    assert "-0.431560377778" in result.stdout
+    assert "V10,V11" in result.stdout
+    (file,) = json.loads(run("range", PROBLEMS / "example2.toml", "--json").stdout)
+    assert [case["name"] for case in file["cases"]] == ["A", "B", "C", "D"]
+    own = fo.coherent_range(example(2, "A"), example(2, "A").published)
+    assert file["cases"][0]["high"] == own.high
+    assert file["cases"][0]["contact_times"]["spans"]
+
+
+def test_the_command_refuses_what_it_cannot_read():
+    bad = run("range", PROBLEMS / "example2.toml", "--case", "B", "--direction", "TY:1")
+    assert (bad.exit_code, "--direction" in bad.stderr) == (2, True)
+    other = run("range", PROBLEMS / "example2.toml", "--case", "B", "--direction", "TX=1")
+    assert (other.exit_code, "TY" in other.stderr) == (2, True)
+    boxes = run("range", PROBLEMS / "boxes.toml", "--case", "close the gap")
+    assert (boxes.exit_code, "not on the decision curve" in boxes.stderr) == (2, True)
+
+
+def test_the_picture_shows_the_family_and_the_events(tmp_path):
+    result = run("range", PROBLEMS / "example2.toml", "--case", "C", "--out", tmp_path)
+    assert result.exit_code == 0
+    assert (tmp_path / "example2-C-range.png").exists()
+    text = (tmp_path / "example2-C-range.svg").read_text()
+    for words in ("at rest", "track of the tracked point", "leaves the box", "the scale of body 1 becomes zero"):
+        assert words in text
+    found = fo.coherent_range(example(2, "C"))
+    axes = family_figure(found).axes[0]
+    assert len(axes.collections) == 1  # the swept area

@@ -1,0 +1,407 @@
+"""Derivatives of the least amount: against differences of solved problems and closed forms, and where none exist."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+from scipy.spatial import HalfspaceIntersection
+
+from fcdm_opt.curve.decision_curve import decision_curve
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.tolerance.files import load_problems
+from fcdm_opt.tolerance.keep_out import KeepOut
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.sensitivity import Sensitivity
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solver import solve
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+BOX = ((0.5, 2.5), (0.5, 2.5))
+X, Y, Z = (Translation(axis) for axis in "xyz")
+SKEW = Translation((1.0, 0.3, 0.2))
+STEP = 1e-6  # of differences, relative
+NEAR = 1e-5  # of the largest derivative of a kind
+
+# ------------------------------------------------------------------------------------------------------------- scenes
+
+
+def planes_body(rng: np.random.Generator, centre: np.ndarray, name: str) -> Body:
+    """A simple polytope of eight planes: three faces at each vertex, so that each can be shifted."""
+    corners = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]])
+    normals = np.vstack([rng.normal(size=(4, 3)), corners])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    levels = rng.uniform(0.8, 1.3, size=len(normals))
+    vertices = HalfspaceIntersection(np.column_stack([normals, -levels]), np.zeros(3)).intersections
+    return Body.convex(vertices + centre, seed=centre + 0.1 * rng.normal(size=3), name=name)
+
+
+def points_body(rng: np.random.Generator, centre: np.ndarray, name: str) -> Body:
+    """A hull of twelve points, all faces triangles: so that each vertex can be moved."""
+    points = rng.normal(size=(12, 3))
+    points *= rng.uniform(0.8, 1.3, size=(12, 1)) / np.linalg.norm(points, axis=1)[:, None]
+    return Body.convex(points + centre, seed=centre + 0.1 * rng.normal(size=3), name=name)
+
+
+def random_problem(number: int, motion: Motion, goal: str, **arguments: Any) -> Problem:
+    """Two per cent off a switching point, or off a pair inside a segment; one body of planes, one of points."""
+    rng = np.random.default_rng([5, number])
+    makers = (planes_body, points_body)[:: 1 if number % 2 else -1]
+    while True:
+        away = rng.normal(size=3)
+        away *= rng.uniform(2.0, 3.5) / np.linalg.norm(away)
+        one, two = makers[0](rng, np.zeros(3), "one"), makers[1](rng, away, "two")
+        curve = decision_curve(one, two, box=BOX)
+        if curve.switching_points:
+            break
+    nominal: Any = int(rng.integers(len(curve.switching_points))) + 1
+    if goal.endswith("inside"):
+        segment = max(curve.segments, key=lambda s: float(np.linalg.norm(s.end - s.start)))
+        nominal = tuple((segment.start + segment.end) / 2)
+    given = {"tolerance": 0.02, "requirement": "ABCD"[number % 4], "length": 1.7, **arguments}
+    return Problem(one, two, nominal=nominal, motion=motion, box=BOX, goal=goal.split()[0], **given)
+
+
+# -------------------------------------------------------------------------------------------------------- differences
+
+
+def label(key: str, face: tuple[int, ...]) -> str:
+    return key + ",".join(f"V{vertex}" for vertex in face)
+
+
+def is_simple(body: Body) -> bool:
+    """Whether it is convex and has three faces at each vertex."""
+    return len(body.parts) == 1 and bool((np.bincount(body.parts[0].half_edges[:, 0]) == 3).all())
+
+
+class Direction:
+    """A direction in all data of a problem, and the derivative along it."""
+
+    def __init__(self, problem: Problem, found: Sensitivity, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        self.problem, self.found = problem, found
+        self.size = problem.size
+        self.bodies = [problem.movable, problem.static, *(own.body for own in problem.keep_out)]
+        self.keys = ["P1", "P2", *(f"keep-out {own.name!r} " for own in problem.keep_out)]
+        self.seeds = [rng.normal(size=3) for _ in self.bodies]
+        self.moves = [self._moves(rng, k) for k in range(len(self.bodies))]
+        self.shifts = [
+            {face: float(rng.normal()) for face in body.faces} if is_simple(body) else {} for body in self.bodies
+        ]
+        self.tau, self.scales = rng.normal(size=(2, 2)), rng.normal(size=2)
+        self.ends = {name: rng.normal(size=2) for name in found.limits}
+
+    def _moves(self, rng: np.random.Generator, k: int) -> np.ndarray:
+        """Of vertices whose faces are triangles, where a derivative is given for them."""
+        body = self.bodies[k]
+        moves = rng.normal(size=body.vertices.shape)
+        for face in body.faces:
+            if len(face) > 3:
+                moves[np.array(face) - 1] = 0.0
+        for row in range(len(moves)):
+            if np.isnan(self.found.vertices[f"{self.keys[k]}V{row + 1}"]).any():
+                moves[row] = 0.0
+        return moves
+
+    def body(self, k: int, kind: str, h: float) -> Body:
+        body, vertices, seed = self.bodies[k], self.bodies[k].vertices, self.bodies[k].seed
+        if kind == "seeds":
+            seed = seed + h * self.size * self.seeds[k]
+        elif kind == "vertices":
+            vertices = vertices + h * self.size * self.moves[k]
+        elif self.shifts[k]:
+            part = body.parts[0]
+            levels = (part.normals * part.vertices[[loop[0] for loop in part.loops]]).sum(axis=1)
+            shifts = [self.shifts[k][element.vertices] for element in part.elements["F"]]
+            walls = np.column_stack([part.normals, -(levels + h * self.size * np.array(shifts))])
+            vertices = HalfspaceIntersection(walls, part.vertices.mean(axis=0)).intersections
+        if len(body.parts) == 1:
+            return Body.convex(vertices, seed=seed, name=body.name)
+        rows = [[element.vertices[0] - 1 for element in part.elements["V"]] for part in body.parts]
+        faces = [[vertex - 1 for vertex in face] for face in body.outlines]
+        return Body.from_parts(vertices, parts=rows, faces=faces, seed=seed, name=body.name)
+
+    def changed(self, kind: str, h: float) -> Problem:
+        asked, same = self.problem, {"length": self.problem.length, "goal": self.problem.goal}
+        if kind == "tolerance":
+            return asked.changed(tolerance=tuple(map(tuple, asked.tolerance + h * self.tau)), **same)
+        explicit = {"requirement": None, "tolerance": None}
+        if kind == "target":
+            return asked.changed(target=tuple(asked.target + h * self.scales), **explicit, **same)
+        if kind == "limits":
+            rows = {name: asked.limits[k] + h * self.size * self.ends[name] for k, name in enumerate(self.ends)}
+            return asked.changed(limits={name: tuple(row) for name, row in rows.items()}, **same)
+        if kind == "clearance":
+            return asked.changed(clearance=asked.clearance + h * self.size, **same)
+        if kind == "length":
+            return asked.changed(length=asked.length * (1.0 + h), goal=asked.goal)
+        if kind == "keep_out":
+            kept = [replace(own, clearance=own.clearance + h * self.size) for own in asked.keep_out]
+            return asked.changed(keep_out=tuple(kept), **same)
+        one, two, *others = (self.body(k, kind, h) for k in range(len(self.bodies)))
+        kept = [replace(own, body=body) for own, body in zip(asked.keep_out, others, strict=True)]
+        if asked.requirement and not isinstance(asked.nominal, int):  # numbers stay as they are
+            same |= {"target": tuple(asked.target), **explicit, "snap": 1e-2}
+        return asked.changed(movable=one, static=two, keep_out=tuple(kept), **same)
+
+    def derivative(self, kind: str) -> tuple[float, float]:
+        """The derivative along the direction by a kind of data, and the largest single one."""
+        found, size = self.found, self.size
+        pairs: list[tuple[Any, Any]] = []
+        if kind == "tolerance":
+            pairs = [(found.tolerance, self.tau)]
+        elif kind == "target":
+            pairs = [(found.target, self.scales)]
+        elif kind == "limits":
+            pairs = [(size * np.array(found.limits[name]), own) for name, own in self.ends.items()]
+        elif kind == "clearance":
+            pairs = [(size * found.clearance, 1.0)]
+        elif kind == "length":
+            pairs = [(self.problem.length * found.length, 1.0)]
+        elif kind == "keep_out":
+            pairs = [(size * value, 1.0) for value in found.keep_out.values()]
+        elif kind == "seeds":
+            pairs = [(size * found.seeds[key.strip()], own) for key, own in zip(self.keys, self.seeds, strict=True)]
+        elif kind == "vertices":
+            pairs = [
+                (np.nan_to_num(size * found.vertices[f"{key}V{row + 1}"]), move)
+                for key, moves in zip(self.keys, self.moves, strict=True)
+                for row, move in enumerate(moves)
+            ]
+        elif kind == "faces":
+            pairs = [
+                (size * found.faces[label(key, face)], shift)
+                for key, shifts in zip(self.keys, self.shifts, strict=True)
+                for face, shift in shifts.items()
+            ]
+        return sum(float(np.sum(a * b)) for a, b in pairs), max((np.abs(a).max() for a, _ in pairs), default=0.0)
+
+
+def differs(problem: Problem, *more: str) -> Solution:
+    """Compare derivatives with central differences, kind by kind; each must matter."""
+    solution = solve(problem)
+    found = solution.sensitivity
+    assert solution.usable
+    assert found.exists, found.reasons
+    assert found.residual <= 1e-6
+    direction = Direction(problem, found)
+    kinds = ["target", "seeds", "vertices", *more]
+    kinds += ["tolerance"] if problem.requirement else []
+    kinds += ["faces"] if any(direction.shifts) else []
+    derivatives = {kind: direction.derivative(kind) for kind in kinds}
+    largest = max(size for _, size in derivatives.values())
+    for kind, (derivative, size) in derivatives.items():
+        ends = [solve(direction.changed(kind, h)) for h in (STEP, -STEP)]
+        assert all(end.status.found for end in ends)
+        difference = (ends[0].amount - ends[1].amount) / (2.0 * STEP)
+        assert difference == pytest.approx(derivative, abs=NEAR * max(size, largest / 10)), kind
+        assert size > 0 or kind in ("vertices", "faces"), kind
+    return solution
+
+
+@pytest.mark.parametrize("name", ["example1", "example2"])
+@pytest.mark.parametrize("case", range(4))
+def test_the_papers_cases_change_as_differences_say(name, case):
+    differs(load_problems(PROBLEMS / f"{name}.toml")[case])
+
+
+MOTIONS = {
+    "1": Translation((1.0, 2.0, 3.0)),
+    "2": SKEW >> Rotation("z"),
+    "3": X >> Y >> Z,
+    "screw": Screw("seeds"),
+    "6": Free(),
+}
+CASES = [
+    (2, "1", "beyond"), (4, "1", "at inside"), (0, "1", "touch inside"), (1, "2", "touch inside"), (3, "2", "beyond"),
+    (6, "2", "touch"), (5, "3", "at"), (6, "3", "touch"), (9, "screw", "beyond"), (10, "screw", "touch inside"),
+    (11, "6", "beyond"), (12, "6", "touch"), (13, "6", "at"), (14, "6", "at inside"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("number", "motion", "goal"), CASES)
+def test_random_pairs_change_as_differences_say(number, motion, goal):
+    solution = differs(random_problem(number, MOTIONS[motion], goal))
+    assert solution.amount > 0
+
+
+# --------------------------------------------------------------------------------------- what else may hold the motion
+
+
+@pytest.mark.parametrize(("number", "motion", "goal"), [(1, SKEW >> Rotation("z"), "touch inside"), (3, Free(), "at")])
+def test_limits_that_bind_change_the_amount(number, motion, goal):
+    free = random_problem(number, motion, goal)
+    (name, value), *_ = solve(free).parameters.items()
+    limits = {name: (min(0.0, 0.7 * value), max(0.0, 0.7 * value))}
+    found = differs(free.changed(limits=limits), "limits", "length").sensitivity
+    low, high = found.limits[name]
+    assert (high < 0 == low) if value > 0 else (low > 0 == high)  # a wider limit is never worse
+    assert all(found.limits[other] == (0, 0) for other in found.limits if other != name)
+
+
+@pytest.mark.parametrize("scale", [1.02, (1.0, 1.05)], ids=["one scale", "range"])
+def test_a_keep_out_in_the_way_changes_the_amount(scale):
+    asked = random_problem(1, X >> Y >> Z, "touch inside")
+    rng = np.random.default_rng(3)
+    made = asked.movable.scaled(asked.target[0]).moved(solve(asked).transform)
+    way = np.cross(asked.static.seed - asked.movable.seed, rng.normal(size=3))
+    way /= np.linalg.norm(way)
+    points = points_body(rng, np.zeros(3), "post").vertices
+    foremost = made.vertices[(made.vertices @ way).argmax()]
+    points = points + foremost - points[(points @ way).argmin()] - 0.02 * way
+    seed = (
+        points.mean(axis=0) + (3.0 if isinstance(scale, tuple) else 0.0) * way
+    )  # outside: both ends of the range matter
+    post = KeepOut(Body.convex(points, seed=seed, name="post"), scale, clearance=0.03)
+    found = differs(asked.changed(keep_out=(post,)), "keep_out").sensitivity
+    assert found.keep_out["post"] > 0
+    assert np.abs(found.seeds["keep-out 'post'"]).max() > 0
+
+
+def test_a_clearance_is_a_distance():
+    found = differs(random_problem(2, X >> Y >> Z, "clear inside", clearance=0.3), "clearance").sensitivity
+    assert found.clearance == pytest.approx(1.0, rel=1e-9)  # straight away from each other
+
+
+def test_the_largest_displacement_changes_as_differences_say():
+    turn = Rotation("z", (3.0, 1.0, 0.0))
+    solution = differs(random_problem(8, SKEW >> turn, "beyond", amount="displacement"))
+    assert not any(solution.sensitivity.weights.values())
+
+
+def test_an_amount_of_ones_own_changes_as_differences_say():
+    x, y, z = (casadi.SX.sym(name) for name in ("TX", "TY", "TZ"))
+    differs(random_problem(7, X >> Y >> Z, "touch", amount=x**2 + 2 * y**2 + 3 * z**2 + x * y))
+
+
+def test_the_end_of_the_coherent_range_holds_a_motion_and_moves_with_the_data():
+    multipliers = differs(random_problem(20, Free(), "at", tolerance=0.08)).sensitivity.multipliers
+    assert any("behind the tracked feature" in name and value > 1e-2 for name, value in multipliers.items())
+
+
+# -------------------------------------------------------------------------------------------------------- closed forms
+
+
+def box(low: Any, high: Any, name: str, seed: Any = None) -> Body:
+    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
+    return Body.convex(corners, seed=np.add(low, high) / 2 if seed is None else seed, name=name)
+
+
+SLAB = box((-5, -5, -3), (5, 5, -1), "slab")
+BLOCK = box((-1, -1, -0.5), (1, 1, 1.5), "block")
+TOP, BOTTOM = "V5,V6,V7,V8", "V1,V2,V3,V4"
+
+
+@pytest.mark.parametrize("motion", [Z, X >> Y >> Z], ids=["one", "three"])
+def test_a_block_is_lowered_by_its_gap_on_a_slab(motion):
+    """Its lower face is at s_1 + rho_1 (h_1 - s_1) = 0.5 - rho_1, the slab's upper one at rho_2 - 2."""
+    found = solve(Problem(BLOCK, SLAB, target=(1.1, 1.05), motion=motion, goal="touch", length=1.0)).sensitivity
+    assert found.exists
+    np.testing.assert_allclose(found.target, [-1, -1], atol=1e-12)
+    assert found.faces["P1" + BOTTOM] == pytest.approx(-1.1, abs=1e-12)
+    assert found.faces["P2" + TOP] == pytest.approx(-1.05, abs=1e-12)
+    assert sum(map(abs, found.faces.values())) == pytest.approx(2.15, abs=1e-12)
+    np.testing.assert_allclose(found.seeds["P1"], [0, 0, -0.1], atol=1e-12)
+    np.testing.assert_allclose(found.seeds["P2"], [0, 0, 0.05], atol=1e-12)
+    for vertex in range(1, 9):  # a corner of a face that stays flush breaks it
+        assert np.isnan(found.vertices[f"P1V{vertex}"]).all() == (vertex < 5)
+        assert np.isnan(found.vertices[f"P2V{vertex}"]).all() == (vertex > 4)
+    assert sum(found.multipliers.values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_seated_block_follows_its_tolerances():
+    block = box((-1, -1, -1), (1, 1, 1), "block")
+    found = solve(Problem(block, SLAB, tolerance=((0.01, 0.02), (0.03, 0.04)), requirement="B",
+                          motion=Z >> Rotation("z") >> Rotation("x"), length=1.0)).sensitivity  # fmt: skip
+    assert found.exists, found.reasons
+    # lifted by rho_1 + rho_2 - 2 = tau_1 - tau_2: upwards 0.02 - 0.03, so down
+    np.testing.assert_allclose(found.tolerance, [[0, -1], [1, 0]], atol=1e-12)
+    np.testing.assert_allclose(found.nominal, [-1.02, -0.97], atol=1e-12)
+    assert found.limits == dict.fromkeys(("TZ", "RZ", "RX"), (0.0, 0.0))
+
+
+def test_a_weight_and_a_length_change_the_amount_by_what_they_weigh():
+    asked = random_problem(1, SKEW >> Rotation("z"), "touch inside")
+    solution = solve(asked)
+    q, found = np.array(list(solution.parameters.values())), solution.sensitivity
+    np.testing.assert_allclose(list(found.weights.values()), asked.weights * q**2 / solution.amount, rtol=1e-12)
+    assert found.length == pytest.approx(asked.weights[1] * q[1] ** 2 / solution.amount, rel=1e-9)
+    own = solve(asked.changed(weights={"RZ": 1.7})).sensitivity
+    assert own.weights == pytest.approx(found.weights)
+    assert own.length == 0
+
+
+# ----------------------------------------------------------------------------------------------- where there are none
+
+
+def has_none(problem: Problem, reason: str) -> Sensitivity:
+    found = solve(problem).sensitivity
+    assert not found.exists
+    assert any(reason in own for own in found.reasons), found.reasons
+    return found
+
+
+def test_a_cube_in_the_middle_of_another_may_leave_either_way():
+    cube = box((-1, -1, -1), (1, 1, 1), "cube")
+    has_none(Problem(cube, cube, target=(1, 1), motion=X, goal="touch"), "another motion is as small")
+    has_none(Problem(cube, cube, target=(1, 1.1), motion=X >> Y, goal="clear"), "another motion is as small")
+    moved = box((-0.9, -1, -1), (1.1, 1, 1), "cube")
+    assert solve(Problem(moved, cube, target=(1, 1), motion=X, goal="touch")).sensitivity.exists
+
+
+def test_two_contacts_at_once_hold_a_single_parameter_in_more_than_one_way():
+    """The cube meets a wall and a post at once: which of the two stops it depends on either."""
+    cube, wall = box((-1, -1, -1), (1, 1, 1), "cube"), box((2, -1, -1), (3, 0, 1), "wall")
+    post = box((2, 0.5, -1), (3, 1, 1), "post")
+    step = Body.from_parts([wall.vertices, post.vertices], seed=(4.0, 0.0, 0.0))
+    found = has_none(Problem(cube, step, target=(1, 1.1), motion=X, goal="touch"), "a tie")
+    assert np.isnan(found.faces["P2V1,V3,V5,V7"])
+    assert found.target[0] == pytest.approx(-1.0)  # of that there is no doubt
+
+
+def test_nothing_to_do_is_one_sided_unless_there_is_room():
+    cube, far = box((-1, -1, -1), (1, 1, 1), "cube"), box((2, -1, -1), (4, 1, 1), "far")
+    asked = Problem(cube, far, target=(1, 1), motion=X, goal="clear")
+    found = solve(asked).sensitivity
+    assert found.exists
+    assert not found.target.any()
+    has_none(asked.changed(clearance=1.0), "one-sided")
+    has_none(asked.changed(target=(2.0, 1.0), goal="touch"), "one-sided")
+
+
+def test_without_a_motion_there_is_nothing_to_differentiate():
+    cube, far = box((-1, -1, -1), (1, 1, 1), "cube"), box((2, -1, -1), (4, 1, 1), "far")
+    found = has_none(Problem(cube, far, target=(1, 1), motion=Y, goal="touch"), "no motion")
+    assert np.isnan(found.target).all()
+
+
+def test_a_motion_that_nothing_holds_is_told():
+    """Twice the least motion: a claim that no constraint balances."""
+    solution = solve(Problem(BLOCK, SLAB, target=(1.1, 1.05), motion=Z, goal="touch"))
+    larger = replace(solution, parameters={"TZ": 2.0 * solution.parameters["TZ"]})
+    assert any("does not hold" in reason for reason in larger.sensitivity.reasons)
+    assert any("not the least" in reason for reason in larger.sensitivity.reasons)
+
+
+# -------------------------------------------------------------------------------------------------------- plain data
+
+
+def test_it_is_worked_out_once_and_survives_plain_data_and_pickle():
+    solution = solve(Problem(BLOCK, SLAB, target=(1.1, 1.05), motion=Z, goal="touch"))
+    assert solution.to_dict()["sensitivity"] is None
+    found = solution.sensitivity
+    assert solution.sensitivity is found
+    data = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
+    for again in (Solution.from_dict(data), pickle.loads(pickle.dumps(solution))):
+        assert again.__dict__["sensitivity"].to_dict() == found.to_dict() == data["sensitivity"]
+    assert np.isnan(Solution.from_dict(data).sensitivity.vertices["P1V1"]).all()
+    with pytest.raises(InputError, match="target"):
+        Sensitivity.from_dict({key: value for key, value in data["sensitivity"].items() if key != "target"})
