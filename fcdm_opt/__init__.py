@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
     from fcdm_opt.own_motion import OwnMotion
     from fcdm_opt.tolerance.certificate import verify
-    from fcdm_opt.tolerance.contact_times import ContactTimes, contact_times
     from fcdm_opt.tolerance.files import load_problems
     from fcdm_opt.tolerance.keep_out import KeepOut
     from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.ranges import CoherentRange, coherent_range
+    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange, coherent_range
+    from fcdm_opt.tolerance.ranges.contact_times import ContactTimes, contact_times
     from fcdm_opt.tolerance.solution import Certificate, Solution, Status
     from fcdm_opt.tolerance.solver import solve
 
@@ -66,8 +66,8 @@ __all__ = [
 _HOME = {
     "Body": "geometry.bodies",
     "Certificate": "tolerance.solution",
-    "CoherentRange": "tolerance.ranges",
-    "ContactTimes": "tolerance.contact_times",
+    "CoherentRange": "tolerance.ranges.coherent_range",
+    "ContactTimes": "tolerance.ranges.contact_times",
     "DecisionCurve": "curve.decision_curve",
     "DecisionCurves": "curve.batch",
     "FcdmError": "errors",
@@ -87,8 +87,8 @@ _HOME = {
     "Translation": "motion",
     "UnsolvedError": "errors",
     "as_body": "geometry.conversion",
-    "coherent_range": "tolerance.ranges",
-    "contact_times": "tolerance.contact_times",
+    "coherent_range": "tolerance.ranges.coherent_range",
+    "contact_times": "tolerance.ranges.contact_times",
     "decision_curve": "curve.decision_curve",
     "decision_curves": "curve.batch",
     "load_problems": "tolerance.files",

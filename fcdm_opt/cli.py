@@ -21,9 +21,9 @@ from fcdm_opt.errors import InputError
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.show.tables import SolvedCase
-    from fcdm_opt.tolerance.contact_times import ContactTimes
     from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.ranges import CoherentRange
+    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
+    from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
     from fcdm_opt.tolerance.solution import Solution
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
@@ -258,8 +258,8 @@ def _solved(problem: Problem) -> SolvedCase:
 
 def _ranged(problem: Problem, direction: str | None) -> tuple[CoherentRange, ContactTimes]:
     """Return the coherent range of a case, and when its pair made touches."""
-    from fcdm_opt.tolerance.contact_times import contact_times
-    from fcdm_opt.tolerance.ranges import coherent_range
+    from fcdm_opt.tolerance.ranges.coherent_range import coherent_range
+    from fcdm_opt.tolerance.ranges.contact_times import contact_times
 
     along: Any = problem.published if direction is None and len(problem.motion.parameters) > 1 else None
     if direction is not None:

@@ -161,7 +161,7 @@ def test_beside_goal_beyond_stands_the_least_touch_motion(tmp_path: Path) -> Non
     printed = run("solve", path).stdout
     row = next(line for line in printed.splitlines() if "along" in line and "beyond" in line)
     assert row.split()[-4:] == ["1.020000", "touching", "0.005034", "yes"]
-    assert 'least' in printed
+    assert "least" in printed
     assert "A (+,+)" in row
 
 
@@ -261,7 +261,10 @@ def test_pictures_are_written_under_safe_names(cubes: Path, short: Path, tmp_pat
     expected = {f"{stem}-{kind}.{suffix}" for stem in stems for kind in ("curve", "scene") for suffix in ("png", "svg")}
     assert {path.name for path in out.iterdir() if path.is_file()} == expected
     assert {path.name for path in (out / "of curves").iterdir()} == {
-        "cubes-curve.png", "cubes-curve.svg", "cubes-scene.png", "cubes-scene.svg"
+        "cubes-curve.png",
+        "cubes-curve.svg",
+        "cubes-scene.png",
+        "cubes-scene.svg",
     }
     assert "Two cubes (reconstruction): case close it" in (out / "cubes-close_it-curve.svg").read_text()
     assert (out / "cubes-close_it-curve.png").read_bytes().startswith(b"\x89PNG")

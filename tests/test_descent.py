@@ -11,12 +11,12 @@ from scipy.optimize import nnls
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance import compiled
-from fcdm_opt.tolerance.descent import descent
-from fcdm_opt.tolerance.models import nonlinear, satisfied
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.tape import tape
+from fcdm_opt.tolerance.stages import compiled
+from fcdm_opt.tolerance.stages.descent import descent
+from fcdm_opt.tolerance.stages.models import nonlinear, satisfied
+from fcdm_opt.tolerance.stages.tape import tape
 from fcdm_opt.tolerance.task import Task
 
 X, Y, Z = (Translation(axis) for axis in "xyz")

@@ -82,9 +82,7 @@ def unit_row(motion: Motion, q: Any, one: Body, two: Body, feature: FeaturePoint
 def tracked(motion: Motion, q: Any, one: Body, two: Body, feature: FeaturePoints) -> np.ndarray:
     """(n, a, b, c) of the kernels; a face's normal points outwards, an edge pair's as the feature's sign says."""
     pose = relative_pose(one, two, transform(motion, q, one, two))
-    return kernels.tracked_row(
-        *one.parts[0].packed, *two.parts[0].packed, pose, np.array(feature.site), feature.sign
-    )
+    return kernels.tracked_row(*one.parts[0].packed, *two.parts[0].packed, pose, np.array(feature.site), feature.sign)
 
 
 def random_site(rng: np.random.Generator, kind: int, one: Body, two: Body) -> tuple[int, int, int]:
@@ -442,7 +440,10 @@ def test_parallel_edges_have_no_line_and_no_finite_point():
     assert not normal.any()
     _, _, features = faces_and_corners((4.0, 4.0, 4.0))
     rho, (sine,) = called(
-        switching_point(Translation("x"), (E1E2, F1V2)), [0.5], seeds_of(one, two), feature.values,
+        switching_point(Translation("x"), (E1E2, F1V2)),
+        [0.5],
+        seeds_of(one, two),
+        feature.values,
         features["x"].values,
     )
     assert not abs(sine) > 0

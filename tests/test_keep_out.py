@@ -16,11 +16,11 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.motion import Motion, Rotation, Translation
-from fcdm_opt.tolerance import models
 from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.tolerance.stages import models
 from fcdm_opt.tolerance.task import Answer, Task
 
 X, Y, Z = Translation("x"), Translation("y"), Translation("z")

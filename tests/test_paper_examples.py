@@ -121,11 +121,16 @@ def as_claim(file: str, letter: str, share: float = 1.0) -> Solution:
     transform = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
     state, gap = state_of(problem, transform)
     return Solution(
-        problem=problem, status=Status.PAIR_OVERLAPS if state == "overlapping" else Status.SOLVED,
+        problem=problem,
+        status=Status.PAIR_OVERLAPS if state == "overlapping" else Status.SOLVED,
         parameters=dict(zip((p.name for p in problem.motion.parameters), q.tolist(), strict=True)),
-        transform=transform, amount=weighted(problem, q),
+        transform=transform,
+        amount=weighted(problem, q),
         rho=np.array([float(x) for x in exact_meeting(problem, tracked(file), transform)]),
-        features=tracked(file), pair=problem.target, pair_gap=gap, pair_state=state,
+        features=tracked(file),
+        pair=problem.target,
+        pair_gap=gap,
+        pair_state=state,
     )
 
 

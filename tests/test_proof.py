@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.tolerance.enclosure import Enclosure, interpreted
 from fcdm_opt.tolerance.evidence import Evidence, Reason
-from fcdm_opt.tolerance.exclusion import Cells, Scene
-from fcdm_opt.tolerance.proof import prove
+from fcdm_opt.tolerance.proof.columns import prove
+from fcdm_opt.tolerance.proof.enclosure import Enclosure, interpreted
+from fcdm_opt.tolerance.proof.exclusion import Cells, Scene
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 

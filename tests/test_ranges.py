@@ -18,7 +18,7 @@ import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.show.family import family_figure
-from fcdm_opt.tolerance.ranges import KINDS
+from fcdm_opt.tolerance.ranges.coherent_range import KINDS
 from fcdm_opt.tolerance.task import Task
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -20,7 +20,7 @@ from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.tolerance.files import load_problems
 from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.sensitivity import Sensitivity
+from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
 from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerance.solver import solve
 

@@ -39,7 +39,11 @@ def published(example: int, name: str) -> Solution:
     moved = decision_curve(asked.movable, asked.static, box=asked.box, transform=transform)
     point = moved.switching_points[asked.nominal - 1]
     return Solution(
-        problem=asked, status=Status.SOLVED, transform=transform, rho=point.rho, pair=asked.target,
+        problem=asked,
+        status=Status.SOLVED,
+        transform=transform,
+        rho=point.rho,
+        pair=asked.target,
         features=point.contact_features,
     )
 
@@ -52,8 +56,14 @@ def draw(kind: str, example: int, name: str) -> Any:
         return before_after_figure(asked, solution, title=TITLE, caption="a caption")
     moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
     return scene_figure(
-        asked.movable, asked.static, rho=solution.rho, transform=solution.transform, features=solution.features,
-        contacts=moved.contact_points(solution.rho), title=TITLE, caption="a caption",
+        asked.movable,
+        asked.static,
+        rho=solution.rho,
+        transform=solution.transform,
+        features=solution.features,
+        contacts=moved.contact_points(solution.rho),
+        title=TITLE,
+        caption="a caption",
     )
 
 

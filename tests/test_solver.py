@@ -97,9 +97,7 @@ def answer(number: int) -> Solution:
 
 
 EVERY_TASK = pytest.mark.parametrize("number", range(len(TASKS)), ids=lambda k: "-".join(map(str, TASKS[k])))
-SOME_TASKS = pytest.mark.parametrize(
-    "number", range(0, len(TASKS), 3), ids=lambda k: "-".join(map(str, TASKS[k]))
-)
+SOME_TASKS = pytest.mark.parametrize("number", range(0, len(TASKS), 3), ids=lambda k: "-".join(map(str, TASKS[k])))
 
 
 def remade(problem: Problem, change: Callable[[Body, int], Body], **arguments: Any) -> Problem:

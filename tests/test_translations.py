@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from strategies import generators, runs
 
 import fcdm_opt as fo
-from fcdm_opt.tolerance import translations
+from fcdm_opt.tolerance.stages import translations
 
 AXES = "xyz"
 

@@ -53,9 +53,7 @@ def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, sha
                     if count == 0:
                         break
                     if other != own and line_starts[other] < line_starts[other + 1]:  # not an empty one
-                        lo, hi = interval(
-                            lines[line_starts[other] : line_starts[other + 1]], base, travel, limits
-                        )
+                        lo, hi = interval(lines[line_starts[other] : line_starts[other + 1]], base, travel, limits)
                         count = _take_out(left, room, count, lo, hi, limits[1], scale)
                 for k in range(count):
                     if used == len(found):

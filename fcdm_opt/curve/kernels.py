@@ -686,9 +686,7 @@ def _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n):
         start = _times(-1.0, _turned_back(frame, R, n))
         state, g = _beyond(reals1, ints1, vertex, start, target, skip, bound)
         kind, i, j = (V1F2, vertex, face) if state == 1 else (E1E2, g, h)
-    if state < 0 or (
-        state == 0 and not _cross_surely(reals1, ints1, reals2, ints2, frame, i, j, frame[SPOKE_BOUND])
-    ):
+    if state < 0 or (state == 0 and not _cross_surely(reals1, ints1, reals2, ints2, frame, i, j, frame[SPOKE_BOUND])):
         kind = -1
     return kind, i, j
 
@@ -945,11 +943,7 @@ def _excluded(reals1, ints1, reals2, ints2, frame, n):
         j, _ = _summit(reals2, ints2, _times(-1.0, n))
         x, y = _at(reals1, i), _at(reals2, j)
         first, second, third = _dot(inward, x) * unit, -_dot(n, y) * unit, -_dot(n, d) * unit
-        if (
-            first < -frame[RADIUS_1] * SPOKE
-            and second < -frame[RADIUS_2] * SPOKE
-            and third < -length * SPOKE
-        ):
+        if first < -frame[RADIUS_1] * SPOKE and second < -frame[RADIUS_2] * SPOKE and third < -length * SPOKE:
             return True
         first, second, third = first / _length(x), second / _length(y), third / length
         if first >= second and first >= third:
@@ -1500,8 +1494,29 @@ def relevant_pairs(
             if p < 0:
                 p = made
                 made, pairs, states, spans, sites, rows, points, chains, bounds, ends = _walked_pair(
-                    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-                    code, n2, made, pairs, states, spans, sites, rows, points, chains, bounds, ends,
+                    reals1,
+                    ints1,
+                    places1,
+                    reals2,
+                    ints2,
+                    places2,
+                    transform,
+                    seed1,
+                    seed2,
+                    pose,
+                    planarity,
+                    code,
+                    n2,
+                    made,
+                    pairs,
+                    states,
+                    spans,
+                    sites,
+                    rows,
+                    points,
+                    chains,
+                    bounds,
+                    ends,
                 )
                 walked[code] = p
             apart = finite and _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack) == -_INF
@@ -1719,8 +1734,29 @@ def _support(reals, ints, places, part, u):
 
 @kernel
 def _walked_pair(
-    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity, code, n2, made, pairs,
-    states, spans, sites, rows, points, chains, bounds, ends,
+    reals1,
+    ints1,
+    places1,
+    reals2,
+    ints2,
+    places2,
+    transform,
+    seed1,
+    seed2,
+    pose,
+    planarity,
+    code,
+    n2,
+    made,
+    pairs,
+    states,
+    spans,
+    sites,
+    rows,
+    points,
+    chains,
+    bounds,
+    ends,
 ):
     """Walk one more pair and append what was found; return all arrays, longer where they had to be."""
     i, j = code // n2, code % n2

@@ -25,11 +25,11 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.full import modelled_in_full
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.seat import independent, tilts
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.solver import _report
+from fcdm_opt.tolerance.stages.full import modelled_in_full
+from fcdm_opt.tolerance.stages.seat import independent, tilts
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.geometry.bodies import Body
-    from fcdm_opt.tolerance.contact_times import ContactTimes
     from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.ranges import CoherentRange
+    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
+    from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
     from fcdm_opt.tolerance.solution import Solution
 
 PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16

@@ -17,7 +17,7 @@ from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.problem import Problem
 
 if TYPE_CHECKING:
-    from fcdm_opt.tolerance.sensitivity import Sensitivity
+    from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
 
 
 class Status(Enum):
@@ -146,7 +146,7 @@ class Solution:
     @cached_property
     def sensitivity(self) -> Sensitivity:
         """Derivatives of the amount by the data, see `Sensitivity`; worked out when first asked for, then kept."""
-        from fcdm_opt.tolerance.sensitivity import sensitivity
+        from fcdm_opt.tolerance.sensitivities.sensitivity import sensitivity
 
         return sensitivity(self)
 
@@ -240,7 +240,7 @@ class Solution:
                 seconds={str(name): float(value) for name, value in data["seconds"].items()},
             )
             if data["sensitivity"] is not None:
-                from fcdm_opt.tolerance.sensitivity import Sensitivity
+                from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
 
                 solution.__dict__["sensitivity"] = Sensitivity.from_dict(data["sensitivity"])
             return solution

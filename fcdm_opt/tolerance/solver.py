@@ -10,19 +10,19 @@ from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.tolerance import models
-from fcdm_opt.tolerance.another_amount import another_amount, nearest_weighted
-from fcdm_opt.tolerance.branching import branch_and_bound, certified
 from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.descent import descent
-from fcdm_opt.tolerance.full import full
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.rounding import in_steps
-from fcdm_opt.tolerance.shift import shift
 from fcdm_opt.tolerance.solution import Solution, Status
+from fcdm_opt.tolerance.stages import models
+from fcdm_opt.tolerance.stages.another_amount import another_amount, nearest_weighted
+from fcdm_opt.tolerance.stages.branching import branch_and_bound, certified
+from fcdm_opt.tolerance.stages.descent import descent
+from fcdm_opt.tolerance.stages.full import full
+from fcdm_opt.tolerance.stages.rounding import in_steps
+from fcdm_opt.tolerance.stages.shift import shift
+from fcdm_opt.tolerance.stages.translations import translations
+from fcdm_opt.tolerance.stages.turns import turns
 from fcdm_opt.tolerance.task import Answer, Task
-from fcdm_opt.tolerance.translations import translations
-from fcdm_opt.tolerance.turns import turns
 
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "satisfied": models.satisfied,

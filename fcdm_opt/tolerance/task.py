@@ -28,7 +28,7 @@ from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
 from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import MOST_TURNED, TRACKING, Problem
-from fcdm_opt.tolerance.seat import besides, held, seat_of, spins
+from fcdm_opt.tolerance.stages.seat import besides, held, seat_of, spins
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:

@@ -43,9 +43,7 @@ class Verdict:
     two: dict[int, fmpq]
 
 
-def proves(
-    one: ConvexPart, two: ConvexPart, transform: Array | None, rho: Sequence[Number], verdict: Verdict
-) -> bool:
+def proves(one: ConvexPart, two: ConvexPart, transform: Array | None, rho: Sequence[Number], verdict: Verdict) -> bool:
     """Check a verdict from scratch: rational arithmetic on the vertices, none of what computed it.
 
     Parameters

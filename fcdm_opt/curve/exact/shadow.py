@@ -296,9 +296,7 @@ class _Walk:
             return entering
         return next((j for j in range(self.program.total) if any(self._step(basis, j))), None)
 
-    def _checked(
-        self, basis: Basis, entering: int, g: Step, doubtful: Sequence[int]
-    ) -> tuple[int | None, _Stretch]:
+    def _checked(self, basis: Basis, entering: int, g: Step, doubtful: Sequence[int]) -> tuple[int | None, _Stretch]:
         """Check a direction against doubtful columns: return one that turns less, the least of all, or the edge."""
         kind, column = self.program.kind, self.program.column
         n, levels = own = self._dual(basis, g)

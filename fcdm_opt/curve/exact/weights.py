@@ -74,9 +74,7 @@ def _loaded(basis: Basis, wanted: set[int], tight: Sequence[int]) -> set[int]:
         for j, row in zip(basis.basic, basis.rows, strict=True):
             if j in wanted:
                 h = [u + v for u, v in zip(h, row, strict=True)]
-        gains = [
-            ((basis.det if j in wanted else ZERO) - dot4(h, column(j)), j) for j in tight if j not in basis.basic
-        ]
+        gains = [((basis.det if j in wanted else ZERO) - dot4(h, column(j)), j) for j in tight if j not in basis.basic]
         gain, entering = max(gains, default=(ZERO, -1))
         if not gain > 0:
             return set()

@@ -21,7 +21,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.motion import Free, Motion, Rotation, Sequenced, Step, Translation
-from fcdm_opt.tolerance.expanding import (
+from fcdm_opt.tolerance.ranges.expanding import (
     ALONG,
     ALONG_TURNED,
     BESIDE,
@@ -37,7 +37,7 @@ from fcdm_opt.tolerance.expanding import (
     TURNED,
     expand,
 )  # fmt: skip
-from fcdm_opt.tolerance.operations import Operations
+from fcdm_opt.tolerance.ranges.operations import Operations
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDING = 2 * np.finfo(float).eps  # of the fourth number

@@ -16,9 +16,9 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.tolerance import compiled
 from fcdm_opt.tolerance.bounds import search_rate
-from fcdm_opt.tolerance.tape import Tape, tape
+from fcdm_opt.tolerance.stages import compiled
+from fcdm_opt.tolerance.stages.tape import Tape, tape
 from fcdm_opt.tolerance.task import Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 

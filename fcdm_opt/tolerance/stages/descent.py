@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.tolerance import compiled, rays
 from fcdm_opt.tolerance.bounds import displacement_bound, search_rate
 from fcdm_opt.tolerance.problem import MOST_TURNED
 from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.tape import Tape, tape
+from fcdm_opt.tolerance.stages import compiled, rays
+from fcdm_opt.tolerance.stages.tape import Tape, tape
 from fcdm_opt.tolerance.task import Answer, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 

@@ -13,11 +13,11 @@ from fcdm_opt.curve.tight import edge_and_corner
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.motion import Translation
-from fcdm_opt.tolerance import cells as tests
 from fcdm_opt.tolerance.amounts import OwnAmount
-from fcdm_opt.tolerance.enclosure import Enclosure, interpreted
 from fcdm_opt.tolerance.equations import FeaturePoints
 from fcdm_opt.tolerance.evidence import WITNESS, Reason
+from fcdm_opt.tolerance.proof import cells as tests
+from fcdm_opt.tolerance.proof.enclosure import Enclosure, interpreted
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 

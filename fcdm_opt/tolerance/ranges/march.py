@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance import expanding
-from fcdm_opt.tolerance.expansions import ROUNDING, Conditions, Ray, Scales, flat, roots, safe_steps
-from fcdm_opt.tolerance.followed import Cause, Followed, Rest
-from fcdm_opt.tolerance.others import Bound, Others, Place
 from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.ranges import expanding
+from fcdm_opt.tolerance.ranges.expansions import ROUNDING, Conditions, Ray, Scales, flat, roots, safe_steps
+from fcdm_opt.tolerance.ranges.followed import Cause, Followed, Rest
+from fcdm_opt.tolerance.ranges.others import Bound, Others, Place
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 1000  # of a march, at most

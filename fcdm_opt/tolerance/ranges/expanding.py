@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.curve.kernels import kernel
-from fcdm_opt.tolerance.operations import (
+from fcdm_opt.tolerance.ranges.operations import (
     ADD,
     ATAN,
     CONST,

@@ -21,11 +21,11 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.tolerance import expanding
-from fcdm_opt.tolerance.expanding import CROSSED, FIXED, TURNED
-from fcdm_opt.tolerance.expansions import Conditions
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.seat import seat_of
+from fcdm_opt.tolerance.ranges import expanding
+from fcdm_opt.tolerance.ranges.expanding import CROSSED, FIXED, TURNED
+from fcdm_opt.tolerance.ranges.expansions import Conditions
+from fcdm_opt.tolerance.stages.seat import seat_of
 from fcdm_opt.tolerances import DEFAULT
 
 Parts = tuple[int, int]

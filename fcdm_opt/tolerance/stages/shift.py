@@ -11,8 +11,8 @@ import numpy as np
 from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion import Screw
-from fcdm_opt.tolerance.seat import Bools, held
 from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.stages.seat import Bools, held
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 

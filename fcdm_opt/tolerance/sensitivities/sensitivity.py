@@ -21,10 +21,10 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.kinematics import Compiled
 from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.equations import feature_points
-from fcdm_opt.tolerance.holding import Holding
 from fcdm_opt.tolerance.problem import TRACKING, Problem
+from fcdm_opt.tolerance.sensitivities.holding import Holding
+from fcdm_opt.tolerance.sensitivities.variation import MOVABLE, Bools, Layout, Rate, Scene, Term
 from fcdm_opt.tolerance.task import Task
-from fcdm_opt.tolerance.variation import MOVABLE, Bools, Layout, Rate, Scene, Term
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:

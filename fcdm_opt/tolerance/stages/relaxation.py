@@ -10,10 +10,10 @@ import numpy as np
 
 from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance import program, rays
 from fcdm_opt.tolerance.bounds import displacement_rate
 from fcdm_opt.tolerance.equations import feature_points
-from fcdm_opt.tolerance.program import Outcome, Row
+from fcdm_opt.tolerance.stages import program, rays
+from fcdm_opt.tolerance.stages.program import Outcome, Row
 from fcdm_opt.tolerance.task import Opponent, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 

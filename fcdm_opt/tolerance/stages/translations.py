@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance import compiled
 from fcdm_opt.tolerance.bounds import displacement_bound
-from fcdm_opt.tolerance.relaxation import choices
 from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.stages import compiled
+from fcdm_opt.tolerance.stages.relaxation import choices
 from fcdm_opt.tolerance.task import Answer, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance import rays
 from fcdm_opt.tolerance.evidence import Evidence
-from fcdm_opt.tolerance.proof import prove
-from fcdm_opt.tolerance.relaxation import choices
+from fcdm_opt.tolerance.proof.columns import prove
 from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.stages import rays
+from fcdm_opt.tolerance.stages.relaxation import choices
+from fcdm_opt.tolerance.stages.turns import least_over_turns
 from fcdm_opt.tolerance.task import Answer, Task
-from fcdm_opt.tolerance.turns import least_over_turns
 from fcdm_opt.tolerances import DEFAULT
 
 STAGE = "5: branch and bound over all motions"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.tolerance.evidence import WITNESS, Evidence, Reason
-from fcdm_opt.tolerance.exclusion import Cells, Scene
+from fcdm_opt.tolerance.proof.exclusion import Cells, Scene
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 

@@ -15,10 +15,10 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relativ
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.tolerance.expansions import Ray
-from fcdm_opt.tolerance.followed import Followed, followed
-from fcdm_opt.tolerance.march import March
 from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.ranges.expansions import Ray
+from fcdm_opt.tolerance.ranges.followed import Followed, followed
+from fcdm_opt.tolerance.ranges.march import March
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e6  # sizes of the scene that a mere translation is followed

@@ -21,7 +21,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.equations import FeaturePoints, Scene, intersection
-from fcdm_opt.tolerance.seat import independent, tilts
+from fcdm_opt.tolerance.stages.seat import independent, tilts
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 

@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
-
 UNIT = 2.0**-52  # more than the rounding of one operation, relative to its result
 UP = 1.0 + 2.0**-49  # more than the rounding of the few operations that a radius takes
 LEAST = 1e-300  # more than what underflow can take from a result
@@ -115,9 +113,7 @@ class Interval:
         low, high = self.low, self.high
         across = Interval.between(np.zeros_like(low), np.maximum(-low, high))
         sure = (low > 0) | (high < 0)
-        return Interval(
-            np.where(sure, np.abs(self.middle), across.middle), np.where(sure, self.radius, across.radius)
-        )
+        return Interval(np.where(sure, np.abs(self.middle), across.middle), np.where(sure, self.radius, across.radius))
 
     def increasing(self, function: Callable[[Any], Any]) -> Interval:
         """Return a function that increases wherever it is defined, given in floats."""

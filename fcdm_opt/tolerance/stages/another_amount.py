@@ -9,8 +9,8 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.bounds import displacement_bound
-from fcdm_opt.tolerance.relaxation import Found, choices
 from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.stages.relaxation import Found, choices
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 

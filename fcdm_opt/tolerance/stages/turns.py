@@ -16,9 +16,9 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.motion import Free, Rotation, Translation
-from fcdm_opt.tolerance import turned_cells
 from fcdm_opt.tolerance.bounds import displacement_rate
 from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.stages import turned_cells
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance import rays
 from fcdm_opt.tolerance.bounds import displacement_bound, search_rate
-from fcdm_opt.tolerance.relaxation import Found, choices
 from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.stages import rays
+from fcdm_opt.tolerance.stages.relaxation import Found, choices
 from fcdm_opt.tolerance.task import Answer, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 

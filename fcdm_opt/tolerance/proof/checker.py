@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from itertools import product
 from typing import Any
 
@@ -26,10 +26,10 @@ from fcdm_opt.motion import Free, Motion, Rotation, Screw, Step, Translation
 from fcdm_opt.own_motion import OwnMotion
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
 from fcdm_opt.tolerance.evidence import WITNESS, Evidence, Reason
-from fcdm_opt.tolerance.intervals import Interval, Program
 from fcdm_opt.tolerance.problem import TRACKING, Problem
-from fcdm_opt.tolerance.seat import besides, held, seat_of
+from fcdm_opt.tolerance.proof.intervals import Interval, Program
 from fcdm_opt.tolerance.solution import Check
+from fcdm_opt.tolerance.stages.seat import besides, held, seat_of
 from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
@@ -194,7 +194,7 @@ class Expression:
         )
 
 
-@lru_cache(maxsize=None)
+@cache
 def _separation(kind: int) -> Expression:
     """Given (u, w, x, y): n . (d + y - R x), how far y is from x along a direction."""
     return Expression.of(
@@ -203,7 +203,7 @@ def _separation(kind: int) -> Expression:
     )
 
 
-@lru_cache(maxsize=None)
+@cache
 def _height(kind: int, body: int) -> Expression:
     """Given (u, w, x): n . R x, or -n . x for a point of body 2: how far a point reaches towards the other body."""
     if body == 0:
@@ -247,13 +247,13 @@ def _crossing(kinds: tuple[int, ...], R: Any, d: Any, p: Any) -> tuple[Any, Any,
     return a * f - e * b, c * f - h * b, a * h - e * c, g * f - i * b, a * i - e * g
 
 
-@lru_cache(maxsize=None)
+@cache
 def _crossings(kinds: tuple[int, ...]) -> Expression:
     """The tracked scale pair, see `_crossing`."""
     return Expression.of(_taken(kinds), lambda R, d, p: _vector(*_crossing(kinds, R, d, p)))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _gap_at_crossing(kinds: tuple[int, ...], kind: int) -> Expression:
     """D times how far y is from x along a direction at the tracked scale pair; given what that takes, then u, w, x, y."""
     taken = _taken(kinds)
@@ -261,11 +261,7 @@ def _gap_at_crossing(kinds: tuple[int, ...], kind: int) -> Expression:
     def build(R: Any, d: Any, p: Any) -> Any:
         determinant, first, second, _, _ = _crossing(kinds, R, d, p[:taken])
         u, w, x, y = (p[taken + 3 * k : taken + 3 * k + 3] for k in range(4))
-        return (
-            determinant * _two(kind, R, u, w, d)
-            - first * _one(kind, R, u, w, x)
-            + second * _two(kind, R, u, w, y)
-        )
+        return determinant * _two(kind, R, u, w, d) - first * _one(kind, R, u, w, x) + second * _two(kind, R, u, w, y)
 
     return Expression.of(taken + 12, build)
 
@@ -274,7 +270,7 @@ def _taken(kinds: tuple[int, ...]) -> int:
     return 11 if len(kinds) == 1 else 26
 
 
-@lru_cache(maxsize=None)
+@cache
 def _depth(body: int) -> Expression:
     """Given (n, level, start, along, place): how deep a point of an edge is below a plane of the other body.
 
@@ -295,7 +291,7 @@ def _depth(body: int) -> Expression:
     return Expression.of(11, build)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _nearness() -> Expression:
     """Given (x, y, need): need^2 - |d + y - R x|^2."""
 
@@ -481,9 +477,7 @@ class _Kinematics:
             natural = over[p]
             tight = natural.tighter(by_mean)
             kept.append(
-                Interval(
-                    np.where(broken, natural.middle, tight.middle), np.where(broken, natural.radius, tight.radius)
-                )
+                Interval(np.where(broken, natural.middle, tight.middle), np.where(broken, natural.radius, tight.radius))
             )
             change.append([_column(x, len(axis)) for x in changes])
         broken = np.broadcast_to(np.asarray(jumps) & (not self._smooth), axis.shape)
@@ -901,7 +895,10 @@ class _Examiner:
             own = _at(poses, here)
             place, beyond = self._place(own, witness[here])
             normals, levels = _planes(part, corners)
-            given = [*(Interval(normals.T[k][None]) for k in range(3)), Interval(levels.middle[None], levels.radius[None])]
+            given = [
+                *(Interval(normals.T[k][None]) for k in range(3)),
+                Interval(levels.middle[None], levels.radius[None]),
+            ]
             given += [x for vector in (start, along) for x in _numbers(vector)]
             lows, _ = own.bounds(_depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
@@ -950,7 +947,9 @@ class _Examiner:
             x, y = witness[here, 2:5], witness[here, 5:8]
             off = _off(x, self.movable[i]) + _off(y, obstacle.vertices)
             need = (obstacle.need - off) * (1.0 - FLOATS)
-            (low,), _ = _at(poses, here).bounds(_nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])])
+            (low,), _ = _at(poses, here).bounds(
+                _nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])]
+            )
             margin[here] = np.where(need > 0, low[:, 0], -np.inf)
         return margin
 

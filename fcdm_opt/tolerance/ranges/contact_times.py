@@ -18,11 +18,12 @@ from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.tolerance import arguments, expanding
-from fcdm_opt.tolerance.expansions import Conditions, Scales, safe_steps
-from fcdm_opt.tolerance.march import March
+from fcdm_opt.tolerance import arguments
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.ranges import Reach, checked_direction, ray_of, reach
+from fcdm_opt.tolerance.ranges import expanding
+from fcdm_opt.tolerance.ranges.coherent_range import Reach, checked_direction, ray_of, reach
+from fcdm_opt.tolerance.ranges.expansions import Conditions, Scales, safe_steps
+from fcdm_opt.tolerance.ranges.march import March
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 20_000  # along a ray, at most

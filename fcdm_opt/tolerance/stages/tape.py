@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.motion import Motion
-from fcdm_opt.tolerance.compiled import CODES
+from fcdm_opt.tolerance.stages.compiled import CODES
 
 POSE = 12  # numbers of a pose
 

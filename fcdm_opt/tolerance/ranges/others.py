@@ -9,8 +9,8 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.tolerance import expanding
-from fcdm_opt.tolerance.expansions import Conditions, Ray, Scales, safe_steps
+from fcdm_opt.tolerance.ranges import expanding
+from fcdm_opt.tolerance.ranges.expansions import Conditions, Ray, Scales, safe_steps
 from fcdm_opt.tolerances import DEFAULT
 
 TIED = 6  # directions looked at where several separate a part pair alike

@@ -23,9 +23,9 @@ from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerance.equations import FeaturePoints
 from fcdm_opt.tolerance.problem import MOST_TURNED
-from fcdm_opt.tolerance.seat import tilts
+from fcdm_opt.tolerance.sensitivities.variation import KEPT_OUT, MOVABLE, STATIC, Layout, Rate, Scene, Term
+from fcdm_opt.tolerance.stages.seat import tilts
 from fcdm_opt.tolerance.task import Parts, Task
-from fcdm_opt.tolerance.variation import KEPT_OUT, MOVABLE, STATIC, Layout, Rate, Scene, Term
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_CORNERS = 12  # of what two bodies share, looked at one by one

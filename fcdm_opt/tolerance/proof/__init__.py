@@ -1,0 +1,8 @@
+"""How small a motion can be at all: branch and bound over cells of motions.
+
+enclosure        numbers over a cell: their linear part, and a bound of the rest
+cells            compiled tests of cells
+exclusion        why no motion of a cell will do
+columns          the search: columns of directions, whose fronts advance by cells
+checker          the independent check of what a proof rests on (`intervals`)
+"""
