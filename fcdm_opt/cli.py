@@ -92,7 +92,15 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 
 
 @app.command("solve")
-def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
+def solve_command(
+    files: Files,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Prove how small a motion can be at all: a lower bound for each case.")
+    ] = False,
+    as_json: AsJson = False,
+    out: Out = None,
+    case: Cases = None,
+) -> None:
     """Find the smallest motion of each case, verify it, and print one table a file."""
     from rich.progress import track
 
@@ -108,7 +116,7 @@ def solve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
             file.problems, file.path.name, console=notes, transient=True, disable=not notes.is_terminal
         ):
             try:
-                row = _solved(problem)
+                row = _solved(problem, certify)
             except InputError as reason:
                 error = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
                 _say(f"error: {error}")
@@ -240,12 +248,12 @@ def _plain(value: Any) -> Any:
 # -------------------------------------------------------------------------------------------------------------- results
 
 
-def _solved(problem: Problem) -> SolvedCase:
+def _solved(problem: Problem, certify: bool) -> SolvedCase:
     """Solve a case, and beside goal "beyond" the assembly question with the same motions."""
     from fcdm_opt.show.tables import SolvedCase
     from fcdm_opt.tolerance.solver import solve
 
-    solution = solve(problem)
+    solution = solve(problem, certify=certify)
     published = None
     if problem.published is not None:
         published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))
@@ -253,7 +261,7 @@ def _solved(problem: Problem) -> SolvedCase:
     if problem.goal == "beyond":
         answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
         touch = answer.amount if answer.usable else None
-    return SolvedCase(solution, published, touch)
+    return SolvedCase(solution, published, touch, certify)
 
 
 def _ranged(problem: Problem, direction: str | None) -> tuple[CoherentRange, ContactTimes]:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
     from fcdm_opt.tolerance.solution import Solution
 
+CLOSED = 1e-9  # relative gap of a closed form
+ROUNDING = 1e-6  # of the last digit shown
+NOTHING = 1e-12  # of the amount: a parameter that adds less is shown as 0
 PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
 """Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
 
@@ -31,11 +34,14 @@ class SolvedCase:
         Amount of the reference motion that the file gives.
     touch_amount : float or None
         Least amount for goal "touch" with the same motions, beside goal "beyond".
+    certified : bool
+        Whether a proof was asked for.
     """
 
     solution: Solution
     published_amount: float | None
     touch_amount: float | None
+    certified: bool = False
 
 
 def slope(segment: Any) -> float:
@@ -50,7 +56,8 @@ def _signs(problem: Problem) -> str:
 
 def motion_text(solution: Solution) -> str:
     """Return the motion found in words."""
-    values = list(solution.parameters.values())
+    weighted = zip(solution.parameters.values(), solution.problem.weights, strict=False)
+    values = [q if abs(w * q) > NOTHING * solution.amount else 0.0 for q, w in weighted]
     return solution.problem.motion.describe(values) if values else "-"
 
 
@@ -179,7 +186,7 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
     lines = [_cells(row) for row in rows]
     columns = [column for column in lines[0] if any(line[column] for line in lines)]
     kept = [{column: line[column] for column in columns} for line in lines]
-    _print_rows(out, kept, numbers=("published\namount", "found\namount", "new/old\npair", 'least\n"touch"'))
+    _print_rows(out, kept, numbers=("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"'))
     out.print()
     for row in rows:
         solution = row.solution
@@ -190,9 +197,9 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
         for remark in _remarks(solution):
             _print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
     _print_notes(out, [body for row in rows for body in _bodies(row.solution.problem)])
-    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in ("build", "solve", "verify")}
+    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in ("build", "solve", "prove", "verify")}
     total = sum(stages.values())
-    shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total)
+    shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
     out.print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
 
 
@@ -236,6 +243,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "motion found": motion_text(solution).replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
         "found\namount": amount_text(solution.amount),
+        "proved\nat least": bound_text(solution) if row.certified else "",
         "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
         "pair made": solution.pair_state + gap,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
@@ -246,6 +254,18 @@ def _cells(row: SolvedCase) -> dict[str, str]:
 def amount_text(amount: float | None) -> str:
     """Return an amount to five digits."""
     return "-" if amount is None or not math.isfinite(amount) else f"{amount:.5g}"
+
+
+def bound_text(solution: Solution) -> str:
+    """Return the lower bound, rounded down to five digits, and how far below the amount it is."""
+    if not math.isfinite(solution.lower_bound):
+        return "impossible"
+    if not solution.lower_bound > 0:
+        return "0"
+    digits = 4 - math.floor(math.log10(solution.lower_bound))
+    rounded = f"{math.floor(solution.lower_bound * 10.0**digits + ROUNDING) / 10.0**digits:.5g}"
+    gap = "exact" if abs(solution.gap) < CLOSED else f"gap {solution.gap:.0e}"
+    return f"{rounded}\n{gap}" if math.isfinite(solution.gap) else rounded
 
 
 def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:

@@ -26,8 +26,10 @@ WITNESS = 16  # numbers of a witness row
 class Reason(IntEnum):
     """Why no motion of a cell will do, and what its witness rows hold.
 
-    SHORT: the tracked contact is not where the goal wants it. Row: for "beyond" the scale (0, 1) that falls short; else
-    the line (0, 1, ...; tracked, then besides) that does not pass through the target pair.
+    SHORT: the tracked contact is not where the goal wants it. Row: for "beyond" the scale (0, 1) that falls short, or,
+    whatever the sign of the lines' determinant D, 2: D (rho - rho_t) has not the signs asked for, nor their opposites;
+    3: D rho has two different signs. Else the line (0, 1, ...; tracked, then besides) that does not pass through the
+    target pair.
     LOOSE: a vertex reaches beyond the plane of a tracked feature. Row: feature, body (1, 2), vertex in its part.
     LEFT: a direction keeps the tracked part pair apart at the tracked scales. Row: the direction.
     APART: every part pair of body 1 and body 2 is apart at the target scales. Rows: a direction for each, part by part.

@@ -117,7 +117,7 @@ class Solution:
         What `certify` proved, to be checked apart.
     certificate : Certificate or None
     seconds : dict
-        Wall time of "build", "solve", "verify".
+        Wall time of "build", "solve", "prove", "verify".
     """
 
     problem: Problem

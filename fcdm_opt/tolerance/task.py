@@ -55,6 +55,8 @@ class Answer:
         What stops the motion from being smaller.
     modelled : dict
         Constraints kept, of how many.
+    last : bool
+        No later stage is to be asked.
     """
 
     status: Status
@@ -63,11 +65,12 @@ class Answer:
     lower_bound: float = 0.0
     active: tuple[str, ...] = ()
     modelled: dict[str, int] | None = None
+    last: bool = False
 
     @property
     def settles(self) -> bool:
-        """Whether there is a motion, or provably none."""
-        return self.q is not None or not math.isfinite(self.lower_bound)
+        """Whether there is a motion, or provably none, or no stage has a better chance."""
+        return self.q is not None or self.last or not math.isfinite(self.lower_bound)
 
 
 class Opponent(NamedTuple):

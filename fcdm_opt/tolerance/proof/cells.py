@@ -190,21 +190,34 @@ def goal_cells(T, known, features, target, signs, margin, codes, witness):
         determinant, excess = np.zeros(m), np.zeros((2, m))
         _add_product(determinant, 1.0, lines[0, 0], lines[1, 1])
         _add_product(determinant, -1.0, lines[0, 1], lines[1, 0])
-        if _low(determinant) > 0.0:
-            side = 1.0
-        elif _high(determinant) < 0.0:
-            side = -1.0
-        else:
-            continue
         _add_product(excess[0], 1.0, lines[0, 3], lines[1, 1])
         _add_product(excess[0], -1.0, lines[1, 3], lines[0, 1])
         _add_product(excess[1], 1.0, lines[0, 0], lines[1, 3])
         _add_product(excess[1], -1.0, lines[1, 0], lines[0, 3])
+        side = 1.0 if _low(determinant) > 0.0 else -1.0 if _high(determinant) < 0.0 else 0.0
+        if side == 0.0:  # the lines may be parallel: the scales tend to infinity, but not both in the ways asked for
+            steep = np.sqrt((lines[0, 0, 0] ** 2 + lines[0, 1, 0] ** 2) * (lines[1, 0, 0] ** 2 + lines[1, 1, 0] ** 2))
+            if _opposed(excess[0], excess[1], signs[0] * signs[1], margin * steep):
+                codes[cell], witness[cell, 0] = SHORT, 2
+                continue
+            for i in range(2):  # now the determinant times the scales, which are positive
+                _add(excess[i], target[i], determinant)
+            if _opposed(excess[0], excess[1], 1.0, margin * steep):
+                codes[cell], witness[cell, 0] = SHORT, 3
+            continue
         for i in range(2):
             most = _high(excess[i]) if side * signs[i] > 0 else -_low(excess[i])
             if most < -margin * abs(determinant[0]):
                 codes[cell], witness[cell, 0] = SHORT, i
                 break
+
+
+@kernel
+def _opposed(x, y, sign, margin):
+    """Tell whether x and sign * y have different signs all over a cell."""
+    if sign < 0.0:
+        return (_low(x) > margin and _low(y) > margin) or (_high(x) < -margin and _high(y) < -margin)
+    return (_low(x) > margin and _high(y) < -margin) or (_high(x) < -margin and _low(y) > margin)
 
 
 @kernel

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -22,12 +21,13 @@ from numpy.typing import NDArray
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.motion import Free, Motion, Rotation, Screw, Step, Translation
-from fcdm_opt.own_motion import OwnMotion
+from fcdm_opt.motion import Rotation, Step, Translation
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
 from fcdm_opt.tolerance.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.tolerance.problem import TRACKING, Problem
-from fcdm_opt.tolerance.proof.intervals import Interval, Program
+from fcdm_opt.tolerance.proof import conditions
+from fcdm_opt.tolerance.proof.intervals import Interval
+from fcdm_opt.tolerance.proof.mean_value import Kinematics, Pieces, Place, Poses
 from fcdm_opt.tolerance.solution import Check
 from fcdm_opt.tolerance.stages.seat import besides, held, seat_of
 from fcdm_opt.tolerances import DEFAULT
@@ -36,8 +36,7 @@ Bools = NDArray[np.bool_]
 
 HALVINGS = 12  # times that a cell is halved at most
 BATCH = 4096  # pieces of cells looked at together
-FLOATS = 2.0**-48  # relative rounding of a bound, a product of two numbers that a handful of roundings gave
-POSE = 12  # numbers of a pose: R, row by row, and d = s_2 - moved s_1
+FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats gave
 
 
 def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> tuple[Check, ...]:
@@ -128,394 +127,6 @@ def _left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int,
     return int(faces[row]), np.where(corners[corner] == 0, low[row], high[row])
 
 
-# ------------------------------------------------------------------------------------------ what is to be positive
-
-
-def _vector(*parts: Any) -> Any:
-    import casadi
-
-    return casadi.vertcat(*parts)
-
-
-def _one(kind: int, R: Any, u: Any, w: Any, x: Any) -> Any:
-    """Return n . R x along a direction: n = R u (a face of body 1), u (of body 2) or R u x w (two edges)."""
-    import casadi
-
-    if kind == F1V2:
-        return casadi.dot(u, x)
-    if kind == V1F2:
-        return casadi.dot(u, R @ x)
-    return casadi.dot(w, R @ casadi.cross(x, u))  # (R u x w) . R x = w . (R x x R u)
-
-
-def _two(kind: int, R: Any, u: Any, w: Any, y: Any) -> Any:
-    """Return n . y along a direction, see `_one`."""
-    import casadi
-
-    if kind == F1V2:
-        return casadi.dot(R @ u, y)
-    if kind == V1F2:
-        return casadi.dot(u, y)
-    return casadi.dot(R @ u, casadi.cross(w, y))
-
-
-@dataclass(frozen=True, eq=False)
-class Expression:
-    """Functions of a pose and of given numbers, and their derivatives by the pose.
-
-    Attributes
-    ----------
-    values : Program
-        (pose, given) -> values.
-    slopes : Program
-        (pose, given) -> values, derivatives column by column.
-    count : int
-        Number of values.
-    """
-
-    values: Program
-    slopes: Program
-    count: int
-
-    @classmethod
-    def of(cls, size: int, build: Callable[[Any, Any, Any], Any]) -> Expression:
-        """Build from a function (R, d, given) -> values; `size` numbers are given."""
-        import casadi
-
-        pose, given = casadi.SX.sym("pose", POSE), casadi.SX.sym("given", size)
-        R = casadi.reshape(pose[:9], 3, 3).T
-        values = casadi.densify(casadi.vertcat(build(R, pose[9:], given)))
-        slopes = casadi.vec(casadi.densify(casadi.jacobian(values, pose)))
-        options = {"cse": True}
-        return cls(
-            Program(casadi.Function("values", [pose, given], [values], options)),
-            Program(casadi.Function("slopes", [pose, given], [values, slopes], options)),
-            values.shape[0],
-        )
-
-
-@cache
-def _separation(kind: int) -> Expression:
-    """Given (u, w, x, y): n . (d + y - R x), how far y is from x along a direction."""
-    return Expression.of(
-        12,
-        lambda R, d, p: _two(kind, R, p[:3], p[3:6], d + p[9:]) - _one(kind, R, p[:3], p[3:6], p[6:9]),
-    )
-
-
-@cache
-def _height(kind: int, body: int) -> Expression:
-    """Given (u, w, x): n . R x, or -n . x for a point of body 2: how far a point reaches towards the other body."""
-    if body == 0:
-        return Expression.of(9, lambda R, d, p: _one(kind, R, p[:3], p[3:6], p[6:]))
-    return Expression.of(9, lambda R, d, p: -_two(kind, R, p[:3], p[3:6], p[6:]))
-
-
-def _crossing(kinds: tuple[int, ...], R: Any, d: Any, p: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Return (D, D rho_1, D rho_2, D (rho_1 - rho_t1), D (rho_2 - rho_t2)) of the tracked scale pair.
-
-    kinds (0,) or (1,): a vertex of one body on an edge of body 1 or 2, rho_1 R x = d + rho_2 y + t u; given the target
-    pair, u, x, y. Else those of two features, whose contact lines cross; given the target pair and, for each, u, w, x,
-    y. Multiplied by the determinant D, as by Cramer's rule, nothing is divided.
-    """
-    import casadi
-
-    cross, dot, target = casadi.cross, casadi.dot, (p[0], p[1])
-    if len(kinds) == 1:
-        u, x, y = p[2:5], p[5:8], p[8:11]
-        turned = R @ x
-        if kinds[0] == 1:
-            beside = cross(y, u)
-            across, determinant = cross(turned, u), dot(turned, beside)
-        else:
-            beside, across = cross(y, R @ u), R @ cross(x, u)
-            determinant = -dot(y, across)
-        first = dot(d, beside)
-        return (
-            determinant,
-            first,
-            dot(d, across),
-            first - target[0] * determinant,
-            dot(d + target[1] * y, across),
-        )
-    rows = []
-    for kind, q in zip(kinds, (p[2:14], p[14:26]), strict=True):
-        u, w, x, y = q[:3], q[3:6], q[6:9], q[9:]
-        a, b, c = _one(kind, R, u, w, x), -_two(kind, R, u, w, y), _two(kind, R, u, w, d)
-        rows.append((a, b, c, _two(kind, R, u, w, d + target[1] * y) - target[0] * a))
-    (a, b, c, g), (e, f, h, i) = rows
-    return a * f - e * b, c * f - h * b, a * h - e * c, g * f - i * b, a * i - e * g
-
-
-@cache
-def _crossings(kinds: tuple[int, ...]) -> Expression:
-    """The tracked scale pair, see `_crossing`."""
-    return Expression.of(_taken(kinds), lambda R, d, p: _vector(*_crossing(kinds, R, d, p)))
-
-
-@cache
-def _gap_at_crossing(kinds: tuple[int, ...], kind: int) -> Expression:
-    """D times how far y is from x along a direction at the tracked scale pair; given what that takes, then u, w, x, y."""
-    taken = _taken(kinds)
-
-    def build(R: Any, d: Any, p: Any) -> Any:
-        determinant, first, second, _, _ = _crossing(kinds, R, d, p[:taken])
-        u, w, x, y = (p[taken + 3 * k : taken + 3 * k + 3] for k in range(4))
-        return determinant * _two(kind, R, u, w, d) - first * _one(kind, R, u, w, x) + second * _two(kind, R, u, w, y)
-
-    return Expression.of(taken + 12, build)
-
-
-def _taken(kinds: tuple[int, ...]) -> int:
-    return 11 if len(kinds) == 1 else 26
-
-
-@cache
-def _depth(body: int) -> Expression:
-    """Given (n, level, start, along, place): how deep a point of an edge is below a plane of the other body.
-
-    The edge of body 1, in its axes about its moved seed, the plane about s_2; or the other way round. `place` is one
-    more variable, and the second value its coefficient.
-    """
-
-    def build(R: Any, d: Any, p: Any) -> Any:
-        import casadi
-
-        n, level, start, along, place = p[:3], p[3], p[4:7], p[7:10], p[10]
-        if body == 0:
-            rate = casadi.dot(n, R @ along)
-            return _vector(level - casadi.dot(n, R @ start - d) - place * rate, -rate)
-        rate = casadi.dot(R @ n, along)
-        return _vector(level - casadi.dot(R @ n, start + d) - place * rate, -rate)
-
-    return Expression.of(11, build)
-
-
-@cache
-def _nearness() -> Expression:
-    """Given (x, y, need): need^2 - |d + y - R x|^2."""
-
-    def build(R: Any, d: Any, p: Any) -> Any:
-        import casadi
-
-        return p[6] * p[6] - casadi.sumsqr(d + p[3:6] - R @ p[:3])
-
-    return Expression.of(7, build)
-
-
-# ---------------------------------------------------------------------------------------------------- cells and poses
-
-
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """Cells, or pieces of them: `rows` tells of which cell each is.
-
-    `low` and `high`, (n, k), are the ends of s, then of the box coordinates.
-    """
-
-    rows: Ints
-    faces: Ints
-    low: Array
-    high: Array
-
-    def __getitem__(self, key: Any) -> Pieces:
-        return Pieces(self.rows[key], self.faces[key], self.low[key], self.high[key])
-
-    def halved(self) -> Pieces:
-        """Return both halves of each, cut across what is longest as an amount."""
-        lengths = self.high - self.low
-        lengths[:, 1:] *= self.high[:, :1]
-        axis = lengths.argmax(axis=1)
-        row = np.arange(len(self.rows))
-        middle = 0.5 * self.low[row, axis] + 0.5 * self.high[row, axis]
-        low, high = np.concatenate([self.low, self.low]), np.concatenate([self.high, self.high])
-        high[row, axis] = middle
-        low[len(row) + row, axis] = middle
-        return Pieces(np.tile(self.rows, 2), np.tile(self.faces, 2), low, high)
-
-    @property
-    def centres(self) -> Pieces:
-        """Their centres alone."""
-        return Pieces(self.rows, self.faces, self.centre, self.centre)
-
-    @cached_property
-    def centre(self) -> Array:
-        """Some point well inside each, (n, k)."""
-        return 0.5 * self.low + 0.5 * self.high
-
-    @cached_property
-    def half(self) -> Array:
-        """How far each reaches from its centre, (n, k)."""
-        return np.nextafter(np.maximum(self.high - self.centre, self.centre - self.low), np.inf)
-
-    def directions(self, s: Interval, t: Interval) -> tuple[list[Interval], list[Interval]]:
-        """Return v and y = s v, k numbers each, of s (n,) and box coordinates (n, k - 1)."""
-        axis, sign = self.faces >> 1, 1.0 - 2.0 * (self.faces & 1)
-        count = self.low.shape[1]
-        v = []
-        for k in range(count):
-            middle, radius = sign.copy(), np.zeros(len(sign))
-            for own in range(count):
-                if own != k:
-                    here, place = axis == own, k - (k > own)
-                    middle[here], radius[here] = t.middle[here, place], t.radius[here, place]
-            v.append(Interval(middle, radius))
-        return v, [s * own for own in v]
-
-
-@dataclass(frozen=True, eq=False)
-class Poses:
-    """The poses of pieces: at their centres, over them, and how they change, times half widths; columns (n, 1).
-
-    `jumps` tells where the motion may not be continuous.
-    """
-
-    pieces: Pieces
-    centre: list[Interval]
-    over: list[Interval]
-    change: list[list[Interval]]
-    jumps: Bools
-
-    def bounds(
-        self, expression: Expression, given: Sequence[Interval], place: _Place | None = None
-    ) -> tuple[list[Array], list[Array]]:
-        """Return lower and upper bounds of each value of an expression, (n, rows) each.
-
-        Parameters
-        ----------
-        given : sequence of Interval
-            Each (n, rows) or what broadcasts to it.
-        place : _Place, optional
-            What the last of the given numbers is, where it is not fixed over a piece; the last value is then the first
-            one's derivative by it.
-        """
-        still, moving = list(given), list(given)
-        if place is not None:
-            still.append(place.centre)
-            moving.append(place.over)
-        (at_centre,), _ = expression.values(self.centre, still)
-        (over, slopes), _ = expression.slopes(self.over, moving)
-        lows, highs = [], []
-        for m in range(expression.count):
-            spread: Any = 0.0
-            for j in range(len(self.change[0])):
-                rate = Interval(0.0)
-                for p in range(POSE):
-                    own = slopes[p * expression.count + m]
-                    if np.any(own.middle) or np.any(own.radius):
-                        rate = rate + own * self.change[p][j]
-                if place is not None and m == 0:
-                    rate = rate + over[-1] * place.change[j]
-                spread = spread + rate.size
-            found = Interval(at_centre[m].middle, (at_centre[m].radius + spread) * (1.0 + FLOATS))
-            spread_known = ~self.jumps & np.isfinite(found.radius)
-            lows.append(np.where(spread_known, np.fmax(found.low, over[m].low), over[m].low))
-            highs.append(np.where(spread_known, np.fmin(found.high, over[m].high), over[m].high))
-        return lows, highs
-
-
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """A place along an edge that depends on the variables of a piece: at the centre, over it, changes; (n, 1) each."""
-
-    centre: Interval
-    over: Interval
-    change: list[Interval]
-
-
-class _Kinematics:
-    """The motion as functions of the weighted coordinates y: the pose of body 1 relative to body 2, and its changes."""
-
-    def __init__(self, problem: Problem) -> None:
-        import casadi
-
-        count = len(problem.weights)
-        origin = _origin(problem.motion, problem.movable.seed)
-        y, seeds = casadi.SX.sym("y", count), casadi.SX.sym("seeds", 6)
-        seen = problem.motion.seen_from(origin) if origin.any() else problem.motion
-        q = casadi.vertcat(*(y[k] / w for k, w in enumerate(problem.weights.tolist())))
-        T = seen.symbolic(q, seeds[:3], seeds[3:])
-        R, moved = T[:3, :3], T[:3, :3] @ seeds[:3] + T[:3, 3]
-        pose = casadi.densify(casadi.vertcat(casadi.vec(R.T), seeds[3:] - moved))
-        change = casadi.vec(casadi.densify(casadi.jacobian(pose, y)))
-        options = {"cse": True}
-        self._pose = Program(casadi.Function("pose", [y, seeds], [pose], options))
-        self._change = Program(casadi.Function("change", [y, seeds], [change], options))
-        exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
-        self._seeds = [own[k] for own in exact for k in range(3)]
-        # the package's own motions are smooth; where a series takes over, they jump by less than 1e-20
-        self._smooth = not any(isinstance(step, OwnMotion) for step in problem.motion.steps)
-
-    def poses(self, pieces: Pieces) -> Poses:
-        """Return the poses of pieces."""
-        centre, half = pieces.centre, pieces.half
-        _, y = pieces.directions(Interval(centre[:, 0]), Interval(centre[:, 1:], np.zeros_like(centre[:, 1:])))
-        (at_centre,), _ = self._pose(y, self._seeds)
-        s, t = Interval(centre[:, 0], half[:, 0]), Interval(centre[:, 1:], half[:, 1:])
-        v, y = pieces.directions(s, t)
-        (over,), jumps = self._pose(y, self._seeds)
-        (rates,), _ = self._change(y, self._seeds)
-        count = half.shape[1]
-        axis = pieces.faces >> 1
-        columns = np.array([[k + (k >= own) for k in range(count - 1)] for own in range(count)], dtype=np.int64)
-        change, kept = [], []
-        for p in range(POSE):
-            own = [rates[k * POSE + p] for k in range(count)]
-            first = Interval(0.0)
-            for k in range(count):
-                first = first + own[k] * v[k]
-            middle, radius = (np.stack([np.broadcast_to(x, axis.shape) for x in side]) for side in _sides(own))
-            changes = [first * Interval(half[:, 0])]
-            for j in range(count - 1):
-                place = columns[axis, j], np.arange(len(axis))
-                changes.append(Interval(middle[place], radius[place]) * s * Interval(half[:, 1 + j]))
-            spread: Any = 0.0
-            for x in changes:
-                spread = spread + x.size
-            by_mean = Interval(at_centre[p].middle, (at_centre[p].radius + spread) * (1.0 + FLOATS))
-            broken = jumps if not self._smooth else np.zeros(len(axis), dtype=bool)
-            natural = over[p]
-            tight = natural.tighter(by_mean)
-            kept.append(
-                Interval(np.where(broken, natural.middle, tight.middle), np.where(broken, natural.radius, tight.radius))
-            )
-            change.append([_column(x, len(axis)) for x in changes])
-        broken = np.broadcast_to(np.asarray(jumps) & (not self._smooth), axis.shape)
-        return Poses(
-            pieces,
-            [_column(x, len(axis)) for x in at_centre],
-            [_column(x, len(axis)) for x in kept],
-            change,
-            broken[:, None],
-        )
-
-
-def _sides(values: Sequence[Interval]) -> tuple[list[Any], list[Any]]:
-    return [x.middle for x in values], [x.radius for x in values]
-
-
-def _column(x: Interval, count: int) -> Interval:
-    """Return numbers as a column; one that is the same for all stays one."""
-    if np.ndim(x.middle) == np.ndim(x.radius) == 0:
-        return x
-    return Interval(np.broadcast_to(x.middle, count)[:, None], np.broadcast_to(x.radius, count)[:, None])
-
-
-def _origin(motion: Motion, seed: Array) -> Array:
-    """Return where to see a motion from: the seed, if its fixed points can be written so without rounding, else 0."""
-    points = []
-    for step in motion.steps:
-        if isinstance(step, Rotation) and step.centre != "seed":
-            points.append((0.0, 0.0, 0.0) if step.centre == "origin" else step.centre)
-        elif isinstance(step, Screw) and not isinstance(step.axis, str):
-            points.append(step.axis[0])
-        elif not isinstance(step, Translation | Rotation | Screw | Free):
-            return np.zeros(3)
-    numbers = [(float(x), float(s)) for point in points for x, s in zip(point, seed, strict=True)]
-    exact = all(Fraction(x) - Fraction(s) == Fraction(x - s) for x, s in numbers)
-    return np.asarray(seed) if exact else np.zeros(3)
-
-
 # ------------------------------------------------------------------------------------------------------- the examiner
 
 
@@ -528,12 +139,24 @@ class Obstacle:
     need: float
 
 
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """What the tracked scale pair follows from: `kinds` and `given` numbers, as `conditions.crossing` takes them.
+
+    Where a vertex touches an edge, `beside` are the normals of the faces beside the edge, else empty.
+    """
+
+    kinds: tuple[int, ...]
+    given: list[Interval]
+    beside: Array
+
+
 class _Examiner:
     """What a problem asks of a motion, and why the cells of a proof are said not to do it."""
 
     def __init__(self, problem: Problem, evidence: Evidence) -> None:
         self.problem, self.evidence = problem, evidence
-        self.kinematics = _Kinematics(problem)
+        self.kinematics = Kinematics(problem)
         self.target = problem.target.tolist()
 
     # ------------------------------------------------------------------------------------------------------ meaning
@@ -554,25 +177,29 @@ class _Examiner:
         return tuple(made), len(lines)
 
     @cached_property
-    def crossing(self) -> tuple[tuple[int, ...], list[Interval]] | None:
-        """What the tracked scale pair follows from: kinds and given numbers of `_crossing`; None for one line."""
+    def crossing(self) -> Crossing | None:
+        """What the tracked scale pair follows from; None for one line.
+
+        Two features of a part pair that share an edge of one part and a vertex of the other meet where this vertex
+        lies on the line of this edge; so they do in passing, where their own lines coincide.
+        """
         features, count = self.features
         if count != 2:
             return None
         given = [Interval(x) for x in self.target]
         one, two = features[:2]
-        if one.parts == two.parts:
-            bodies, corners = (self.problem.movable, self.problem.static), []
-            for own, body in enumerate(bodies):
-                part = body.parts[one.parts[own]]
-                shared = set.intersection(*(_corners(feature, own, part) for feature in (one, two)))
-                corners.append([Interval(part.vertices[v]) - body.seed for v in sorted(shared)])
-            for own in (0, 1):  # the body of the edge
-                if len(corners[own]) == 2 and len(corners[1 - own]) == 1:
-                    (start, end), (corner,) = corners[own], corners[1 - own]
-                    points = (start, corner) if own == 0 else (corner, start)
-                    return (own,), [*given, *_numbers(end - start, *points)]
-        return (one.kind, two.kind), [*given, *(x for own in (one, two) for x in _numbers(*self._feature(own)))]
+        bodies = self.problem.movable, self.problem.static
+        for own in (0, 1) if one.parts == two.parts else ():  # the body of the edge
+            parts = [body.parts[k] for body, k in zip(bodies, one.parts, strict=True)]
+            shared = [sorted(_corners(one, k, parts[k]) & _corners(two, k, parts[k])) for k in (0, 1)]
+            if len(shared[own]) == 2 and len(shared[1 - own]) == 1:
+                ends = Interval(parts[own].vertices[shared[own]]) - bodies[own].seed
+                corner = Interval(parts[1 - own].vertices[shared[1 - own][0]]) - bodies[1 - own].seed
+                points = (ends[0], corner) if own == 0 else (corner, ends[0])
+                sides = [set(shared[own]) <= set(loop) for loop in parts[own].loops]
+                return Crossing((own,), [*given, *_numbers(ends[1] - ends[0], *points)], parts[own].normals[sides])
+        given += [x for feature in (one, two) for x in _numbers(*self._feature(feature))]
+        return Crossing((one.kind, two.kind), given, np.empty((0, 3)))
 
     def _feature(self, feature: FeaturePoints) -> tuple[Interval, Interval, Interval, Interval]:
         """Return (u, w, x, y) of a feature: its direction, not of unit length, and a point of each body."""
@@ -774,52 +401,48 @@ class _Examiner:
         return self.evidence.witnesses[self.evidence.first[poses.pieces.rows] + row]
 
     def short(self, poses: Poses) -> Array:
-        """The tracked pair lies short of the target, or a line does not pass through it."""
-        features, tracked = self.features
+        """Return by how much the tracked pair lies short of the target, or a line misses it."""
+        features, _ = self.features
         count, witness = len(poses.pieces.rows), self._witness(poses)
         margin = np.full(count, -np.inf)
         if self.problem.goal == "beyond":
             if self.crossing is None:
                 return margin
-            kinds, given = self.crossing
-            lows, highs = poses.bounds(_crossings(kinds), given)
+            lows, highs = poses.bounds(conditions.crossing(self.crossing.kinds), self.crossing.given)
             for i in (0, 1):
                 here = witness[:, 0] == i
                 low, high = (lows[3 + i], highs[3 + i]) if self.problem.signs[i] > 0 else (-highs[3 + i], -lows[3 + i])
                 own = np.where(lows[0] > 0, -high, np.where(highs[0] < 0, low, -np.inf))
                 margin[here] = _flat(own, count)[here]
             return margin
-        if self.problem.goal == "at" and self.crossing is not None and len(self.crossing[0]) == 1:
-            return self._off_edge(poses)
+        if self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
+            return self._off_edge(poses, self.crossing)
         for k, feature in enumerate(features):
             here = np.flatnonzero(witness[:, 0] == k)
             if len(here):
                 u, w, x, y = self._feature(feature)
                 given = _numbers(u, w, x * self.target[0], y * self.target[1])
-                (low,), (high,) = _at(poses, here).bounds(_separation(feature.kind), given)
+                (low,), (high,) = poses[here].bounds(conditions.separation(feature.kind), given)
                 margin[here] = _flat(np.maximum(low, -high), len(here))
         return margin
 
-    def _off_edge(self, poses: Poses) -> Array:
+    def _off_edge(self, poses: Poses, crossing: Crossing) -> Array:
         """Return a margin by which the vertex that touches an edge is off its line at the target pair.
 
-        Across the edge, along the normal of a face beside it or any other direction at right angles.
+        Across the edge, along the normal of a face beside it or what is near that and at right angles.
         """
-        assert self.crossing is not None
-        (own,), given = self.crossing
-        body = (self.problem.movable, self.problem.static)[own]
-        u, x, y = (_joined(given[2 + 3 * k : 5 + 3 * k]) for k in range(3))
+        u, x, y = (_joined(crossing.given[2 + 3 * k : 5 + 3 * k]) for k in range(3))
         points = x * self.target[0], y * self.target[1]
         margin = np.full(len(poses.pieces.rows), -np.inf)
-        for n in body.parts[self.features[0][0].parts[own]].normals[list(self.beside)]:
-            direction = _cross(u, _cross(Interval(n), u))  # at right angles to the edge, whatever n is
-            numbers = _numbers(direction, Interval(np.zeros(3)), *points)
-            (low,), (high,) = poses.bounds(_separation((F1V2, V1F2)[own]), numbers)
+        for n in crossing.beside:
+            across = _cross(u, _cross(Interval(n), u))  # at right angles to the edge, whatever n is
+            given = _numbers(across, Interval(np.zeros(3)), *points)
+            (low,), (high,) = poses.bounds(conditions.separation((F1V2, V1F2)[crossing.kinds[0]]), given)
             margin = np.fmax(margin, np.maximum(low, -high)[:, 0])
         return margin
 
     def loose(self, poses: Poses) -> Array:
-        """A vertex of a part reaches beyond the plane of its tracked feature, so that this is no contact."""
+        """Return by how much a vertex reaches beyond the plane of a tracked feature, which then is no contact."""
         features, tracked = self.features
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
@@ -833,25 +456,27 @@ class _Examiner:
             if not len(here):
                 continue
             reach = Interval(part.vertices[vertex[here]]) - bodies[body].seed - points[body]
-            (low,), _ = _at(poses, here).bounds(_height(feature.kind, body), _numbers(u, w, reach))
+            (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), _numbers(u, w, reach))
             flat = DEFAULT.planarity * self.problem.size * _norm(u) * (_norm(w) if feature.kind == E1E2 else 1.0)
             margin[here] = _flat(low - flat, len(here))
         return margin
 
     def left(self, poses: Poses) -> Array:
-        """A direction keeps the tracked parts apart at the tracked pair."""
+        """Return by how much a direction keeps the tracked parts apart at the tracked pair."""
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
         movable, static = self.problem.movable, self.problem.static
         if self.crossing is None or len(movable.parts) != 1 or len(static.parts) != 1:
             return margin  # parts of unions may be left for one another
-        kinds, given = self.crossing
+        kinds, given = self.crossing.kinds, self.crossing.given
         one, two = Interval(movable.parts[0].vertices) - movable.seed, Interval(static.parts[0].vertices) - static.seed
         for kind, here, u, w in _directions(witness):
-            own = _at(poses, here)
+            own = poses[here]
             first, second, reach = _extremes(own, kind, u, w, one, two)
-            lows, highs = own.bounds(_crossings(kinds), given)
-            (low,), (high,) = own.bounds(_gap_at_crossing(kinds, kind), [*given, *_numbers(u, w, first, second)])
+            lows, highs = own.bounds(conditions.crossing(kinds), given)
+            (low,), (high,) = own.bounds(
+                conditions.gap_at_crossing(kinds, kind), [*given, *_numbers(u, w, first, second)]
+            )
             up, down = lows[0] > 0, highs[0] < 0
             gap = np.where(up, low, np.where(down, -high, -np.inf))[:, 0]
             scales = [np.where(up, highs[1 + i], -lows[1 + i])[:, 0] for i in (0, 1)]
@@ -860,7 +485,7 @@ class _Examiner:
         return margin
 
     def apart(self, poses: Poses) -> Array:
-        """A direction for each part pair keeps it apart at the target pair."""
+        """Return by how much a direction for each part pair keeps it apart at the target pair."""
         count, others = len(poses.pieces.rows), len(self.problem.static.parts)
         if not self.must_touch:
             return np.full(count, -np.inf)
@@ -871,15 +496,15 @@ class _Examiner:
             witness = self.evidence.witnesses[np.where(rows, first[poses.pieces.rows] + row, 0)]
             gap = np.full(count, -np.inf)
             for kind, here, u, w in _directions(witness):
-                own, two = _at(poses, here), self.obstacles[j].vertices
+                own, two = poses[here], self.obstacles[j].vertices
                 x, y, reach = _extremes(own, kind, u, w, self.movable[i], two)
-                (low,), _ = own.bounds(_separation(kind), _numbers(u, w, x, y))
+                (low,), _ = own.bounds(conditions.separation(kind), _numbers(u, w, x, y))
                 gap[here] = low[:, 0] - (reach[0] + reach[1]) * (1.0 + FLOATS)
             margin = np.minimum(margin, gap)
         return margin
 
     def meets(self, poses: Poses) -> Array:
-        """A point of an edge of one part is inside the other."""
+        """Return how deep a point of an edge of one part is inside the other."""
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
         for i, j, body in product(range(len(self.movable)), range(len(self.obstacles)), (0, 1)):
@@ -892,7 +517,7 @@ class _Examiner:
             edge, known = _index(witness[here, 3], len(edged.edges))
             start, end = points[edged.edges[edge, 0]], points[edged.edges[edge, 1]]
             along = end - start
-            own = _at(poses, here)
+            own = poses[here]
             place, beyond = self._place(own, witness[here])
             normals, levels = _planes(part, corners)
             given = [
@@ -900,34 +525,30 @@ class _Examiner:
                 Interval(levels.middle[None], levels.radius[None]),
             ]
             given += [x for vector in (start, along) for x in _numbers(vector)]
-            lows, _ = own.bounds(_depth(body), given, place)
+            lows, _ = own.bounds(conditions.depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
             margin[here] = np.where(known, depth, -np.inf)
         return margin
 
-    def _place(self, poses: Poses, witness: Array) -> tuple[_Place, Array]:
+    def _place(self, poses: Poses, witness: Array) -> tuple[Place, Array]:
         """Return where on its edge a point is, and how far beyond the edge's ends at most."""
         pieces, own = poses.pieces, self.evidence
         low = np.column_stack([own.stretches[pieces.rows, 0], own.boxes[pieces.rows, 0]])
         high = np.column_stack([own.stretches[pieces.rows, 1], own.boxes[pieces.rows, 1]])
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         rates = np.where(half > 0, witness[:, 5 : 5 + low.shape[1]] / np.where(half > 0, half, 1.0), 0.0)
-        centre, change = Interval(witness[:, 4:5]), []
-        spread: Any = 0.0
+        centre = Interval(witness[:, 4:5])
         for j in range(low.shape[1]):
-            rate = Interval(rates[:, j : j + 1])
-            centre = centre + rate * (Interval(pieces.centre[:, j : j + 1]) - middle[:, j : j + 1])
-            change.append(rate * pieces.half[:, j : j + 1])
-            spread = spread + change[-1].size
-        over = Interval(centre.middle, (centre.radius + spread) * (1.0 + FLOATS))
+            centre = centre + Interval(rates[:, j : j + 1]) * (Interval(pieces.centre) - middle)[:, j : j + 1]
+        change = Interval(rates[:, None]) * Interval(pieces.half[:, None])
+        over = centre + Interval(0.0, change.size.sum(axis=2) * (1.0 + FLOATS))
         beyond = np.maximum(np.maximum(-over.low, over.high - 1.0), 0.0)[:, 0]
-        return _Place(centre, over, change), beyond
+        return Place(centre, over, change), beyond
 
     def outside(self, poses: Poses) -> Array:
-        """A parameter is beyond a limit."""
+        """Return by how much a parameter is beyond a limit."""
         pieces, witness = poses.pieces, self._witness(poses)
-        centre, half = pieces.centre, pieces.half
-        _, y = pieces.directions(Interval(centre[:, 0], half[:, 0]), Interval(centre[:, 1:], half[:, 1:]))
+        y = pieces.coordinates(over=True)
         margin = np.full(len(witness), -np.inf)
         for k, (own, weight, ends) in enumerate(zip(y, self.problem.weights.tolist(), self.limits, strict=True)):
             low, high = (Interval(end) * weight if np.isfinite(end) else Interval(end) for end in ends)
@@ -936,7 +557,7 @@ class _Examiner:
         return margin
 
     def near(self, poses: Poses) -> Array:
-        """Points of two parts are nearer than the gap asked for."""
+        """Return by how much points of two parts are nearer than the gap asked for, squared."""
         witness = self._witness(poses)
         margin = np.full(len(witness), -np.inf)
         for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
@@ -947,8 +568,8 @@ class _Examiner:
             x, y = witness[here, 2:5], witness[here, 5:8]
             off = _off(x, self.movable[i]) + _off(y, obstacle.vertices)
             need = (obstacle.need - off) * (1.0 - FLOATS)
-            (low,), _ = _at(poses, here).bounds(
-                _nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])]
+            (low,), _ = poses[here].bounds(
+                conditions.nearness(), [*_numbers(Interval(x), Interval(y)), Interval(need[:, None])]
             )
             margin[here] = np.where(need > 0, low[:, 0], -np.inf)
         return margin
@@ -1012,30 +633,6 @@ def _flat(margin: Any, count: int) -> Array:
     return np.array(np.broadcast_to(margin, (count, 1))[:, 0])
 
 
-def _at(poses: Poses, rows: Ints) -> Poses:
-    """Return some of the poses."""
-    if len(rows) == len(poses.pieces.rows):
-        return poses
-
-    def some(x: Interval) -> Interval:
-        return x if np.ndim(x.middle) == 0 else x[rows]
-
-    return Poses(
-        poses.pieces[rows],
-        [some(x) for x in poses.centre],
-        [some(x) for x in poses.over],
-        [[some(x) for x in own] for own in poses.change],
-        poses.jumps[rows],
-    )
-
-
-def _middles(poses: Poses) -> tuple[Array, Array]:
-    """Return R and d at the centres in floats, (n, 3, 3) and (n, 3)."""
-    count = len(poses.pieces.rows)
-    numbers = np.stack([np.broadcast_to(np.ravel(x.middle), count) for x in poses.centre], axis=1)
-    return numbers[:, :9].reshape(-1, 3, 3), numbers[:, 9:]
-
-
 def _directions(witness: Array) -> Iterator[tuple[int, Ints, Interval, Interval]]:
     """Return, for each kind of direction, the pieces whose witness has it, with u and w, (n, 3) each."""
     for kind in (F1V2, V1F2, E1E2):
@@ -1058,7 +655,7 @@ def _extremes(
     reach : list of two (n,) arrays
         Upper bounds, over the pieces, of how much further any vertex reaches; not negative.
     """
-    R, _ = _middles(poses)
+    R, _ = poses.middles
     if kind == V1F2:
         n = u.middle
     else:
@@ -1072,7 +669,7 @@ def _extremes(
         further = [
             vertices[..., k][None] - Interval(own.middle[:, k : k + 1], own.radius[:, k : k + 1]) for k in range(3)
         ]
-        _, (high,) = poses.bounds(_height(kind, body), [*_numbers(u, w), *further])
+        _, (high,) = poses.bounds(conditions.height(kind, body), [*_numbers(u, w), *further])
         points.append(own)
         reach.append(np.maximum(high, 0.0).max(axis=1) * np.ones(len(place)))
     return points[0], points[1], reach

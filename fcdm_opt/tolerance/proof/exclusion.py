@@ -30,7 +30,7 @@ class Cells:
     def __init__(self, faces: Ints, low: Array, high: Array, stretch: Array) -> None:
         self.faces, self.low, self.high, self.stretch = faces, low, high, stretch
 
-    def coordinates(self) -> list[Enclosure | Array]:
+    def coordinates(self) -> list[Enclosure]:
         """Return the weighted coordinates y of all cells as enclosures."""
         count = self.low.shape[1] + 1
         middle, half = self.stretch.mean(axis=1), np.ptp(self.stretch, axis=1) / 2.0

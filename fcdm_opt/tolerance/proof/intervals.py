@@ -13,9 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.geometry.arrays import Ints
+
 UNIT = 2.0**-52  # more than the rounding of one operation, relative to its result
 UP = 1.0 + 2.0**-49  # more than the rounding of the few operations that a radius takes
 LEAST = 1e-300  # more than what underflow can take from a result
+SUMS = 2.0**-47  # error of a sum of up to twenty products, relative to the sum of their sizes
 LIBRARY = 2.0**-48  # error of a library function: sixteen units in the last place of its result
 WHOLE_TURNS = 1e6  # sines of larger angles are bounded by 1 alone
 
@@ -66,6 +69,34 @@ class Interval:
         """Return whichever of two intervals for the same numbers is the narrower."""
         better = other.radius < self.radius
         return Interval(np.where(better, other.middle, self.middle), np.where(better, other.radius, self.radius))
+
+    def shaped(self, shape: tuple[int, ...]) -> Interval:
+        """Return the numbers in another shape."""
+        return Interval(*(np.reshape(np.broadcast_to(side, np.shape(self.middle)), shape) for side in self._sides))
+
+    def turned(self, axes: tuple[int, ...]) -> Interval:
+        """Return the numbers with their axes in another order."""
+        return Interval(*(np.transpose(side, axes) for side in self._sides))
+
+    def taken(self, places: Ints) -> Interval:
+        """Return some numbers along the last axis."""
+        return Interval(*(np.take_along_axis(side, places, axis=-1) for side in self._sides))
+
+    def beside(self, other: Interval) -> Interval:
+        """Return these numbers and others, one after the other along the last axis."""
+        return Interval(*(np.concatenate(pair, axis=-1) for pair in zip(self._sides, other._sides, strict=True)))
+
+    def contracted(self, other: Interval) -> Interval:
+        """Return the matrix product."""
+        (a, r), (b, q) = self._sides, other._sides
+        own, others = np.abs(a), np.abs(b)
+        # no sum of so few products is off by more than this share of the sum of their sizes
+        spread = own @ (q + SUMS * others) + r @ (others + q)
+        return Interval(a @ b, spread * (1.0 + SUMS) + LEAST)
+
+    @property
+    def _sides(self) -> tuple[Any, Any]:
+        return self.middle, self.radius
 
     def __add__(self, other: Any) -> Interval:
         other = _interval(other)

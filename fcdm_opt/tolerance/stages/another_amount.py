@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +11,14 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.bounds import displacement_bound
 from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.stages.relaxation import Found, choices
+from fcdm_opt.tolerance.stages.relaxation import Found, Relaxation, choices
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 
 LEAST_SHARE = 1e-2  # of the largest weight, for parameters that an amount ignores near rest
 MOST_ASIDE = 0.1  # of the shortest shift, that a motion may miss
 FIRST_CHOICES = 4  # of features at rest, tried from several starts
+MOST_BESIDE = 6  # starts on all sides of the best known motion
 ROUNDS = 5  # of choosing features anew at the best motion so far
 
 
@@ -50,36 +52,53 @@ def another_amount(task: Task, weighted: Answer) -> Answer:
     if not weighted.q.any() and task.amount(task.rest) == 0.0:
         return weighted
     best = Found(weighted.q, task.amount(weighted.q), weighted.active, weighted.modelled or {})
-    steps = np.diag(task.steps)
-    direct = _direct(task)
-    starts = [
-        *direct,
-        weighted.q,
-        task.start,
-        *(np.clip(weighted.q + s * x, *task.limits.T) for x in steps for s in (1.0, -1.0)),
-    ]
-    least = displacement_bound(task)
+    least, direct = displacement_bound(task), _direct(task)
     for q in direct:
         if task.amount(q) < best.amount and task.meets(q, DEFAULT.requirement):
             best = Found(q, task.amount(q), ("the nearest points",), weighted.modelled or {})
-    for turn in range(ROUNDS):
-        before = best.amount
-        first = sorted(choices(task, task.start), key=lambda choice: choice.promise) if turn == 0 else []
-        further = [(relaxation, starts) for relaxation in first[:FIRST_CHOICES]]
-        for relaxation, others in [*((near, direct) for near in choices(task, best.q, near=True)), *further]:
-            if best.amount <= least * (1.0 + DEFAULT.nominal):
-                break  # nothing is smaller
-            found = relaxation.smallest([best.q, *others], "sqpmethod")
-            if found is not None and found.amount < best.amount * (1.0 - DEFAULT.nominal):  # whole turns change nothing
-                best = found
-        if best.amount >= before * (1.0 - DEFAULT.nominal):
-            break
+    best = _improved(task, best, [weighted.q, *direct, task.start], least)
     word = "displacement" if task.amount_kind == "displacement" else "the amount given"
     status = weighted.status if not best.q.any() else Status.SOLVED
     bound = min(least, best.amount)  # the two differ by rounding at most
     return Answer(
         status, best.q, f"{weighted.stage}; then 4: nonlinear program, {word}", bound, best.active, best.modelled
     )
+
+
+def _improved(task: Task, best: Found, starts: list[Array], least: float) -> Found:
+    """Return the least motion that the nonlinear program finds with the features at the best so far, and those at rest.
+
+    Parameters
+    ----------
+    task : Task
+    best : Found
+    starts : list of (k,) arrays
+        Motions to start from besides the best.
+    least : float
+        Amount that no motion stays below.
+    """
+
+    def tried(relaxations: Iterable[Relaxation], starts: list[Array], further: str = "") -> None:
+        nonlocal best
+        for relaxation in relaxations:
+            if best.amount <= least * (1.0 + DEFAULT.nominal):
+                return
+            found = relaxation.smallest([best.q, *starts], "slsqp")
+            if found is None and further:
+                found = relaxation.smallest([best.q], further)
+            if found is not None and found.amount < best.amount * (1.0 - DEFAULT.nominal):  # whole turns change nothing
+                best = found
+
+    beside = [np.clip(best.q + s * x, *task.limits.T) for x in np.diag(task.steps) for s in (1.0, -1.0)]
+    for turn in range(ROUNDS):
+        before = best.amount
+        tried(choices(task, best.q, near=True), starts if turn == 0 else [], "sqpmethod")
+        if turn == 0:
+            promising = sorted(choices(task, task.start), key=lambda choice: choice.promise)
+            tried(promising[:FIRST_CHOICES], [*starts, *(beside if len(beside) <= MOST_BESIDE else [])])
+        if best.amount >= before * (1.0 - DEFAULT.nominal):
+            break
+    return best
 
 
 def _direct(task: Task) -> list[Array]:

@@ -8,20 +8,24 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.evidence import Evidence
-from fcdm_opt.tolerance.proof.columns import prove
+from fcdm_opt.tolerance.proof.columns import FARTHEST, prove
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.stages import rays
+from fcdm_opt.tolerance.stages.descent import STAGE as DESCENT
+from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.relaxation import choices
 from fcdm_opt.tolerance.stages.turns import least_over_turns
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 
-STAGE = "5: branch and bound over all motions"
+STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound over rotations"
 MOST_PARAMETERS = 2  # for which the search is complete in a moment
-GAP, FINE_GAP = 1e-4, 1e-8  # of a certificate; of the stage, which is to find the least motion by itself
+GAP, FINE_GAP = 1e-4, 1e-7  # of a certificate; of the stage, which is to find the least motion by itself
+CONFIRMED_GAP, COARSE_GAP = 1e-6, 1e-3  # of looking for something better; the latter over rotations
+LARGE = 0.15  # of the size: amounts beyond this are large
 CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
-SECONDS = 20.0  # for the search over rotations
 CELLS_MORE = 60_000  # the same, for more parameters
+SECONDS = 20.0  # for the search over rotations
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
 
@@ -31,32 +35,54 @@ def branch_and_bound(task: Task) -> Answer | None:
         return None
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
         return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled(()))
-    return bounded(task, Answer(Status.NOT_FOUND, None, ""), gap=FINE_GAP)[0]
+    answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), gap=FINE_GAP)[0]
+    if answer.q is not None or answer.lower_bound < FARTHEST * task.size:
+        return answer
+    beyond = descent(replace(task, coherent=False)) if task.coherent else None
+    left = beyond is not None and beyond.q is not None
+    return replace(answer, status=Status.LEFT_COHERENT_RANGE if left else answer.status, last=True)
+
+
+def confirmed(task: Task, answer: Answer) -> Answer:
+    """Return an answer that local searches found, or a better one, where they may have missed the least.
+
+    That is so among keep-outs and several part pairs, and where the motion is large; of one and two parameters all
+    motions are looked at then, with translations in all directions all rotations.
+    """
+    if answer.q is None or answer.lower_bound >= task.amount(answer.q) * (1.0 - FINE_GAP):
+        return answer
+    if len(task.weights) > MOST_PARAMETERS:
+        return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 else answer
+    large = task.amount(answer.q) > LARGE * task.size
+    if not (task.keep_out or task.part_pairs > 1 or large or answer.stage != DESCENT):
+        return answer
+    return bounded(task, answer, gap=CONFIRMED_GAP)[0]
 
 
 def certified(task: Task, answer: Answer) -> tuple[Answer, Evidence | None]:
     """Return an answer with a lower bound that is proved, and what proves it; a better motion if one comes up."""
     if answer.q is not None and task.amount(answer.q) == 0.0:
         return answer, None
-    k = len(task.weights)
-    turned = least_over_turns(task, upper=answer, gap=GAP, seconds=SECONDS) if k > MOST_PARAMETERS else None
-    if turned is not None:
-        better = (
-            turned.q is not None and turned.upper < _amount(task, answer) and task.meets(turned.q, DEFAULT.requirement)
-        )
-        if better:
-            answer = Answer(
-                Status.SOLVED,
-                turned.q,
-                "5: branch and bound over rotations",
-                turned.lower,
-                ("the contact",),
-                task.modelled(()),
-            )
-        answer = replace(answer, lower_bound=min(max(turned.lower, answer.lower_bound), _amount(task, answer)))
-        if turned.closed:
+    if len(task.weights) > MOST_PARAMETERS:
+        answer, closed = _turned(task, answer, GAP)
+        if closed:
             return answer, None
     return bounded(task, answer, gap=GAP)
+
+
+def _turned(task: Task, answer: Answer, gap: float) -> tuple[Answer, bool]:
+    """Return an answer with a bound by a search over rotations, and whether that is as near as asked."""
+    found = least_over_turns(task, upper=answer, gap=gap, seconds=SECONDS)
+    if found is None:
+        return answer, False
+    amount = _amount(task, answer)
+    if found.q is not None and found.upper < amount * (1.0 - DEFAULT.nominal):
+        q = near(task, found.q)
+        if q is not None and task.amount(q) < amount:
+            active = ("the nearest contact over all rotations",)
+            answer = Answer(Status.SOLVED, q, TURNED, found.lower, active, task.modelled(()))
+    bound = max(found.lower, answer.lower_bound)
+    return replace(answer, lower_bound=min(bound, _amount(task, answer))), found.closed
 
 
 def _amount(task: Task, answer: Answer) -> float:
@@ -75,26 +101,18 @@ def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence
     gap : float
         Relative gap between bound and amount that is enough.
     """
-    k = len(task.weights)
-    upper = _amount(task, answer)
+    most = CELLS.get(len(task.weights), CELLS_MORE)
     try:
-        proof = prove(task, upper, gap=gap, most=CELLS.get(k, CELLS_MORE), search=lambda q: near(task, q))
+        proof = prove(task, _amount(task, answer), gap=gap, most=most, search=lambda q: near(task, q))
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
-    found = answer.q if proof.q is None else proof.q
     bound = max(proof.lower_bound, answer.lower_bound)
-    if found is None:
-        status = answer.status
-        if not np.isfinite(bound) and status is Status.NOT_FOUND:
-            status = Status.INFEASIBLE
-        stage = STAGE if status is Status.INFEASIBLE or not answer.stage else answer.stage
-        return replace(answer, status=status, lower_bound=bound, stage=stage), proof.evidence
-    amount = task.amount(found)
-    if proof.q is None:
-        return replace(answer, lower_bound=min(bound, amount)), proof.evidence
-    active = ("the tracked contact",) if task.tracked else ("the contact",)
-    better = Answer(Status.SOLVED, found, STAGE, min(bound, amount), active, task.modelled(()))
-    return better, proof.evidence
+    if proof.q is not None:
+        active = ("the tracked contact",) if task.tracked else ("the contact",)
+        answer = Answer(Status.SOLVED, proof.q, STAGE, 0.0, active, task.modelled(()))
+    elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:
+        answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
+    return replace(answer, lower_bound=min(bound, _amount(task, answer))), proof.evidence
 
 
 def near(task: Task, q: Array) -> Array | None:

@@ -366,7 +366,8 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
     k = len(step)
     q = np.clip(x[:k] * step, task.limits[:, 0], task.limits[:, 1])
     lower, upper = np.array([row.lower for row in rows]), np.array([row.upper for row in rows])
-    excess = np.maximum(lower - g, g - upper)
+    with np.errstate(invalid="ignore"):  # where a row is not finite the outcome is no feasible one
+        excess = np.maximum(lower - g, g - upper)
     feasible = bool(np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= DEFAULT.cut)
     active = tuple(int(m) for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper)))
     tilts = x[k : k + 3 * len(planes)].reshape(-1, 3)
