@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -168,6 +169,7 @@ def text(rows: Sequence[Row]) -> str:
                 *("met" if ours <= group.target else "NOT met", ratio, enough),
             ]
         )
+    load = ", ".join(f"{own:.2g}" for own in os.getloadavg())
     head = [
         "",
         "cases",
@@ -179,7 +181,54 @@ def text(rows: Sequence[Row]) -> str:
         f"at least {RATIO:g}",
     ]
     each = ["", "motion", "goal", "stage", "amount", "gap", "ours ms", "of it verify ms", "best rival, ms", "ratio"]
-    return "\n\n".join([describe(), table(head, summary), _rivals(rows), table(each, lines)])
+    about = f"{describe()} Load of the machine over 1, 5 and 15 minutes at the end: {load}."
+    return "\n\n".join([about, table(head, summary), _goals(rows), _rivals(rows), table(each, lines)])
+
+
+def _goals(rows: Sequence[Row]) -> str:
+    """Tell the medians by goal within each group."""
+    lines = []
+    for group in GROUPS:
+        for goal in dict.fromkeys(sorted(row.goal for row in rows if row.group == group.name)):
+            mine = [row for row in rows if row.group == group.name and row.goal == goal]
+            ratios = [row.ratio for row in mine if row.best is not None]
+            times = [f"{np.median([getattr(row, name) for row in mine]):.3g}" for name in ("ours", "verify")]
+            ratio = f"{np.median(ratios):.3g}" if ratios else ""
+            lines.append([group.name, goal, str(len(mine)), *times, ratio])
+    return table(["", "goal", "cases", "median ms", "of it verify ms", "best rival's time / ours, median"], lines)
+
+
+def plot(rows: Sequence[Row], path: Path) -> None:
+    """Draw our time and every rival's of each case, by group; hollow where the rival's motion is larger than ours."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
+    places = {group.name: k for k, group in enumerate(GROUPS) if any(row.group == group.name for row in rows)}
+    names = [name for name in RIVALS if any(name in row.rivals for row in rows)]
+    width = 0.8 / (len(names) + 1)
+    for k, name in enumerate(["", *names]):
+        at = (k - len(names) / 2) * width
+        mine = [row for row in rows if not name or name in row.rivals]
+        x = np.array([places[row.group] + at for row in mine])
+        times = np.array([row.rivals[name][0] if name else row.ours for row in mine])
+        small = np.array([not name or row.rivals[name][1] <= row.amount * (1 + SAME) for row in mine], dtype=bool)
+        drawn = axes.scatter(x[small], times[small], s=14, label=name or "ours, verified")
+        axes.scatter(x[~small], times[~small], s=14, facecolors="none", edgecolors=drawn.get_facecolor())
+    for group in GROUPS:
+        if group.name in places:
+            axes.hlines(group.target, places[group.name] - 0.45, places[group.name] + 0.45, "black", "dashed", lw=0.8)
+    axes.set_yscale("log")
+    axes.set_ylabel("time, ms")
+    axes.set_xticks(list(places.values()), list(places))
+    axes.set_title(
+        "Smallest motion: median time of each case; dashed what is asked, hollow a larger motion", fontsize=10
+    )
+    axes.legend(fontsize=8, ncols=2)
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
 
 
 def _rivals(rows: Sequence[Row]) -> str:
@@ -216,6 +265,7 @@ def main(arguments: list[str] | None = None) -> int:
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "motions.md").write_text(told + "\n")
     data = {"seed": given.seed, "machine": machine(), "versions": versions(), "rows": [asdict(row) for row in rows]}
+    plot(rows, given.out / "motions.png")
     (given.out / "motions.json").write_text(json.dumps(data, indent=1) + "\n")
     return 0
 

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -95,7 +96,7 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 def solve_command(
     files: Files,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Prove how small a motion can be at all: a lower bound for each case.")
+        bool, typer.Option("--certify", help="Prove how small a motion can be at all, and have the proof checked.")
     ] = False,
     as_json: AsJson = False,
     out: Out = None,
@@ -251,9 +252,15 @@ def _plain(value: Any) -> Any:
 def _solved(problem: Problem, certify: bool) -> SolvedCase:
     """Solve a case, and beside goal "beyond" the assembly question with the same motions."""
     from fcdm_opt.show.tables import SolvedCase
+    from fcdm_opt.tolerance.certificate import verify
     from fcdm_opt.tolerance.solver import solve
 
     solution = solve(problem, certify=certify)
+    if solution.evidence is not None:
+        start = perf_counter()
+        certificate = verify(solution, proof=True)
+        seconds = {**solution.seconds, "check": perf_counter() - start}
+        solution = solution.with_certificate(certificate, seconds)
     published = None
     if problem.published is not None:
         published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))

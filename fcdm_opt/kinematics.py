@@ -14,6 +14,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array
 
 CHUNK = 64  # poses worked out in one call
+FEW = 8  # fewer are worked out one by one
 
 
 class Compiled(threading.local):
@@ -147,8 +148,13 @@ class Kinematics:
         whole = len(rows) - len(rows) % CHUNK
         for start in range(0, whole, CHUNK):
             poses[start : start + CHUNK] = self._chunk(rows[start : start + CHUNK].ravel())[0].reshape(CHUNK, 4, 4)
-        for k in range(whole, len(rows)):
-            poses[k] = self._transform(rows[k])[0].reshape(4, 4)
+        if len(rows) - whole > FEW:  # the rest of the chunk is for nothing
+            padded = np.zeros((CHUNK, self._count))
+            padded[: len(rows) - whole] = rows[whole:]
+            poses[whole:] = self._chunk(padded.ravel())[0].reshape(CHUNK, 4, 4)[: len(rows) - whole]
+        else:
+            for k in range(whole, len(rows)):
+                poses[k] = self._transform(rows[k])[0].reshape(4, 4)
         return poses
 
     @cached_property

@@ -135,6 +135,17 @@ class OwnMotion(Step):
         """No bound is known."""
         return (np.inf,) * len(self._parameters)
 
+    def own_seen_from(self, origin: Array) -> OwnMotion:
+        """Take points to the other origin and back."""
+        import casadi
+
+        def shifted(q: Any) -> Any:
+            T = self._function(q)
+            T[:3, 3] += casadi.mtimes(T[:3, :3], origin) - origin
+            return T
+
+        return OwnMotion(shifted, self._parameters, self.name)
+
     def own_words(self, q: list[float]) -> str:
         """Name, and parameters in lengths and degrees."""
         return f"{self.name} ({super().own_words(q)})"

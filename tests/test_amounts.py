@@ -17,12 +17,15 @@ from cases import box_shape, shape
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.measure.motions import RIVALS, judged
 from fcdm_opt.motion import Free, Rotation, Screw, Translation
 from fcdm_opt.own_motion import OwnMotion
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.proof.exclusion import Scene
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.tolerance.task import Task
 
 X, Y, Z = (Translation(axis) for axis in "xyz")
 HALF = box_shape(("-0.5", "-0.5", "-0.5"), ("0.5", "0.5", "0.5")).body("cube")
@@ -90,6 +93,55 @@ def test_least_displacement_is_no_larger_than_that_of_the_least_weighted_motion(
             ends = one.placed_vertices(1.3, weighted.transform) - one.placed_vertices(1.3, np.eye(4))
             assert moved.amount <= np.linalg.norm(ends, axis=1).max() * (1 + 1e-9)
             assert moved.lower_bound <= moved.amount
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_smaller_displacement_of_a_free_motion_is_found_from_rest(seed):
+    """The least weighted motion may lie in another valley."""
+    one, two = hulls(seed, away=3.0)
+    segments = decision_curve(one, two, box=((0.5, 2.5), (0.5, 2.5))).segments
+    longest = max(segments, key=lambda segment: float(np.linalg.norm(segment.end - segment.start)))
+    nominal = (longest.start + longest.end) / 2
+    target = nominal * np.array([1.03, 0.99])
+    asked = Problem(
+        one, two, nominal=tuple(nominal), target=target, goal="at", path="free", motion=Free(), amount="displacement"
+    )
+    attempt = RIVALS["SLSQP"](asked)
+    rival = judged(asked, attempt.q)
+    assert rival.usable
+    assert usable(asked).amount <= rival.amount * (1 + 1e-7)
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        X >> Translation((1, 0.3, 0)),
+        Rotation("z", (0.2, -1.0, 0.0)),
+        Z >> Rotation((1, 1, 0)),
+        Rotation("y", "origin") >> X,
+        Screw(),
+        Screw(((0.3, 0, 0), (0, 1, 1)), 0.4),
+    ],
+)
+def test_motions_within_a_displacement_are_within_the_domain_of_its_proof(motion):
+    """Or whole turns away from one that is."""
+    one, two = hulls(1)
+    asked = Problem(one, two, target=(1.2, 1.1), goal="clear", clearance=9.0, motion=motion, amount="displacement")
+    task, upper = Task.of(asked), 0.6
+    task = replace(task, amount_kind="displacement")
+    low, high = Scene(task, upper).domain.T
+    assert (high < 10).all()
+    rng = np.random.default_rng(0)
+    count, turning = len(low), np.array([kind == "rotation" for _, kind in motion.parameters])
+    inside = 0
+    for q in rng.uniform(-1, 1, (4000, count)) * np.where(turning, 1.0, 1.5) * rng.choice([0.3, 1.0, 4.0], (4000, 1)):
+        if task.amount(q) <= upper:
+            inside += 1
+            turned = np.where(
+                turning & (len(q) == 2 or motion.steps[0].closed), np.remainder(q + np.pi, 2 * np.pi) - np.pi, q
+            )
+            assert ((turned >= low - 1e-9) & (turned <= high + 1e-9)).all()
+    assert inside > 50
 
 
 def test_the_judge_rejects_a_wrong_displacement():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -106,7 +105,7 @@ def random_problem(rng: np.random.Generator, goal: str) -> fo.Problem | None:
         return None
 
 
-@runs(40)
+@runs(24)
 @given(generators, st.sampled_from(["beyond", "at", "touch", "clear"]))
 def test_the_proofs_of_random_problems_pass(rng, goal):
     problem = random_problem(rng, goal)
@@ -116,7 +115,7 @@ def test_the_proofs_of_random_problems_pass(rng, goal):
     if task.meets(task.rest, 1e-9):
         return
     # a made-up upper bound: as far as motions are to be excluded
-    proof = prove(task, float(rng.uniform(0.01, 0.1)) * task.size, gap=1e-2, most=1500)
+    proof = prove(task, float(rng.uniform(0.01, 0.1)) * task.size, gap=1e-2, most=800)
     assert failed(problem, proof.evidence, proof.lower_bound) == set()
 
 
@@ -147,8 +146,10 @@ def test_a_whole_turn_is_left_out_only_where_the_limits_hold_its_repetition():
     outside = proof.evidence.reasons == Reason.OUTSIDE
     assert outside.any()
     assert failed(free, proof.evidence, proof.lower_bound) == set()
-    # 4 radians are allowed, and 4 - 2 pi is not
-    assert "OUTSIDE" in failed(free.changed(limits={"RZ": (-0.3, 10.0)}), proof.evidence, proof.lower_bound)
+    # 4 radians are allowed one way round, and what would repeat them is not
+    side = int(proof.evidence.faces[outside][0])
+    limits = {"RZ": ((-0.3, 10.0), (-10.0, 0.3))[side]}
+    assert failed(free.changed(limits=limits), proof.evidence, proof.lower_bound) == {"OUTSIDE"}
 
 
 # ---------------------------------------------------------------------------------------------------- planted defects
@@ -218,7 +219,7 @@ def test_a_reason_that_does_not_hold_is_noticed(known, reason):
 def test_a_witness_that_does_not_hold_is_noticed(known):
     problem, proof, _ = known
     own = proof.evidence
-    for value in (1.0 - own.witnesses[:, 0], np.full(len(own.witnesses), 2.0), np.full(len(own.witnesses), np.nan)):
+    for value in (1.0 - own.witnesses[:, 0], *(np.full(len(own.witnesses), x) for x in (2.0, 3.0, 4.0, np.nan))):
         assert failed(problem, changed(own, witnesses=((slice(None), 0), value)), proof.lower_bound) == {"SHORT"}
 
 
@@ -234,23 +235,26 @@ def test_a_direction_that_does_not_separate_is_noticed():
 def test_a_forged_proof_beyond_a_motion_that_does_is_noticed(goal):
     problem = paper_case("example1", 2)
     if goal != "beyond":
-        problem = touching_prisms(goal=goal, target=(0.8, 0.85) if goal == "touch" else (1.2, 1.2))
+        problem = touching_prisms(goal=goal, target=(0.8, 0.85) if goal == "touch" else (1.6, 1.6))
     problem, proof, upper = proved(problem)
     assert failed(problem, proof.evidence, proof.lower_bound) == set()
-    own, most = proof.evidence, 1.001 * upper
-    last = own.stretches[:, 1] * 1.01  # every cell that ends at a front reaches beyond the motion
-    stretched = {(f, b.tobytes()): None for f, b in zip(own.column_faces, own.column_boxes, strict=True)}
-    ends = np.array([(f, b.tobytes()) in stretched for f, b in zip(own.faces, own.boxes, strict=True)])
-    fronts = {(f, b.tobytes()): s for f, b, s in zip(own.column_faces, own.column_boxes, own.fronts, strict=True)}
-    ends &= np.array(
-        [fronts.get((f, b.tobytes())) == s for f, b, s in zip(own.faces, own.boxes, own.stretches[:, 1], strict=True)]
-    )
-    forged = replace(
-        own,
-        stretches=np.column_stack([own.stretches[:, 0], np.where(ends, last, own.stretches[:, 1])]),
-        fronts=own.fronts * 1.01,
-    )
-    assert failed(problem, forged, most)
+    own, count = proof.evidence, 2 * len(problem.weights)
+    boxes = np.stack([-np.ones((count, 1)), np.ones((count, 1))], axis=1)
+    for row in range(0, len(own.faces), 1 + len(own.faces) // 5):  # one true reason for everything up to the motion
+        rows = slice(own.first[row], own.first[row + 1])
+        forged = Evidence(
+            limits=own.limits,
+            faces=np.arange(count),
+            boxes=boxes,
+            stretches=np.tile([0.0, 1.01 * upper], (count, 1)),
+            reasons=np.full(count, own.reasons[row]),
+            first=np.arange(count + 1) * (rows.stop - rows.start),
+            witnesses=np.tile(own.witnesses[rows], (count, 1)),
+            column_faces=np.arange(count),
+            column_boxes=boxes,
+            fronts=np.full(count, 1.01 * upper),
+        )
+        assert failed(problem, forged, 1.001 * upper) == {Reason(own.reasons[row]).name}
 
 
 def test_a_lost_contact_closes_no_column_where_paths_are_free():
@@ -271,7 +275,9 @@ def test_a_lost_contact_closes_no_column_where_paths_are_free():
 
 def test_what_is_no_proof_of_this_problem_is_refused(known):
     problem, proof, _ = known
-    one = fo.Problem(problem.movable, problem.static, nominal=3, tolerance=0.02, requirement="C", motion=fo.Screw())
+    one = fo.Problem(
+        problem.movable, problem.static, nominal=3, tolerance=0.02, requirement="C", motion=fo.Screw(pitch=0.0)
+    )
     assert failed(one, proof.evidence, 0.0) == {"proof well-formed"}
     assert failed(problem.changed(amount="displacement"), proof.evidence, 0.0) == {"proof well-formed"}
     for rows in ({"faces": (0, 4)}, {"boxes": (0, 2.0)}, {"stretches": (0, np.nan)}, {"first": (1, 7)}):
@@ -312,21 +318,17 @@ def test_values_lie_within_intervals(rng, function):
 @runs(60)
 @given(generators, st.sampled_from([F1V2, V1F2, E1E2]))
 def test_bounds_over_cells_hold_what_is_sampled(rng, kind):
-    """By transforms in plain floats, with a motion of one's own and `Free` among the motions."""
-    problem = paper_case("example1", 2)
+    """By transforms in plain floats, with `Free` among the motions."""
     motion = fo.Free() if rng.random() < 0.3 else random_motion(rng) >> fo.Rotation("y")
-    problem = problem.changed(
-        motion=motion, goal="touch", nominal=(1, 1), tolerance=None, requirement=None, target=(1, 1)
-    )
+    problem = touching_prisms(motion=motion)
     k, n = len(problem.weights), 6
-    centre = np.column_stack([rng.uniform(0.1, 0.5, n), rng.uniform(-0.8, 0.8, (n, k - 1))])
+    centre = np.column_stack([rng.uniform(0.25, 0.5, n), rng.uniform(-0.8, 0.8, (n, k - 1))])
     half = 10.0 ** rng.uniform(-4, -0.7, (n, 1)) * np.ones(k)
-    pieces = Pieces(np.arange(n), rng.integers(0, 2 * k, n), np.maximum(centre - half, 0.0), centre + half)
+    pieces = Pieces(np.arange(n), rng.integers(0, 2 * k, n), centre - half, centre + half)
     u, w, x, y = rng.normal(size=(4, 3))
     vectors = [Interval(float(value)) for value in np.concatenate([u, w, x, y])]
     with np.errstate(all="ignore"):
         (low,), (high,) = Kinematics(problem).poses(pieces).bounds(conditions.separation(kind), vectors)
-    narrow = 0
     for row in range(n):
         for share in rng.uniform(0.0, 1.0, (20, k)):
             s, *t = pieces.low[row] + share * (pieces.high[row] - pieces.low[row])
@@ -336,6 +338,7 @@ def test_bounds_over_cells_hold_what_is_sampled(rng, kind):
             normal = {F1V2: R @ u, V1F2: u, E1E2: np.cross(R @ u, w)}[kind]
             moved = R @ problem.movable.seed + T[:3, 3]
             value = normal @ (problem.static.seed - moved + y - R @ x)
-            assert low[row, 0] - 1e-12 <= value <= high[row, 0] + 1e-12
-        narrow += bool(high[row, 0] - low[row, 0] < 1e3 * half[row, 0])
-    assert narrow >= n // 2  # and they say something
+            assert not value < low[row, 0] - 1e-12
+            assert not value > high[row, 0] + 1e-12
+    small = half[:, 0] < 1e-2  # over larger cells of some motions nothing is known
+    assert (high[small, 0] - low[small, 0] < 1e3 * half[small, 0]).all()

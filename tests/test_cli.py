@@ -223,7 +223,7 @@ def _rejecting(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = solver.solve
     verdict = Certificate((Check("planted", False, 1.0, 0.0, "a planted refusal"),))
 
-    def refused(problem: Problem) -> Solution:
+    def refused(problem: Problem, **_: bool) -> Solution:
         answer = honest(problem)
         status = Status.NOT_VERIFIED if answer.status.found else answer.status
         return replace(answer, certificate=verdict, status=status)

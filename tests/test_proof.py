@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.kinematics import interpreted
 from fcdm_opt.tolerance.evidence import Evidence, Reason
 from fcdm_opt.tolerance.proof.columns import prove
-from fcdm_opt.tolerance.proof.enclosure import Enclosure, interpreted
+from fcdm_opt.tolerance.proof.enclosure import Enclosure
 from fcdm_opt.tolerance.proof.exclusion import Cells, Scene
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -245,7 +246,9 @@ def test_paper_examples_are_certified():
             solution = fo.solve(problem, certify=True)
             assert solution.usable
             assert solution.gap <= 1.0001e-4
-            assert solution.evidence is not None
+            checks = fo.verify(solution, proof=True).checks
+            assert all(check.passed for check in checks)
+            assert {"proof: directions", "proof: stretches", "proof: lower bound"} <= {check.name for check in checks}
 
 
 def test_evidence_survives_plain_data():
@@ -270,3 +273,36 @@ def test_excluded_cells_fill_what_lies_before_the_fronts():
             reached = max(reached, end)
         assert reached >= front or np.isinf(front)
     assert DEFAULT.path_points == 33
+
+
+def test_a_turn_beyond_half_a_revolution_counts_where_limits_leave_no_smaller_one():
+    rod = fo.Body.convex(CUBE * [0.5, 0.1, 0.1] + np.array([1.5, 0.0, 0.0]), seed="box", name="rod")
+    post = fo.Body.convex(CUBE * [0.2, 0.5, 0.1] + np.array([0.0, -1.5, 0.0]), seed="box", name="post")
+    turn = R("z", "origin")
+    problem = fo.Problem(rod, post, target=(1.0, 1.0), goal="touch", motion=turn, limits={"RZ": (-0.3, 10.0)})
+    solution = fo.solve(problem, certify=True)
+    assert solution.parameters["RZ"] == pytest.approx(1.5 * math.pi - math.asin(0.2 / 2) - 0.1, abs=0.3)
+    assert prove(Task.of(problem), math.inf, gap=1e-4, most=5000).lower_bound <= solution.amount
+
+
+@pytest.mark.parametrize("offset", [0.0, 50.0])
+def test_a_motion_of_ones_own_is_certified_like_the_same_of_ours(offset):
+    import casadi
+
+    def turned_and_lifted(q):
+        c, s = casadi.cos(q[1]), casadi.sin(q[1])
+        T = casadi.SX.eye(4)
+        T[0, 0], T[0, 1], T[1, 0], T[1, 1], T[2, 3] = c, -s, s, c, q[0]
+        return T
+
+    rng = np.random.default_rng(2)
+    way = np.array([offset, 0.0, 0.0])
+    one = fo.Body.convex(hull(rng) + way + np.array([2.0, 0, 0]), name="one")
+    two = fo.Body.convex(hull(rng) + way + np.array([2.2, 1.7, 0.0]), name="two")
+    own = fo.OwnMotion(turned_and_lifted, [("TZ", "translation"), ("RZ", "rotation")])
+    found = [
+        fo.solve(fo.Problem(one, two, target=(1.05, 1.0), goal="clear", motion=motion, length=1.0), certify=True)
+        for motion in (own, T("z") >> R("z", "origin"))
+    ]
+    assert all(solution.usable and solution.gap <= 1.001e-4 for solution in found)
+    assert found[0].amount == pytest.approx(found[1].amount, rel=1e-6)

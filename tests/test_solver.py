@@ -532,3 +532,12 @@ def test_solving_changes_nothing_in_the_problem():
     assert json.dumps(problem.to_dict()) == before
     assert solution.problem is problem
     assert replace(solution).to_dict() == solution.to_dict()
+
+
+def test_a_turn_that_flush_contacts_do_not_take_makes_the_least_motion_no_larger():
+    """Where the keyway's faces must stay flush, starts with the turn led to another valley."""
+    (asked,) = [p for p in load_problems(PROBLEMS / "keyway.toml") if (p.goal, p.requirement) == ("beyond", "C")]
+    without = solve(asked)
+    within = solve(asked.changed(motion=asked.motion >> Rotation("z"), published=None))
+    assert without.usable
+    assert within.amount == pytest.approx(without.amount, rel=1e-9)

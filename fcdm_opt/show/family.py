@@ -26,7 +26,7 @@ FINE = 40
 DOUBLINGS, HALVINGS = 60, 40
 """Steps of the search for where the tracked point leaves the box."""
 
-INSIDE = 1.0 - 2.0**-30
+INSIDE = 1.0 - 2.0**-20
 """Share of a range that is drawn: just at its end the tracked lines may be parallel."""
 
 
@@ -75,7 +75,7 @@ def _drawn(found: CoherentRange, sign: float) -> float:
         rho = found.rho(x)
         return bool(((rho >= low) & (rho <= high)).all())
 
-    end = abs(found.high if sign > 0 else found.low)
+    end = abs(found.high if sign > 0 else found.low) * INSIDE
     if end == 0.0 or not seen(0.0):
         return 0.0
     near, far = 0.0, min(end, found.natural_step / 2**10)
@@ -84,7 +84,7 @@ def _drawn(found: CoherentRange, sign: float) -> float:
             break
         near = far
         if far >= end:
-            return sign * end * INSIDE
+            return sign * end
         far = min(2.0 * far, end)
     else:
         return sign * near
@@ -95,7 +95,7 @@ def _drawn(found: CoherentRange, sign: float) -> float:
 
 
 def _is_end(found: CoherentRange, x: float) -> bool:
-    return x / INSIDE in (found.low, found.high)
+    return x in (found.low * INSIDE, found.high * INSIDE)
 
 
 def _draw_family(axes: Any, found: CoherentRange, ends: list[float]) -> None:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
     from fcdm_opt.tolerance.solution import Solution
 
+NUMBERS = ("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"')
+SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CLOSED = 1e-9  # relative gap of a closed form
 ROUNDING = 1e-6  # of the last digit shown
 NOTHING = 1e-12  # of the amount: a parameter that adds less is shown as 0
@@ -186,7 +188,7 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
     lines = [_cells(row) for row in rows]
     columns = [column for column in lines[0] if any(line[column] for line in lines)]
     kept = [{column: line[column] for column in columns} for line in lines]
-    _print_rows(out, kept, numbers=("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"'))
+    _print_rows(out, kept, numbers=NUMBERS)
     out.print()
     for row in rows:
         solution = row.solution
@@ -197,7 +199,7 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
         for remark in _remarks(solution):
             _print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
     _print_notes(out, [body for row in rows for body in _bodies(row.solution.problem)])
-    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in ("build", "solve", "prove", "verify")}
+    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
     out.print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")

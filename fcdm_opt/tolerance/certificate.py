@@ -28,8 +28,10 @@ from fcdm_opt.tolerance.problem import MOST_TURNED, TRACKING
 from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
+CERTIFIED = 1.0001e-4  # gap that evidence is asked for beside closed forms, and rounding
 
-def verify(solution: Solution, tolerances: Tolerances = DEFAULT) -> Certificate:
+
+def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
     """Judge a solution.
 
     Parameters
@@ -38,6 +40,10 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT) -> Certificate:
         Taken at its word in nothing: every claim is recomputed from `solution.problem` and the parameters.
     tolerances : Tolerances
         Limits of the checks.
+    proof : bool
+        Check the evidence of the lower bound too, cell by cell, where there is some (see `proof.checker`): that no
+        motion does whose amount is smaller than the bound, or than 1e-4 below the amount where a closed form gives
+        more than the evidence shows.
 
     Returns
     -------
@@ -45,15 +51,31 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT) -> Certificate:
         All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
         says so.
     """
+    return Certificate((*_of_motion(solution, tolerances), *(_of_proof(solution) if proof else ())))
+
+
+def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
     if not solution.status.found or solution.rho is None or solution.transform is None or not solution.parameters:
-        return Certificate((Check("motion found", False, float("nan"), 0.0, solution.status.name),))
+        return (Check("motion found", False, float("nan"), 0.0, solution.status.name),)
     finite = _well_formed(solution)
     if not finite.passed:
-        return Certificate((finite,))
+        return (finite,)
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
         judge = _Judge(solution, tolerances)
         stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.seats)
-        return Certificate((finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage())))
+        return (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
+
+
+def _of_proof(solution: Solution) -> tuple[Check, ...]:
+    """Check the evidence that a solution carries; none carries nothing to check."""
+    if solution.evidence is None:
+        return ()
+    from fcdm_opt.tolerance.proof.checker import check_evidence
+
+    shown = solution.lower_bound
+    if np.isfinite(solution.amount):
+        shown = min(shown, (1.0 - CERTIFIED) * solution.amount)
+    return check_evidence(solution.problem, solution.evidence, shown)
 
 
 def _well_formed(solution: Solution) -> Check:

@@ -159,9 +159,10 @@ class Claim:
         for host in self._hosts:
             normals = self._rows(host, poses)[:, :3]
             placed = self._placed(host.one[host.first], host.two[host.second], pairs, poses)
-            for k, (n, x, y) in enumerate(zip(normals, *placed, strict=True)):
-                off, shared = _off_common_plane(x, y, n), extent(x, y, n)
-                found[k] = min(found[k, 0], off), *max(tuple(found[k, 1:]), shared, key=lambda pair: pair[::-1])
+            shared = extents(*placed, normals)
+            wider = (shared[:, 1] > found[:, 2]) | ((shared[:, 1] == found[:, 2]) & (shared[:, 0] > found[:, 1]))
+            found[:, 0] = np.minimum(found[:, 0], _off_common_planes(*placed, normals))
+            found[wider, 1:] = shared[wider]
         return found
 
     def _rows(self, host: _Host, poses: Array) -> Array:
@@ -182,51 +183,88 @@ class Claim:
         )
 
 
-def _off_common_plane(x: Array, y: Array, n: Array) -> float:
-    """Return how far vertices are from one plane along its normal, or those of two edges from one line."""
-    if len(x) == len(y) == 2:
-        longer, other = sorted((x, y), key=lambda ends: float(np.linalg.norm(ends[1] - ends[0])), reverse=True)
-        along = (longer[1] - longer[0]) / np.linalg.norm(longer[1] - longer[0])
-        return float(np.linalg.norm(np.cross(other - longer[0], along), axis=1).max())
-    return float(np.ptp(np.concatenate([x, y]) @ n))
+def _off_common_planes(x: Array, y: Array, n: Array) -> Array:
+    """Return how far vertices are from one plane along its normal, or those of two edges from one line, (k,)."""
+    if x.shape[1] == y.shape[1] == 2:
+        lengths = [np.linalg.norm(own[:, 1] - own[:, 0], axis=1) for own in (x, y)]
+        first = (lengths[0] >= lengths[1])[:, None, None]
+        longer, other = np.where(first, x, y), np.where(first, y, x)
+        along = (longer[:, 1] - longer[:, 0]) / np.maximum(*lengths)[:, None]
+        return np.asarray(np.linalg.norm(np.cross(other - longer[:, :1], along[:, None]), axis=2).max(axis=1))
+    heights = np.concatenate([x, y], axis=1) @ n[:, :, None]
+    return np.asarray(np.ptp(heights[..., 0], axis=1))
 
 
 def extent(x: Array, y: Array, n: Array) -> tuple[float, float]:
-    """Return length and width of what two segments or convex polygons of one plane share, seen along its normal.
+    """Return length and width of what two segments or convex polygons of one plane share, seen along its normal."""
+    length, width = extents(x[None], y[None], n[None])[0].tolist()
+    return length, width
+
+
+def extents(x: Array, y: Array, n: Array) -> Array:
+    """Return length and width, (k, 2), of what two segments or convex polygons share, each time seen along a normal.
 
     Its corners are the corners of either that the other holds, and where their sides cross.
+
+    Parameters
+    ----------
+    x, y : (k, m, 3), (k, l, 3) arrays
+        Their vertices in order.
+    n : (k, 3) array
+        Unit normals.
     """
-    sides = [np.roll(own, -1, axis=0) - own for own in (x, y)]
-    across = np.cross(sides[0][:, None], sides[1][None]) @ n
-    lengths = [np.linalg.norm(own, axis=1) for own in sides]
-    across = np.where(np.abs(across) > DEFAULT.tie * np.outer(*lengths), across, np.nan)  # parallel sides cross nowhere
-    between = y[None] - x[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.cross(between, sides[1][None]) @ n / across
-        t = np.cross(between, sides[0][:, None]) @ n / across
-    i, j = np.nonzero((s >= 0) & (s <= 1) & (t >= 0) & (t <= 1))
-    slack = DEFAULT.touch * min(float(own.max()) for own in lengths)
-    held = x[_outside(y, x, n) <= slack], y[_outside(x, y, n) <= slack]
-    points = np.concatenate([*held, x[i] + s[i, j, None] * sides[0][i]])
-    if not len(points):
-        return 0.0, 0.0
-    apart = points[:, None] - points[None]
-    far = np.linalg.norm(apart, axis=2)
-    first, second = np.unravel_index(far.argmax(), far.shape)
-    length = float(far[first, second])
-    if length == 0.0:
-        return 0.0, 0.0
-    return length, float(np.ptp(np.cross(apart[first, second] / length, points - points[0]) @ n))
+    x, y = (own - x[:, :1] for own in (x, y))
+    across = np.cross(n, np.eye(3)[np.abs(n).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    axes = np.stack([across, np.cross(n, across)], axis=2)
+    x, y = x @ axes, y @ axes
+    sides = [np.roll(own, -1, axis=1) - own for own in (x, y)]
+    lengths = [np.linalg.norm(own, axis=2) for own in sides]
+    one, two = sides[0][:, :, None], sides[1][:, None]
+    cross = _crossed(one, two)
+    parallel = ~(np.abs(cross) > DEFAULT.tie * lengths[0][:, :, None] * lengths[1][:, None])  # these cross nowhere
+    cross[parallel] = np.nan
+    between = y[:, None] - x[:, :, None]
+    s, t = _crossed(between, two) / cross, _crossed(between, one) / cross
+    slack = DEFAULT.touch * np.minimum(lengths[0].max(axis=1), lengths[1].max(axis=1))[:, None]
+    held = _outside(y, x) <= slack, _outside(x, y) <= slack
+    meet = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    crossings = (x[:, :, None] + s[..., None] * one).reshape(len(x), -1, 2)
+    known = np.concatenate([*held, meet.reshape(len(x), -1)], axis=1)
+    points = np.concatenate([x, y, crossings], axis=1)
+    points = np.where(known[..., None], points, points[np.arange(len(x)), known.argmax(axis=1)][:, None])
+    used = known.any(axis=0)
+    points = points[:, used]
+    shared = np.zeros((len(x), 2))
+    if not used.any():
+        return shared
+    squares = (points * points).sum(axis=2)
+    far = squares[:, :, None] + squares[:, None] - 2.0 * (points @ points.mT)
+    first, second = np.divmod(far.reshape(len(x), -1).argmax(axis=1), points.shape[1])
+    rows = np.arange(len(x))
+    longest = points[rows, first] - points[rows, second]
+    length = np.linalg.norm(longest, axis=1)
+    some = known.any(axis=1) & (length > 0.0)
+    shared[some, 0] = length[some]
+    offsets = _crossed(longest[some, None] / length[some, None, None], points[some] - points[some, :1])
+    shared[some, 1] = np.ptp(offsets, axis=1)
+    return shared
 
 
-def _outside(element: Array, points: Array, n: Array) -> Array:
-    """Return how far points of the plane are outside a segment or a convex polygon, <= 0 inside."""
-    if len(element) == 2:
-        side = element[1] - element[0]
-        length = np.linalg.norm(side)
-        t = np.clip((points - element[0]) @ side / length, 0.0, length)
-        return np.asarray(np.linalg.norm(points - element[0] - t[:, None] * side / length, axis=1))
-    outward = np.cross(np.roll(element, -1, axis=0) - element, n)
-    outward *= np.sign(((element - element.mean(axis=0)) * outward).sum(axis=1, keepdims=True))
-    outward /= np.linalg.norm(outward, axis=1)[:, None]
-    return np.asarray(((points[:, None] - element) * outward).sum(axis=2).max(axis=1))
+def _crossed(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _outside(element: Array, points: Array) -> Array:
+    """Return how far points, (k, m, 2), are outside a segment or a convex polygon, (k, l, 2); <= 0 inside."""
+    if element.shape[1] == 2:
+        start, side = element[:, :1], element[:, 1:] - element[:, :1]
+        square = (side * side).sum(axis=2, keepdims=True)
+        t = np.clip(((points - start) * side).sum(axis=2, keepdims=True) / square, 0.0, 1.0)
+        return np.asarray(np.linalg.norm(points - start - t * side, axis=2))
+    sides = np.roll(element, -1, axis=1) - element
+    outward = np.stack([sides[..., 1], -sides[..., 0]], axis=2)
+    outward *= np.sign(((element - element.mean(axis=1, keepdims=True)) * outward).sum(axis=2, keepdims=True))
+    outward /= np.linalg.norm(outward, axis=2, keepdims=True)
+    levels = (element * outward).sum(axis=2)
+    return np.asarray((points @ outward.mT - levels[:, None]).max(axis=2))

@@ -69,6 +69,8 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     proving = perf_counter()
     if certify:
         answer, evidence = certified(task, answer)
+    elif model == "auto":
+        answer = confirmed(task, answer)
     proved = perf_counter()
     answer = in_steps(task, answer, lambda other: _answered(other, model))
     solution = replace(_report(problem, task, answer), evidence=evidence)
@@ -108,7 +110,9 @@ def _check(problem: Problem, model: str, certify: bool) -> None:
 def _answered(task: Task, model: str) -> Answer:
     """Return the answer of the first stage that settles the task, or of the one that is forced."""
     if not task.weighted and model != "full":  # the other stages make the weighted amount least
-        return another_amount(task, _answered(nearest_weighted(task), model))
+        nearest = nearest_weighted(task)
+        answer = _answered(nearest, model)
+        return another_amount(task, confirmed(nearest, answer) if model == "auto" else answer)
     last: Answer | None = None
     for name, stage in STAGES.items():
         if model != name and (model != "auto" or name == "full"):
@@ -117,7 +121,7 @@ def _answered(task: Task, model: str) -> Answer:
         if answer is None:
             continue
         if answer.settles:
-            return confirmed(task, answer) if model == "auto" else answer
+            return answer
         last = answer if last is None else replace(answer, lower_bound=max(answer.lower_bound, last.lower_bound))
     if last is not None:
         return last

@@ -19,10 +19,10 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
-from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.packing import packed_together
+from fcdm_opt.kinematics import Kinematics
 from fcdm_opt.motion import Motion
 from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.equations import FeaturePoints, feature_points
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 
 Parts = tuple[int, int]
+REMEMBERED = 8  # motions whose gaps are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,10 +323,12 @@ class Task:
 
     def transform(self, q: Array) -> Array:
         """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""
-        try:
-            return self.motion.transform(q, self.movable.seed, self.static.seed)
-        except InputError:
-            return np.full((4, 4), np.nan)
+        T = self._kinematics.transform(q)
+        return T if np.isfinite(T).all() else np.full((4, 4), np.nan)
+
+    @cached_property
+    def _kinematics(self) -> Kinematics:
+        return self.motion.kinematics(self.movable.seed, self.static.seed)
 
     def pose(self, q: Array) -> Array:
         """Return the pose relative to the static body that the kernels take."""
@@ -363,17 +366,31 @@ class Task:
         for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
         exceeds what is needed and the least gap.
         """
-        pose = self.pose(q)
-        gaps = np.empty((len(self.movable.parts), len(self.opponents)))
-        for columns, packed in self._groups:
-            opponent = self.opponents[columns.start]
-            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, here, rho, opponent.need)
+        pose, key = self.pose(q), np.asarray(q, dtype=np.float64).tobytes()
+        gaps = self._facet_gaps.get(key)
+        if gaps is None:
+            if len(self._facet_gaps) == REMEMBERED:
+                self._facet_gaps.clear()
+            gaps = self._facet_gaps[key] = self._along_facets(pose)
+        gaps = gaps.copy()
         for (i, j), normal in (normals or {}).items():
             one, opponent = self.movable.parts[i], self.opponents[j]
             here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
             n = normal / np.linalg.norm(normal)
             gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, here, rho, n))
+        return gaps
+
+    @cached_property
+    def _facet_gaps(self) -> dict[bytes, Array]:
+        """Facet gaps at the last motions asked about: stages and report ask about rest and the answer again."""
+        return {}
+
+    def _along_facets(self, pose: Array) -> Array:
+        gaps = np.empty((len(self.movable.parts), len(self.opponents)))
+        for columns, packed in self._groups:
+            opponent = self.opponents[columns.start]
+            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
+            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, here, rho, opponent.need)
         return gaps
 
     @cached_property

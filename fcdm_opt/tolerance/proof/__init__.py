@@ -4,5 +4,6 @@ enclosure        numbers over a cell: their linear part, and a bound of the rest
 cells            compiled tests of cells
 exclusion        why no motion of a cell will do
 columns          the search: columns of directions, whose fronts advance by cells
-checker          the independent check of what a proof rests on (`intervals`)
+checker          the independent check of what a proof rests on: `conditions` in the pose, bounded over cells by
+                 their slopes (`mean_value`) in interval arithmetic (`intervals`)
 """

@@ -35,6 +35,7 @@ from fcdm_opt.tolerances import DEFAULT
 Bools = NDArray[np.bool_]
 
 HALVINGS = 12  # times that a cell is halved at most
+PIECES = 100_000  # pieces of cells looked at after one halving, at most: what is left counts as not shown
 BATCH = 4096  # pieces of cells looked at together
 FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats gave
 
@@ -381,7 +382,8 @@ class _Examiner:
         for level in range(HALVINGS + 1):
             waiting = waiting[~self._shown(waiting, test)]
             refuted = waiting.rows[~self._shown(waiting.centres, test)]
-            lost = np.union1d(lost, refuted if level < HALVINGS else waiting.rows)
+            last = level == HALVINGS or 2 * len(waiting.rows) > PIECES
+            lost = np.union1d(lost, waiting.rows if last else refuted)
             waiting = waiting[~np.isin(waiting.rows, lost)]
             if level == 0:
                 halved = len(waiting.rows)
@@ -409,10 +411,14 @@ class _Examiner:
             if self.crossing is None:
                 return margin
             lows, highs = poses.bounds(conditions.crossing(self.crossing.kinds), self.crossing.given)
-            for i in (0, 1):
-                here = witness[:, 0] == i
-                low, high = (lows[3 + i], highs[3 + i]) if self.problem.signs[i] > 0 else (-highs[3 + i], -lows[3 + i])
-                own = np.where(lows[0] > 0, -high, np.where(highs[0] < 0, low, -np.inf))
+            ends = list(zip(lows, highs, strict=True))  # of D, D rho and D (rho - rho_t)
+            excess = [
+                (low, high) if sign > 0 else (-high, -low)
+                for sign, (low, high) in zip(self.problem.signs, ends[3:], strict=True)
+            ]
+            short = [np.where(lows[0] > 0, -high, np.where(highs[0] < 0, low, -np.inf)) for low, high in excess]
+            for code, own in enumerate((*short, _opposed(*excess), _opposed(*ends[1:3]))):
+                here = witness[:, 0] == code
                 margin[here] = _flat(own, count)[here]
             return margin
         if self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
@@ -581,6 +587,11 @@ def _where(what: str, point: tuple[int, Array] | None) -> str:
         return "each covered once"
     face, coordinates = point
     return f"{what}: beside face {face}, {', '.join(f'{x:.17g}' for x in coordinates.tolist())}"
+
+
+def _opposed(x: tuple[Array, Array], y: tuple[Array, Array]) -> Array:
+    """Return by how much two numbers, given by their ends, have different signs."""
+    return np.asarray(np.maximum(np.minimum(x[0], -y[1]), np.minimum(-x[1], y[0])))
 
 
 def _corners(feature: FeaturePoints, body: int, part: ConvexPart) -> set[int]:

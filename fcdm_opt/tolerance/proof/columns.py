@@ -156,7 +156,7 @@ def prove(
         Takes a motion q near which nothing can be excluded, and returns one there that does, if it finds one.
     """
     search_ = _Search(task, upper, search)
-    scene, record = Scene(task), Record()
+    scene, record = Scene(task, upper), Record()
     columns, looked = Columns.all(len(task.weights), search_.enough(gap) / 16.0), 0
     while looked < most:
         enough = search_.enough(gap)
@@ -213,7 +213,7 @@ def _advance(scene: Scene, columns: Columns, record: Record, rows: Ints, enough:
     ends = np.minimum(front[:, None] + strides[:, None] * np.array(REACHES), last[:, None])
     cells = columns.cells(np.repeat(rows, tries), ends.ravel())
     codes, witness = scene.reasons(cells, enough)
-    closing = np.isin(codes, scene.closing).reshape(len(rows), tries)
+    closing = scene.closes[codes].reshape(len(rows), tries)
     excluded = (codes != Reason.OPEN).reshape(len(rows), tries)
     closed, some = closing.any(axis=1), excluded.any(axis=1)
     # a shorter stretch may close a column that a longer one only moves on

@@ -11,8 +11,6 @@ linear part and bound the rest by second derivatives, so errors fall with the sq
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -180,55 +178,6 @@ class Enclosure:
         moved.data[:, -1] += centre - moved.data[:, 0]  # a square is not negative: its rounding may be
         moved.data[:, 0] = centre
         return moved._function(value, slope, np.where(moved.low >= -1.0, bend, np.inf))
-
-
-def interpreted(function: Any, values: Sequence[Any]) -> list[Any]:
-    """Return the results of a CasADi function of one vector, entry by entry, column by column.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Of scalar expressions (SX), dense.
-    values : sequence
-        Floats or enclosures.
-
-    Raises
-    ------
-    NotImplementedError
-        For operations that enclosures have not.
-    """
-    import casadi
-
-    work: dict[int, Any] = {}
-    results: list[Any] = [0.0] * function.nnz_out(0)
-    unary = {
-        casadi.OP_ASSIGN: lambda x: x,
-        casadi.OP_NEG: lambda x: -x,
-        casadi.OP_SQ: lambda x: x * x,
-        casadi.OP_TWICE: lambda x: 2.0 * x,
-        casadi.OP_INV: lambda x: 1.0 / x,
-        casadi.OP_SIN: lambda x: x.sin() if isinstance(x, Enclosure) else math.sin(x),
-        casadi.OP_COS: lambda x: x.cos() if isinstance(x, Enclosure) else math.cos(x),
-        casadi.OP_SQRT: lambda x: x.sqrt() if isinstance(x, Enclosure) else math.sqrt(x),
-    }
-    binary = {casadi.OP_ADD: operator.add, casadi.OP_SUB: operator.sub, casadi.OP_MUL: operator.mul}
-    binary[casadi.OP_DIV] = operator.truediv
-    for k in range(function.n_instructions()):
-        operation, to = function.instruction_id(k), function.instruction_output(k)
-        if operation == casadi.OP_CONST:
-            work[to[0]] = float(function.instruction_constant(k))
-        elif operation == casadi.OP_INPUT:
-            work[to[0]] = values[function.instruction_input(k)[1]]
-        elif operation == casadi.OP_OUTPUT:
-            results[to[1]] = work[function.instruction_input(k)[0]]
-        elif operation in unary:
-            work[to[0]] = unary[operation](work[function.instruction_input(k)[0]])
-        elif operation in binary:
-            one, two = function.instruction_input(k)
-            work[to[0]] = binary[operation](work[one], work[two])
-        else:
-            raise NotImplementedError(f"CasADi operation {operation}")
-    return results
 
 
 def _sinc(x: Array) -> tuple[Array, Array]:

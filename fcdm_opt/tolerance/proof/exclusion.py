@@ -8,16 +8,18 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcdm_opt.curve.tight import edge_and_corner
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.motion import Translation
+from fcdm_opt.kinematics import interpreted
+from fcdm_opt.motion import Rotation, Screw, Translation
 from fcdm_opt.tolerance.amounts import OwnAmount
 from fcdm_opt.tolerance.equations import FeaturePoints
 from fcdm_opt.tolerance.evidence import WITNESS, Reason
 from fcdm_opt.tolerance.proof import cells as tests
-from fcdm_opt.tolerance.proof.enclosure import Enclosure, interpreted
+from fcdm_opt.tolerance.proof.enclosure import Enclosure
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
@@ -31,27 +33,23 @@ class Cells:
         self.faces, self.low, self.high, self.stretch = faces, low, high, stretch
 
     def coordinates(self) -> list[Enclosure]:
-        """Return the weighted coordinates y of all cells as enclosures."""
+        """Return the weighted coordinates y of all cells as enclosures, the same objects at every call."""
+        return self._coordinates
+
+    @cached_property
+    def _coordinates(self) -> list[Enclosure]:
         count = self.low.shape[1] + 1
-        middle, half = self.stretch.mean(axis=1), np.ptp(self.stretch, axis=1) / 2.0
+        middle, half = self.stretch.mean(axis=1), (self.stretch[:, 1] - self.stretch[:, 0]) / 2.0
         s = Enclosure.variable(middle, half, 0, count)
-        t = [
-            Enclosure.variable((a + b) / 2.0, (b - a) / 2.0, 1 + j, count)
-            for j, (a, b) in enumerate(zip(self.low.T, self.high.T, strict=True))
-        ]
-        axes, sign = self.faces >> 1, 1.0 - 2.0 * (self.faces & 1)
-        products = [s * other for other in t]
+        centres, halves = (self.low + self.high) / 2.0, (self.high - self.low) / 2.0
+        own = s.data * (1.0 - 2.0 * (self.faces & 1))[:, None]
+        own[:, -1] = s.data[:, -1]
+        products = [s * Enclosure.variable(centres[:, j], halves[:, j], 1 + j, count) for j in range(count - 1)]
+        axes = (self.faces >> 1)[:, None]
         made: list[Enclosure] = []
         for axis in range(count):
-            data = np.empty_like(s.data)
-            for own in np.unique(axes):
-                rows = axes == own
-                if own == axis:
-                    data[rows] = s.data[rows] * sign[rows, None]
-                    data[rows, -1] = s.data[rows, -1]
-                else:
-                    data[rows] = products[axis - (axis > own)].data[rows]
-            made.append(Enclosure(data))
+            before, after = (products[j].data if 0 <= j < count - 1 else own for j in (axis - 1, axis))
+            made.append(Enclosure(np.where(axes == axis, own, np.where(axes < axis, before, after))))
         return made
 
     @property
@@ -62,12 +60,13 @@ class Cells:
 
     def centres(self) -> Array:
         """Return the weighted coordinates of each cell's middle, (n, k)."""
-        middle = self.stretch.mean(axis=1)
-        y = np.empty((len(self.faces), self.low.shape[1] + 1))
-        for row, face in enumerate(self.faces):
-            v = np.insert((self.low[row] + self.high[row]) / 2.0, face >> 1, 1.0 - 2.0 * (face & 1))
-            y[row] = middle[row] * v
-        return y
+        count = self.low.shape[1] + 1
+        axes, rows = self.faces >> 1, np.arange(len(self.faces))
+        others = np.arange(count - 1) + (np.arange(count - 1) >= axes[:, None])
+        v = np.empty((len(rows), count))
+        v[rows, axes] = 1.0 - 2.0 * (self.faces & 1)
+        v[rows[:, None], others] = (self.low + self.high) / 2.0
+        return np.asarray(self.stretch.mean(axis=1)[:, None] * v)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +93,8 @@ class Solid:
 class Scene:
     """A task in the terms of the tests: everything about the seeds, body 1 moving."""
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
+    def __init__(self, task: Task, upper: float = np.inf) -> None:
+        self.task, self.upper = task, upper
         self.motion = task.motion.seen_from(task.movable.seed)
         self.offset = task.static.seed - task.movable.seed
         self.margin = DEFAULT.line * task.size
@@ -196,20 +195,31 @@ class Scene:
         return [*own, Reason.OUTSIDE] if self.task.allows(self.task.rest) else own
 
     @cached_property
+    def closes(self) -> NDArray[np.bool_]:
+        """Whether each reason, by its number, is of `closing`."""
+        return np.isin(np.arange(len(Reason)), self.closing)
+
+    @cached_property
     def domain(self) -> Array:
         """Limits of the parameters, (k, 2), and where further motions repeat others or lead out of reach.
 
-        For goals that ask for poses alone: a turn beyond half a revolution repeats a smaller one. Where the seed only
+        For goals that ask for poses alone: a turn beyond half a revolution repeats a smaller one, where the limits have
+        that one, and the amount is no larger. Where the seed only
         shifts, by t, the target pair is apart once |t| exceeds the way between the seeds and both reaches.
+        Nor is anything wanted that displaces a vertex by more than `upper`, where the amount is the displacement.
         """
         task = self.task
         limits = np.array(task.limits)
+        if task.amount_kind == "displacement" and np.isfinite(self.upper):
+            reach = self._displaced()
+            limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
         if task.tracked:
             return limits
         steps = [step for step in task.motion.steps for _ in step.own_parameters]
         for k, step in enumerate(steps):
-            if step.closed and limits[k, 0] <= 0 <= limits[k, 1]:
-                limits[k] = max(limits[k, 0], -np.pi), min(limits[k, 1], np.pi)
+            if step.closed and not isinstance(task.amount_kind, OwnAmount):
+                low, high = limits[k]
+                limits[k] = max(low, min(-np.pi, high - 2.0 * np.pi)), min(high, max(np.pi, low + 2.0 * np.pi))
         seeded = all(isinstance(step, Translation) or getattr(step, "centre", "") == "seed" for step in steps)
         shifts = np.array([step.direction for step in steps if isinstance(step, Translation)])
         if seeded and task.must_touch and len(shifts):
@@ -221,6 +231,49 @@ class Scene:
                     if isinstance(step, Translation):
                         limits[k] = max(limits[k, 0], -reach), min(limits[k, 1], reach)
         return limits
+
+    def _displaced(self) -> Array:
+        """Return how far each parameter may be from zero for no vertex to be displaced by more than `upper`, (k,).
+
+        A turn by q about a line displaces the one end of a vector against the other by 2 |sin(q / 2)| times what of it
+        is across the line, which is twice `upper` at most; turns beyond half a revolution repeat smaller ones where
+        that is all that is asked. What a step shifts is displacement besides, of the vertex nearest to the line.
+        """
+        task, upper = self.task, self.upper
+        steps, count = task.motion.steps, len(task.weights)
+        points, far = task.made_vertices, np.full(count, np.inf)
+        shifts = [step.direction for step in steps if isinstance(step, Translation)]
+        if len(shifts) == len(steps):
+            least = float(np.linalg.svd(np.array(shifts), compute_uv=False)[-1])
+            return np.full(count, upper / least) if count <= 3 and least > DEFAULT.nominal else far
+        if len(steps) == 1 and isinstance(steps[0], Screw) and not isinstance(steps[0].pitch, str):
+            return np.array([upper / abs(steps[0].pitch) if 0.0 < abs(steps[0].pitch) < np.inf else np.inf])
+        line = self._turned_about()
+        if line is None:
+            return far
+        centre, axis = line
+        across = (points - centre) - np.outer((points - centre) @ axis, axis)
+        sine = min(upper / max(np.linalg.norm(across[:, None] - across, axis=2).max(), upper), 1.0)
+        kinds = [kind for _, kind in task.motion.parameters]
+        angle = 2.0 * np.arcsin(sine) if sine < 1.0 else np.pi
+        low, high = task.limits[kinds.index("rotation")]
+        all_turns = not np.isfinite([low, high]).any() or max(-low, high) <= 2.0 * np.pi - angle
+        if (task.coherent and count > 1) or not all_turns:
+            angle = np.inf
+        shift = upper + 2.0 * sine * np.linalg.norm(across, axis=1).min()
+        return np.array([angle if kind == "rotation" else shift for kind in kinds])
+
+    def _turned_about(self) -> tuple[Array, Array] | None:
+        """Return a point and the direction of the line about which a motion of one turn and one shift turns."""
+        steps, (one, two) = self.task.motion.steps, (self.task.movable.seed, self.task.static.seed)
+        if len(steps) == 1 and isinstance(steps[0], Screw):
+            point, axis = (one, two - one) if isinstance(steps[0].axis, str) else np.array(steps[0].axis)
+            return point, axis / np.linalg.norm(axis)
+        turns = [step for step in steps if isinstance(step, Rotation)]
+        if len(turns) != 1 or len(steps) > 2 or not all(isinstance(step, Rotation | Translation) for step in steps):
+            return None
+        centre = {"seed": one, "origin": np.zeros(3)}.get(turns[0].centre) if isinstance(turns[0].centre, str) else None
+        return np.array(turns[0].centre if centre is None else centre), np.array(turns[0].direction)
 
     @property
     def _partners(self) -> tuple[list[Solid], list[Solid]]:
@@ -262,7 +315,7 @@ class Scene:
         T = self.poses(cells)
         T[~np.isfinite(T).all(axis=(1, 2))] = np.nan
         if not self.task.weighted:
-            codes[self.amounts(cells, T) >= enough] = Reason.COSTLY
+            codes[(codes == Reason.OPEN) & (self.amounts(cells, T) >= enough)] = Reason.COSTLY
         if self.task.tracked:
             self._tracked(T, codes, witness[:, 0])
         if np.isfinite(self.task.needs).any():
@@ -279,6 +332,8 @@ class Scene:
         y = cells.coordinates()
         room = DEFAULT.requirement * task.size
         for k, (own, weight, (low, high)) in enumerate(zip(y, task.weights, self.domain, strict=True)):
+            if not (np.isfinite(low) or np.isfinite(high)):
+                continue
             out = (own.low > high * weight + room) | (own.high < low * weight - room)
             codes[out], witness[out, 0] = Reason.OUTSIDE, k
 

@@ -56,7 +56,7 @@ def another_amount(task: Task, weighted: Answer) -> Answer:
     for q in direct:
         if task.amount(q) < best.amount and task.meets(q, DEFAULT.requirement):
             best = Found(q, task.amount(q), ("the nearest points",), weighted.modelled or {})
-    best = _improved(task, best, [weighted.q, *direct, task.start], least)
+    best = _improved(task, best, [*direct, task.start], least)
     word = "displacement" if task.amount_kind == "displacement" else "the amount given"
     status = weighted.status if not best.q.any() else Status.SOLVED
     bound = min(least, best.amount)  # the two differ by rounding at most

@@ -20,12 +20,14 @@ from fcdm_opt.tolerances import DEFAULT
 
 STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound over rotations"
 MOST_PARAMETERS = 2  # for which the search is complete in a moment
+MOST_CHECKED = 3  # for which the checker of evidence follows
 GAP, FINE_GAP = 1e-4, 1e-7  # of a certificate; of the stage, which is to find the least motion by itself
 CONFIRMED_GAP, COARSE_GAP = 1e-6, 1e-3  # of looking for something better; the latter over rotations
 LARGE = 0.15  # of the size: amounts beyond this are large
 CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
 CELLS_MORE = 60_000  # the same, for more parameters
 SECONDS = 20.0  # for the search over rotations
+BESIDE = 1e-2  # relative: motions this near to the best known one are not searched from
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
 
@@ -49,14 +51,17 @@ def confirmed(task: Task, answer: Answer) -> Answer:
     That is so among keep-outs and several part pairs, and where the motion is large; of one and two parameters all
     motions are looked at then, with translations in all directions all rotations.
     """
-    if answer.q is None or answer.lower_bound >= task.amount(answer.q) * (1.0 - FINE_GAP):
+    if not task.weighted or answer.q is None or answer.lower_bound >= task.amount(answer.q) * (1.0 - FINE_GAP):
         return answer
     if len(task.weights) > MOST_PARAMETERS:
         return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 else answer
-    large = task.amount(answer.q) > LARGE * task.size
-    if not (task.keep_out or task.part_pairs > 1 or large or answer.stage != DESCENT):
-        return answer
-    return bounded(task, answer, gap=CONFIRMED_GAP)[0]
+    return bounded(task, answer, gap=CONFIRMED_GAP)[0] if _doubtful(task, answer) else answer
+
+
+def _doubtful(task: Task, answer: Answer) -> bool:
+    """Tell whether local searches may have missed the least motion."""
+    large = answer.q is not None and task.amount(answer.q) > LARGE * task.size
+    return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
 
 
 def certified(task: Task, answer: Answer) -> tuple[Answer, Evidence | None]:
@@ -65,9 +70,9 @@ def certified(task: Task, answer: Answer) -> tuple[Answer, Evidence | None]:
         return answer, None
     if len(task.weights) > MOST_PARAMETERS:
         answer, closed = _turned(task, answer, GAP)
-        if closed:
-            return answer, None
-    return bounded(task, answer, gap=GAP)
+        return (answer, None) if closed else bounded(task, answer, gap=GAP)
+    doubtful = task.weighted and _doubtful(task, answer)
+    return bounded(task, answer, gap=CONFIRMED_GAP if doubtful else GAP)
 
 
 def _turned(task: Task, answer: Answer, gap: float) -> tuple[Answer, bool]:
@@ -101,9 +106,15 @@ def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence
     gap : float
         Relative gap between bound and amount that is enough.
     """
-    most = CELLS.get(len(task.weights), CELLS_MORE)
+    most, known, upper = CELLS.get(len(task.weights), CELLS_MORE), answer.q, _amount(task, answer)
+
+    def search(q: Array) -> Array | None:
+        if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
+            return None  # the bound is held back by the motion known
+        return near(task, q)
+
     try:
-        proof = prove(task, _amount(task, answer), gap=gap, most=most, search=lambda q: near(task, q))
+        proof = prove(task, upper, gap=gap, most=most, search=search)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)
@@ -112,7 +123,8 @@ def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence
         answer = Answer(Status.SOLVED, proof.q, STAGE, 0.0, active, task.modelled(()))
     elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:
         answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
-    return replace(answer, lower_bound=min(bound, _amount(task, answer))), proof.evidence
+    kept = proof.evidence if task.weighted and len(task.weights) <= MOST_CHECKED else None
+    return replace(answer, lower_bound=min(bound, _amount(task, answer))), kept
 
 
 def near(task: Task, q: Array) -> Array | None:

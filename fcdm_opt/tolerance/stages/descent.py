@@ -338,8 +338,10 @@ class Descent:
 
 def descent(task: Task) -> Answer | None:
     """Stage 4 by descent; None where it models something else or finds nothing."""
-    if task.goal == "seat" or task.keep_out or any(task.flush) or task.need > 0 or not task.weighted:
+    if task.goal == "seat" or any(task.flush) or not task.weighted or (task.need > 0 and task.tracked):
         return None
+    if task.keep_out:
+        return _kept_clear(task)
     program = tape(task.motion)
     if program is None:
         return None
@@ -353,5 +355,25 @@ def descent(task: Task) -> Answer | None:
     q = np.clip(best.z * own.scale, task.limits[:, 0], task.limits[:, 1])
     if not task.meets(q, DEFAULT.requirement, path=False):  # the path has been looked at
         return None
+    if task.need > 0 and not _along_facets(task, q):
+        return None
     modelled = {"constraints": best.rows} | task.modelled(best.parts)
     return Answer(Status.SOLVED, q, STAGE, min(displacement_bound(task), task.amount(q)), best.active, modelled)
+
+
+def _kept_clear(task: Task) -> Answer | None:
+    """Return the answer without keep-outs, where it keeps clear of them."""
+    answer = descent(replace(task, keep_out=()))
+    if answer is None or answer.q is None or not task.meets(answer.q, DEFAULT.requirement, path=False):
+        return None
+    kept = {"keep_outs_kept": 0, "keep_outs_total": len(task.keep_out), "part_pairs_total": task.part_pairs}
+    return replace(answer, modelled={**(answer.modelled or {}), **kept})
+
+
+def _along_facets(task: Task, q: Array) -> bool:
+    """Tell whether the nearest pairs are as near as along facets: of corners' distances other motions are least."""
+    gaps = task.pair_gaps(q)
+    slack = DEFAULT.requirement * task.size
+    tight = [(i, j) for i, j in np.ndindex(gaps.shape) if gaps[i, j] < task.need + slack]
+    ways = {parts: task.way_between(parts, q) for parts in tight}
+    return bool((task.pair_gaps(q, ways) - gaps <= slack).all())

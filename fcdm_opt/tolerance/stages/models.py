@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.bounds import displacement_bound, search_rate
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.stages import rays
@@ -80,9 +82,12 @@ def straight(task: Task) -> Answer | None:
 
 def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
-    if task.tracked or task.need > 0 or len(task.weights) != 1:
+    if task.tracked or len(task.weights) != 1:
         return None
-    if task.needs.max() > 0:  # the answer without clearances, where it keeps them
+    steady = rays.Steady(task) if rays.Steady.suits(task) else None
+    if steady is None and task.need > 0:
+        return None
+    if steady is None and task.needs.max() > 0:  # the answer without clearances, where it keeps them
         if satisfied(task.bare):
             return None
         answer = one_parameter(task.bare)
@@ -96,16 +101,25 @@ def one_parameter(task: Task) -> Answer | None:
     for sense, start, end in zip(ways, starts, ends, strict=True):
         if 0 < start <= end and task.meets(start * sense, DEFAULT.line):
             return Answer(Status.SOLVED, start * sense, stage, start, ("a limit",), _pairs_modelled(task))
-    first = rays.first_contact(task, ways[0], ends[0], starts[0])
-    second = rays.first_contact(task, ways[1], min(ends[1], first.amount), starts[1])
+
+    def contact(way: int, end: float) -> rays.Contact:
+        if steady is not None:
+            return steady.first_contact((1.0, -1.0)[way], end, starts[way])
+        return rays.first_contact(task, ways[way], end, starts[way])
+
+    first = contact(0, ends[0])
+    second = contact(1, min(ends[1], first.amount))
     amount, nearer = min((first.amount, 0), (second.amount, 1))
     clear = [np.inf if way.clear_to >= end else way.clear_to for way, end in zip((first, second), ends, strict=True)]
     if not np.isfinite(amount):  # proved where both ways are clear to their ends
-        if task.keep_out and min(clear) < np.inf:
+        if min(clear) < np.inf and (task.keep_out or task.need > 0):
             return None
         return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
-    bound = min(max(min(clear), displacement_bound(task)), amount)  # the two differ by rounding at most
+    known = displacement_bound(task) if steady is None else 0.0
+    bound = min(max(min(clear), known), amount)  # the two differ by rounding at most
     q = amount * ways[nearer]
+    if steady is not None and not task.meets(q, DEFAULT.requirement):
+        return None
     return Answer(Status.SOLVED, q, stage, bound, _stops(task, q) or ON_THE_WAY, _pairs_modelled(task))
 
 
@@ -117,7 +131,27 @@ def _stops(task: Task, q: Array) -> tuple[str, ...]:
 
 
 def nonlinear(task: Task) -> Answer:
-    """Stage 4: the nonlinear program, with constraints of other features added only when a solution violates them.
+    """Stage 4: the nonlinear program.
+
+    Where contacts must stay flush, which few turns let them, first without turns, and then with turns from there.
+    """
+    turning = task.spins.any(axis=1) & (task.limits[:, 0] <= 0) & (task.limits[:, 1] >= 0)
+    still = frozen(np.where(turning[:, None], 0.0, task.limits))
+    if not any(task.flush) or not turning.any() or (still == 0).all() or (still == task.limits).all():
+        return _program(task)
+    answer = _program(replace(task, limits=still))
+    if answer.q is None:
+        return _program(task)
+    best = Found(answer.q, task.amount(answer.q), answer.active, answer.modelled or {})
+    starts = [answer.q, *(answer.q + sign * x for x in np.diag(task.steps)[turning] for sign in (1.0, -1.0))]
+    for relaxation in choices(task, answer.q, near=True):
+        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "slsqp")) or best
+    bound = min(displacement_bound(task), best.amount)
+    return Answer(Status.SOLVED, best.q, answer.stage, bound, best.active, best.modelled)
+
+
+def _program(task: Task) -> Answer:
+    """Return what the nonlinear program finds; constraints of other features come in when a solution violates them.
 
     Several starts, and every choice of features that may matter; then probes nearer to rest, which start it again
     where they find the contact on their side. All starts are fixed: the same task gives the same answer.

@@ -9,21 +9,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerance.bounds import search_rate
-from fcdm_opt.tolerance.stages import compiled
+from fcdm_opt.tolerance.stages import along, compiled
 from fcdm_opt.tolerance.stages.tape import Tape, tape
 from fcdm_opt.tolerance.task import Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 2000  # safe steps along one ray, at most
-TURNS = 2.0 * math.pi  # no motion needs to turn further
+TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
@@ -41,6 +42,89 @@ class Contact(NamedTuple):
 
     amount: float
     clear_to: float
+
+
+class Steady:
+    """A task whose motion is one translation, rotation or screw: its two ways, see `along`.
+
+    Parameters
+    ----------
+    task : Task
+        With goal "touch" or "clear".
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+
+    @staticmethod
+    def suits(task: Task) -> bool:
+        """Tell whether a task is of that kind."""
+        return len(task.weights) == 1 and len(task.motion.steps) == 1 and task.bounded
+
+    @cached_property
+    def _way(self) -> Array:
+        """Direction of the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
+        task = self.task
+        seed = task.movable.seed
+        rate = task.motion.kinematics(seed, task.static.seed).rates(task.rest)[1][0] / task.weights[0]
+        w, v = np.array([rate[2, 1], rate[0, 2], rate[1, 0]]), rate[:3, :3] @ seed + rate[:3, 3]
+        turn = math.sqrt(w @ w)
+        if turn == 0.0:
+            shift = math.sqrt(v @ v)
+            return np.array([v / shift, np.zeros(3), (0.0, shift, 0.0)])
+        return np.array([w / turn, np.cross(w, v) / turn**2, (turn, v @ w / turn, 0.0)])
+
+    @cached_property
+    def _solids(self) -> tuple[Any, Any, Array]:
+        """Body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
+        task = self.task
+        movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
+        others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.opponents]
+        return _together(movable), _together(others), np.array(task.needs)
+
+    @cached_property
+    def _speed(self) -> float:
+        """The fastest vertex."""
+        points, (axis, centre, (turn, shift, _)) = self._solids[0][0], self._way
+        radius = np.linalg.norm(np.cross(axis, points - centre), axis=1).max()
+        return math.hypot(turn * radius, shift)
+
+    def first_contact(self, sense: float, limit: float, start: float = 0.0) -> Contact:
+        """Return the first contact one way, sense 1 or -1, as `first_contact` does; keep-outs are minded."""
+        task = self.task
+        steps = [share * task.size / self._speed for share in (DEFAULT.march, DEFAULT.line)]
+        found = along.first(
+            self._way,
+            sense,
+            *self._solids[:2],
+            task.static.seed - task.movable.seed,
+            self._solids[2],
+            len(task.static.parts),
+            task.must_touch,
+            limit,
+            start,
+            *steps,
+            STEPS,
+            DEFAULT.line,
+            DEFAULT.line * task.size,
+        )
+        return Contact(*found)
+
+
+def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array, Ints]:
+    """Return points, normals with levels and edges of a part at a scale, about a point `offset` from its seed."""
+    reals, ints = part.packed
+    n, f = int(ints[0]), int(ints[1])
+    points, normals = scale * reals[:n, :3] + offset, reals[n : n + f, :3]
+    return points, np.column_stack([normals, (normals @ points.T).max(axis=1)]), part.edges
+
+
+def _together(solids: list[tuple[Array, Array, Ints]]) -> tuple[Array, Array, Ints, Ints]:
+    """Return solids one after the other, and the first row of each in points, faces and edges."""
+    sizes = [[len(table) for table in own] for own in solids]
+    places = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(sizes, axis=0)])
+    points, faces, edges = (np.concatenate(own) for own in zip(*solids, strict=True))
+    return points, faces, edges, places
 
 
 def directions(task: Task, shares: tuple[float, ...] = SHARES) -> Array:
@@ -77,11 +161,12 @@ def reach(task: Task, direction: Array) -> float:
     steps = [step for step in task.motion.steps for _ in step.own_parameters]
     for step, (_, kind), slope, (low, high) in zip(steps, task.motion.parameters, direction, task.limits, strict=True):
         if slope != 0:
-            ends.append((high if slope > 0 else low) / slope)
+            first, last = ((low, high) if slope > 0 else (high, low)) / np.array(slope)
+            ends.append(last)
             if kind == "translation":
                 ends.append(away / abs(slope))
             elif step.closed or not step.bounded or len(direction) > 1:
-                ends.append(TURNS / abs(slope))
+                ends.append(TURNS / abs(slope) + max(first, 0.0))  # limits may exclude rest
             else:  # a screw: what it shifts in a radian
                 ends.append(away / step.own_weights(0.0)[0] / abs(slope))
     return max(min(ends), 0.0)

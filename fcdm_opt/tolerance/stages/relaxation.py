@@ -289,6 +289,8 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     Which pair closes, and along which direction each overlapping pair comes apart: all that may matter, or with `near`
     only what is there at the motion, which is known to do.
     """
+    if not np.isfinite(np.append(task.pose(task.start), task.pose(q))).all():
+        return  # a screw has lost its axis there
     asks = bool(np.isfinite(task.needs).any())
     gaps = task.pair_gaps(task.start) if asks else np.zeros((1, 1))
     there = task.pair_gaps(q) if asks else gaps

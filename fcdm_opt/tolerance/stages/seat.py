@@ -19,21 +19,13 @@ Bools = NDArray[np.bool_]
 
 
 def spins(motion: Motion, movable: Body, static: Body) -> Array:
-    """Return the axis about which each parameter turns body 1 at rest, (k, 3): its length is the rate, 1 or 0.
+    """Return the axis about which each parameter turns body 1 at rest, (k, 3): its length is the rate.
 
-    A motion of the user's own may have any rate.
+    Rates, not finite turns: a screw along the seeds has no axis where another parameter brings them together.
     """
-    if not all(step.bounded for step in motion.steps):  # of the user's own: a radian of it may be anything
-        zero = np.zeros(len(motion.parameters))
-        rates = motion.kinematics(movable.seed, static.seed).rates(zero)[1]
-        return np.array([[W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]] for W in rates]) / 2.0
-    made = np.zeros((len(motion.parameters), 3))
-    for k, step in enumerate(np.eye(len(made))):  # by a radian: R - R' = 2 sin(1) [u]x
-        R = motion.transform(step, movable.seed, static.seed)[:3, :3]
-        axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-        length = np.linalg.norm(axis)
-        made[k] = axis / length if length > DEFAULT.nominal else 0.0
-    return made
+    rates = motion.kinematics(movable.seed, static.seed).rates(np.zeros(len(motion.parameters)))[1]
+    axes = np.array([[W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]] for W in rates]) / 2.0
+    return np.where(np.linalg.norm(axes, axis=1)[:, None] > DEFAULT.nominal, axes, 0.0)
 
 
 def tilts(seats: Sequence[Flush], axes: Array) -> Array:

@@ -20,9 +20,8 @@ from fcdm_opt.tolerance.stages.program import Outcome, Row
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
-ITERATIONS = 60
+ITERATIONS = 40
 PLANE = 3  # variables of a separating plane: tilt of its normal, and level
-STATIONARY = 1e-13  # change of the scaled amount at which to stop: below, line searches end in rounding
 CORRECTIONS = 4  # Newton steps that bring a solution onto its rows
 
 
@@ -174,7 +173,7 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array) -> Ou
             method="SLSQP",
             bounds=bounds,
             constraints=constraints,
-            options={"maxiter": ITERATIONS, "ftol": STATIONARY},
+            options={"maxiter": ITERATIONS, "ftol": DEFAULT.solver},
         ).x
         return _outcome(own, made)
 

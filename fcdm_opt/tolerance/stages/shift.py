@@ -88,10 +88,9 @@ def _linear(task: Task, normals: Array, moving: Bools) -> bool:
 
 
 def _seed_rates(task: Task) -> Array:
-    """Return how fast each parameter moves the seed, (3, k); of a turn, right along its axis only."""
-    seed = np.append(task.movable.seed, 1.0)
-    there = [[(task.transform(sign * step) @ seed)[:3] for sign in (1.0, -1.0)] for step in np.eye(len(task.weights))]
-    return np.array([(ahead - behind) / 2.0 for ahead, behind in there]).T
+    """Return how fast each parameter moves the seed at rest, (3, k)."""
+    rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
+    return np.asarray((rates @ np.append(task.movable.seed, 1.0))[:, :3].T)
 
 
 def _candidates(task: Task, rates: Array, gaps: Array, moving: Bools) -> Iterator[tuple[float, Array]]:
