@@ -249,7 +249,7 @@ def test_a_lever_is_swung_onto_its_stop_by_half_a_turn(motion, sign):
 def hulls(seed: int = 5) -> tuple[Body, Body]:
     rng = np.random.default_rng(seed)
     one = rng.normal(size=(8, 3))
-    return Body.convex(one, seed=one.mean(axis=0)), Body.convex(rng.normal(size=(8, 3)) + [2.5, 1, 0.3])
+    return Body.convex(one, seed=one.mean(axis=0)), Body.convex(rng.normal(size=(8, 3)) + np.array([2.5, 1, 0.3]))
 
 
 @pytest.mark.parametrize("goal", ["touch", "clear", "at", "beyond"])
@@ -377,7 +377,7 @@ def test_mirrored_problems_and_axes_have_mirrored_motions(step, axis, goal):
             assert list(other.parameters.values()) == pytest.approx([sign * q], rel=1e-8, abs=1e-10)
 
 
-# -------------------------------------------------------------------------------- optimisers: the wrong one of many roots
+# ------------------------------------------------------------------------------ optimisers: the wrong one of many roots
 
 TURN_5 = 2 * math.atan(5)  # 2.7468; the next of tan(t/2) = 5 that IPOPT ends at is 27.8795
 
@@ -430,14 +430,14 @@ def test_limits_between_the_roots_leave_nothing():
     refused(levers(RZ, RZ=(3.2, 9.0)), Status.INFEASIBLE)
 
 
-# --------------------------------------------------------------------------------- optimisers: stationary where it starts
+# ------------------------------------------------------------------------------- optimisers: stationary where it starts
 
 TURN_9 = math.acos(0.9)  # cos t = 9/10
 
 
 @cache
 def claw() -> tuple[Body, Body]:
-    """A tip at x = 1 that points to the pivot, before a thin wall at x = 9/10: at rest turns do not change their gap."""
+    """A tip at x = 1 that points to the pivot, before a thin wall at 9/10: at rest turns do not change their gap."""
     tip = shape([(1, 0, 0), ("1.3", "0.1", "0.1"), ("1.3", "-0.1", "0.1"), ("1.3", 0, "-0.1")], (0, 0, 0)).body()
     return tip, box((0.85, 0, 0), (0.05, 2, 2))
 
@@ -463,7 +463,7 @@ def test_a_gap_that_is_stationary_at_rest_is_closed(pair, goal, motion, model):
         assert consistent(solve(problem_, certify=True)).gap <= GAP
 
 
-# ---------------------------------------------------------------------- optimisers: dependent gradients, almost feasible
+# --------------------------------------------------------------------- optimisers: dependent gradients, almost feasible
 
 
 @pytest.mark.parametrize("motion", [X >> Y >> Z, Free(), X >> Y >> Z >> RX >> RY >> RZ], ids=["three", "free", "six"])
@@ -499,13 +499,13 @@ def test_tips_that_meet_have_eight_lines_in_one(goal, letter, tau):
         assert solve(asked).status is Status.ALREADY_SATISFIED
     else:
         solved(asked, tau, rel=1e-7, TX=-tau if letter == "A" else tau)
-    for motion in (X >> Y >> Z, X >> RZ):
+    for motion in (X >> Y >> Z, X >> RZ):  # "at" by these: one facet's line is modelled, and the judge asks for tips
         other = solve(asked.changed(motion=motion))
         assert other.usable == (other.status.found and other.certificate.passed)
         assert not other.status.found or 0 <= other.lower_bound <= other.amount <= tau * (1 + 1e-7)
 
 
-# ----------------------------------------------------------------------------- optimisers: infeasible by next to nothing
+# ---------------------------------------------------------------------------- optimisers: infeasible by next to nothing
 
 LITTLE = 5e-8  # what HiGHS lets pass
 
@@ -592,7 +592,7 @@ def cross_matrix(v: Any) -> np.ndarray:
 
 
 def test_free_and_its_derivatives_are_finite_and_right_at_the_identity():
-    """R = 1 + [t]x + [t]x^2 / 2 + ...: the first derivatives are [e_i]x, the second ([e_i]x [e_j]x + [e_j]x [e_i]x) / 2."""
+    """R = 1 + [t]x + [t]x^2 / 2 + ...: first derivatives [e_i]x, second ([e_i]x [e_j]x + [e_j]x [e_i]x) / 2."""
     import casadi
 
     q = casadi.SX.sym("q", 6)

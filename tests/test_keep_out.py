@@ -176,7 +176,7 @@ def test_a_clearance_that_the_motion_does_not_come_near_leaves_the_first_stage_e
     solution = solved(clear(post, KeepOut(away, clearance=1.0)), -0.5)
     assert solution.stage.startswith("1:")
     assert solution.lower_bound == solution.amount
-    assert solved(clear(post, KeepOut(away, clearance=1.75)), 2.0, abs=1e-8).stage.startswith("4:")
+    assert solved(clear(post, KeepOut(away, clearance=1.75)), 2.0, abs=1e-8).stage.startswith(("4:", "5:"))
 
 
 def pins() -> tuple[Body, Body]:

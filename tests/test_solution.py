@@ -34,8 +34,9 @@ QUESTIONS: dict[str, tuple[Status, dict[str, Any]]] = {
     "overlapping": (Status.PAIR_OVERLAPS, {"tolerance": 0.02, "requirement": "B"}),
     "satisfied": (Status.ALREADY_SATISFIED, {"target": (1, 1), "goal": "clear"}),
     "infeasible": (Status.INFEASIBLE, {"target": (1, 1), "goal": "touch", "motion": Translation("z")}),
-    "not found": (Status.NOT_FOUND, {"target": (1, 1), "goal": "touch", "limits": {"TX": (-0.1, 0.1)},
-                                     "motion": Translation("x") >> Rotation("z")}),
+    "not found": (Status.NOT_FOUND, {"target": (1, 1), "goal": "touch",
+                                     "limits": {"TX": (-0.1, 0.1), "TY": (-0.1, 0.1)},
+                                     "motion": Translation("x") >> Translation("y") >> Rotation("z")}),
     "turned": (Status.SOLVED, {"target": (2.5, 1), "goal": "touch", "motion": Rotation("z") >> Translation((1, 1, 0))}),
 }  # fmt: skip
 EVERY_QUESTION = pytest.mark.parametrize("question", QUESTIONS)
@@ -125,7 +126,7 @@ def test_plain_data_tell_status_advice_and_motion(question):
     assert data["features"] == [feature.label for feature in solution(question).features]
     attributes = {item.name for item in fields(Solution)}
     assert attributes <= set(data)
-    assert set(data) - attributes == {"advice", "usable", "motion", "keep_out_gaps", "snapped", "sensitivity"}
+    assert set(data) - attributes == {"advice", "usable", "motion", "keep_out_gaps", "snapped", "gap", "sensitivity"}
 
 
 def test_the_motion_is_told_in_lengths_and_degrees():
@@ -138,7 +139,7 @@ def test_the_motion_is_told_in_lengths_and_degrees():
 
 
 def test_every_status_gives_advice_of_its_own():
-    assert len({status.value for status in Status}) == len(Status) == 7
+    assert len({status.value for status in Status}) == len(Status) == 8
     for status in Status:
         assert status.value[0].isupper()
         assert status.value.endswith(".")

@@ -133,7 +133,7 @@ def test_every_answer_is_judged_and_bounded(number):
         gap = exact_gap(task(number), solution.transform)
         state = "touching" if abs(gap) < 1e-9 * task(number).static.size else "apart" if gap > 0 else "overlapping"
         assert solution.pair_state == state
-    assert set(solution.seconds) == {"build", "solve", "verify"}
+    assert set(solution.seconds) == {"build", "solve", "prove", "verify"}
     assert min(solution.seconds.values()) >= 0
 
 
@@ -491,9 +491,18 @@ def test_what_is_no_problem_is_refused(problem):
         solve(problem)
 
 
-def test_a_proof_that_cannot_be_had_is_refused_and_not_ignored():
+def test_a_proof_is_had_where_it_is_asked_for():
+    assert solve(example()).evidence is None
+    proved = solve(example(), certify=True)
+    assert proved.usable
+    assert 0 <= proved.gap <= 1e-4
+    assert proved.evidence is not None
+
+
+@pytest.mark.parametrize("certify", ["yes", None, 1, 0.0])
+def test_what_is_no_truth_value_is_refused(certify):
     with pytest.raises(InputError, match="certify"):
-        solve(example(), certify=True)
+        solve(example(), certify=certify)
 
 
 def test_options_are_keywords():

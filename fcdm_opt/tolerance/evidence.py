@@ -35,7 +35,8 @@ class Reason(IntEnum):
     APART: every part pair of body 1 and body 2 is apart at the target scales. Rows: a direction for each, part by part.
     MEETS: two parts overlap. Row: part of body 1, opponent, body (1, 2) and number of an edge that stays inside the
     other part at a point, the point's place along it at the cell's centre, and slopes of that in the cell's variables
-    s and box coordinates, each scaled to [-1, 1].
+    s and box coordinates, each scaled to [-1, 1]. Or with 3 for the body, then 0 and a point that moves with body 1,
+    in its axes at the target scale about its moved seed.
     OUTSIDE: a parameter is beyond a limit. Row: the parameter.
     NEAR: a point of body 1 stays nearer to a point of an opponent than the clearance asked for. Row: part of body 1,
     opponent, the one point about the moved seed in the axes of body 1 at the target scale, the other about s_2.

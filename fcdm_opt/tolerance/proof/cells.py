@@ -560,6 +560,72 @@ def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, mar
 
 
 @kernel
+def _holds(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness):
+    """Tell whether a point between what is inside of the edges, which moves with body 1, stays inside the other.
+
+    Aligned boxes overlap so: all that their edges share lies on faces.
+    """
+    m = T.shape[1]
+    R, d = T[:9, 0], T[9:12, 0]
+    p, u, x = np.empty(3), np.empty(3), np.zeros(3)
+    count = 0
+    for body in range(2):
+        points, edges = (one, edges1) if body == 0 else (two, edges2)
+        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
+        for e in range(len(edges)):
+            _placed(R, d, body, points[edges[e, 0]], p)
+            _placed(R, d, body, points[edges[e, 1]], u)
+            u -= p
+            low, high = 0.0, 1.0
+            for i in range(len(normals)):
+                rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
+                room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2] + margin
+                if rate > 0.0:
+                    high = min(high, room / rate)
+                elif rate < 0.0:
+                    low = max(low, room / rate)
+                elif room < 0.0:
+                    high = -1.0
+            if high < low:
+                continue
+            count += 1
+            start, end = points[edges[e, 0]], points[edges[e, 1]]
+            for j in range(3):
+                u[j] = start[j] + 0.5 * (low + high) * (end[j] - start[j])
+            if body == 1:
+                for j in range(3):
+                    p[j] = R[j] * (u[0] + d[0]) + R[3 + j] * (u[1] + d[1]) + R[6 + j] * (u[2] + d[2])
+                x += p
+            else:
+                x += u
+    if count == 0:
+        return False
+    x /= count
+    if not _inside(x, normals1, levels1, -margin):
+        return False
+    turned, excess = np.zeros((3, m)), np.zeros(m)
+    for i in range(len(normals2)):
+        _turned_back(T, normals2[i], turned)
+        _along(turned, x, excess)
+        for j in range(3):
+            _add(excess, -normals2[i, j], T[9 + j])
+        excess[0] -= levels2[i]
+        if not _high(excess) < -margin:
+            return False
+    witness[2], witness[3] = 3.0, 0.0
+    witness[4:7] = x
+    return True
+
+
+@kernel
+def _inside(point, normals, levels, slack):
+    for i in range(len(normals)):
+        if normals[i, 0] * point[0] + normals[i, 1] * point[1] + normals[i, 2] * point[2] > levels[i] + slack:
+            return False
+    return True
+
+
+@kernel
 def _placed(R, d, body, x, out):
     """Set `out` to a point in the axes of the other body: of body 1 in world axes about s_2, of body 2 as R'(y + d)."""
     if body == 0:
@@ -590,9 +656,10 @@ def meet_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2,
     """Tell, as flags, where two polyhedra overlap all over a cell."""
     for cell in range(len(T)):
         if not known[cell]:
-            flags[cell] = meets(
-                T[cell], one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness[cell]
-            )
+            own, other = (one, normals1, levels1, edges1), (two, normals2, levels2, edges2)
+            flags[cell] = meets(T[cell], *own, *other, margin, witness[cell])
+            if not flags[cell]:
+                flags[cell] = _holds(T[cell], *own, *other, margin, witness[cell])
 
 
 @kernel
@@ -631,14 +698,6 @@ def tracked_sites(T, known, features, one, normals1, levels1, edges1, two, norma
 
 
 # --------------------------------------------------------------------------------------------------------- distances
-
-
-@kernel
-def _inside(point, normals, levels, slack):
-    for i in range(len(normals)):
-        if normals[i, 0] * point[0] + normals[i, 1] * point[1] + normals[i, 2] * point[2] > levels[i] + slack:
-            return False
-    return True
 
 
 @kernel

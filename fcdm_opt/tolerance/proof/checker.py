@@ -534,7 +534,22 @@ class _Examiner:
             lows, _ = own.bounds(conditions.depth(body), given, place)
             depth = lows[0].min(axis=1) - beyond * _norm(along) * _norm(Interval(normals)).max()
             margin[here] = np.where(known, depth, -np.inf)
+        for i, j in product(range(len(self.movable)), range(len(self.obstacles))):
+            obstacle = self.obstacles[j]
+            here = np.flatnonzero((witness[:, :3] == (i, j, 3)).all(axis=1))
+            if len(here) and np.isfinite(obstacle.need):
+                margin[here] = self._depth_of_point(poses[here], witness[here, 4:7], i, j)
         return margin
+
+    def _depth_of_point(self, poses: Poses, x: Array, i: int, j: int) -> Array:
+        """Return how deep a point that moves with body 1 is inside an obstacle, less how far it is from the part."""
+        obstacle, none = self.obstacles[j], Interval(np.zeros((len(x), 1)))
+        normals, levels = _planes(obstacle.part, obstacle.vertices)
+        planes = [*(Interval(normals.T[k][None]) for k in range(3)), Interval(levels.middle[None], levels.radius[None])]
+        still = Place(none, none, Interval(np.zeros((len(x), 1, poses.pieces.half.shape[1]))))
+        given = [*planes, *_numbers(Interval(x), Interval(np.zeros_like(x)))]
+        lows, _ = poses.bounds(conditions.depth(0), given, still)
+        return np.asarray(lows[0].min(axis=1) - _off(x, self.movable[i]) * _norm(Interval(normals)).max())
 
     def _place(self, poses: Poses, witness: Array) -> tuple[Place, Array]:
         """Return where on its edge a point is, and how far beyond the edge's ends at most."""

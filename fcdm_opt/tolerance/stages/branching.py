@@ -13,7 +13,7 @@ from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.stages import rays
 from fcdm_opt.tolerance.stages.descent import STAGE as DESCENT
 from fcdm_opt.tolerance.stages.descent import descent
-from fcdm_opt.tolerance.stages.relaxation import choices
+from fcdm_opt.tolerance.stages.relaxation import Found, choices
 from fcdm_opt.tolerance.stages.turns import least_over_turns
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
@@ -27,7 +27,7 @@ LARGE = 0.15  # of the size: amounts beyond this are large
 CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
 CELLS_MORE = 60_000  # the same, for more parameters
 SECONDS = 20.0  # for the search over rotations
-BESIDE = 1e-2  # relative: motions this near to the best known one are not searched from
+BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
 
@@ -82,10 +82,9 @@ def _turned(task: Task, answer: Answer, gap: float) -> tuple[Answer, bool]:
         return answer, False
     amount = _amount(task, answer)
     if found.q is not None and found.upper < amount * (1.0 - DEFAULT.nominal):
-        q = near(task, found.q)
-        if q is not None and task.amount(q) < amount:
-            active = ("the nearest contact over all rotations",)
-            answer = Answer(Status.SOLVED, q, TURNED, found.lower, active, task.modelled(()))
+        better = near(task, found.q)
+        if better is not None and better.amount < amount:
+            answer = Answer(Status.SOLVED, better.q, TURNED, found.lower, better.active, better.modelled)
     bound = max(found.lower, answer.lower_bound)
     return replace(answer, lower_bound=min(bound, _amount(task, answer))), found.closed
 
@@ -107,38 +106,43 @@ def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence
         Relative gap between bound and amount that is enough.
     """
     most, known, upper = CELLS.get(len(task.weights), CELLS_MORE), answer.q, _amount(task, answer)
+    better: Found | None = None
 
     def search(q: Array) -> Array | None:
+        nonlocal better
         if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
             return None  # the bound is held back by the motion known
-        return near(task, q)
+        found = near(task, q)
+        if found is None:
+            return None
+        better = found if better is None or found.amount < better.amount else better
+        return found.q
 
     try:
         proof = prove(task, upper, gap=gap, most=most, search=search)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)
-    if proof.q is not None:
-        active = ("the tracked contact",) if task.tracked else ("the contact",)
-        answer = Answer(Status.SOLVED, proof.q, STAGE, 0.0, active, task.modelled(()))
+    if proof.q is not None and better is not None:
+        answer = Answer(Status.SOLVED, better.q, STAGE, 0.0, better.active, better.modelled)
     elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:
         answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
     kept = proof.evidence if task.weighted and len(task.weights) <= MOST_CHECKED else None
     return replace(answer, lower_bound=min(bound, _amount(task, answer))), kept
 
 
-def near(task: Task, q: Array) -> Array | None:
+def near(task: Task, q: Array) -> Found | None:
     """Return the least motion that a local search from a motion finds."""
-    found: list[Array] = []
+    found: list[Found] = []
     for nudge in NUDGES:
         at = np.clip(q * (1.0 + nudge), *task.limits.T)
         if not task.tracked:
             at = rays.shortened(task, at)
         if task.meets(at, DEFAULT.requirement):
-            found.append(at)
+            found.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled(())))
             break
     for relaxation in choices(task, q, near=True):
         better = relaxation.smallest([q], "sqpmethod")
         if better is not None and task.meets(better.q, DEFAULT.requirement):
-            found.append(better.q)
-    return min(found, key=task.amount, default=None)
+            found.append(better)
+    return min(found, key=lambda own: own.amount, default=None)

@@ -84,7 +84,15 @@ def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
     if task.tracked or len(task.weights) != 1:
         return None
-    steady = rays.Steady(task) if rays.Steady.suits(task) else None
+    if rays.Steady.suits(task):
+        answer = _one_way(task, rays.Steady(task))
+        if answer is not None:
+            return answer
+    return _one_way(task, None)
+
+
+def _one_way(task: Task, steady: rays.Steady | None) -> Answer | None:
+    """Return the answer by steps of second order, or by plain ones; None where they prove and find nothing."""
     if steady is None and task.need > 0:
         return None
     if steady is None and task.needs.max() > 0:  # the answer without clearances, where it keeps them
@@ -112,7 +120,7 @@ def one_parameter(task: Task) -> Answer | None:
     amount, nearer = min((first.amount, 0), (second.amount, 1))
     clear = [np.inf if way.clear_to >= end else way.clear_to for way, end in zip((first, second), ends, strict=True)]
     if not np.isfinite(amount):  # proved where both ways are clear to their ends
-        if min(clear) < np.inf and (task.keep_out or task.need > 0):
+        if min(clear) < np.inf and (task.keep_out or task.need > 0 or steady is not None):
             return None
         return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
     known = displacement_bound(task) if steady is None else 0.0
