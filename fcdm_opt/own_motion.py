@@ -186,7 +186,12 @@ def _built(function: Any, count: int) -> Any:
     if not isinstance(T, casadi.SX | casadi.DM | np.ndarray) or tuple(T.shape) != (4, 4):
         found = f"{type(T).__name__} {tuple(T.shape)}" if hasattr(T, "shape") else type(T).__name__
         raise InputError("not a 4x4 CasADi matrix", key="OwnMotion.function", found=found, allowed="SX (4, 4)")
-    T = casadi.densify(casadi.SX(T))
+    try:
+        T = casadi.densify(casadi.SX(T))
+    except NotImplementedError as reason:  # an array of texts or complex numbers
+        raise InputError(
+            "not a 4x4 CasADi matrix", key="OwnMotion.function", found=f"an array of {T.dtype}", allowed="SX (4, 4)"
+        ) from reason
     others = {str(x) for x in casadi.symvar(T)} - {str(x) for x in casadi.symvar(q)}
     if others:
         raise InputError(

@@ -11,6 +11,8 @@ import pytest
 from cases import CUBE, DEFAULT_BOX, box_shape, exact, shape, union
 from curve_checks import ODD_BOX, curve_of
 from degenerate import turned
+from oracles import exact_curve
+from strategies import random_rotation
 
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.errors import InputError
@@ -128,6 +130,74 @@ def test_a_touch_in_the_corner_of_the_box_was_not_located() -> None:
     np.testing.assert_array_equal(curve.crossings(1.0), [1.0])
     assert curve.locate((1, 1)) is not None
     assert len(curve.contact_points((1, 1))) == 1
+
+
+# ------------------------------------------------------------------------------------- edges and steps near rounding
+
+SLIM = """
+    -0.486484881002 0.340092093451 -0.462044815911  -0.202653738004 1.218407772932 -0.96686523462
+    -0.202639605042 1.218393906109 -0.966865282406  -0.104003779974 -1.179662785787 0.035154035309
+    -0.103991500411 -1.179651040846 0.035143630311  1.108896151832 -0.02929302475 -0.80848151496
+    1.374999707866 0.122649551576 0.908308435348  1.375002502586 0.122647371621 0.908310763664
+"""
+SLIMMER = """
+    -4.764147381785 0.120553337256 -1.107238073647  -4.764147356872 0.120556168566 -1.107238767268
+    -3.477580395083 2.062225157973 -2.134754256551  -3.477579487651 2.062226728255 -2.134753254939
+    -3.477565222514 2.062213186498 -2.134747395057  -3.269320474084 0.790628301006 -0.356698273129
+    -3.269317435701 0.790638380847 -0.356698930428  -3.163881328363 2.722872103465 -0.775734425269
+    -3.163880532595 2.72287157696 -0.775733804573  -2.414126115683 0.614293232039 -1.811279460602
+    -2.241427368671 1.142021008636 -1.301900152391  -2.241425854629 1.142014635494 -1.301905865667
+    -2.241424795838 1.142014548061 -1.301904252904  -2.055363449716 -1.042450634151 -2.004274089849
+    -2.055361718655 -1.042430863115 -2.004271149103  -2.055361484055 -1.042448305553 -2.004275505876
+"""
+
+
+def test_edges_of_a_millionth_hid_the_direction_that_separates() -> None:
+    """Corners lie about 1e-12 off the faces: which edges meet is beyond what floats can tell."""
+    one = Body.convex(
+        np.array(SLIM.split(), float).reshape(-1, 3), seed=(0.386337710557, -0.052118378224, -0.112392371737)
+    )
+    two = Body.convex(
+        np.array(SLIMMER.split(), float).reshape(-1, 3), seed=(-3.05511967455, 0.915732808489, -1.355983634014)
+    )
+    rho, truth = (2.195285834706, 2.122379543085), exact_curve(one.vertices, one.seed, two.vertices, two.seed)
+    curve = decision_curve(one, two)
+    assert truth.side(rho) == 1
+    assert curve.gap(rho) == pytest.approx(truth.gap(rho), abs=1e-12)
+    assert curve.distance(rho) == pytest.approx(truth.distance(rho), abs=1e-11)
+
+
+def nicked(rng: np.random.Generator) -> np.ndarray:
+    """Corners of a turned box, two of them cut off by tiny triangles, and everything a little off its planes."""
+    points = POINTS * rng.uniform(0.5, 1.5, 3)
+    for corner in rng.choice(8, 2, replace=False):
+        nicks = points[corner] - np.sign(points[corner]) * np.eye(3) * 10.0 ** rng.uniform(-9, -4)
+        points = np.vstack([points, nicks[1:]])
+        points[corner] = nicks[0]
+    points += rng.normal(size=points.shape) * 10.0 ** rng.uniform(-14, -11)
+    return points @ random_rotation(rng).T
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_tiny_edges_and_nearly_coplanar_faces_turned_signs(seed: int) -> None:
+    """Gaps, and signs to within 1e-13 of the curve, of bodies whose edges and folds are of 1e-3 to 1e-15."""
+    rng = np.random.default_rng([seed, 81])
+    one, two = Body.convex(nicked(rng), seed="vertices"), Body.convex(nicked(rng), seed="vertices")
+    way = rng.normal(size=3)
+    two = two.moved(
+        np.block([[np.eye(3), 3.0 * (way / np.linalg.norm(way))[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+    )
+    curve = decision_curve(one, two)
+    truth = exact_curve(one.parts[0].vertices, one.seed, two.parts[0].vertices, two.seed)
+    ends = [float(end) for end in truth.crossings(1) if end < 10]
+    steps = [sign * step for step in (0.0, 1e-13, 1e-12, 1e-9) for sign in (-1, 1)]
+    assert ends
+    slack = 1e-9 * max(one.size, two.size)
+    for rho in (*((1.0, end * (1.0 + step)) for end in ends for step in steps), (1, 0.7), (1, 1.3), (2, 2), (3, 3)):
+        gap, true = curve.gap(rho), truth.gap(rho)
+        assert np.sign(gap) == truth.side(rho)
+        # where they are apart, a direction beside a facet may be wider
+        assert gap == pytest.approx(true, abs=slack) or 0 < true < gap <= truth.distance(rho) + slack
 
 
 # --------------------------------------------------------------------------------------------------------- many sides

@@ -463,6 +463,15 @@ def test_a_gap_that_is_stationary_at_rest_is_closed(pair, goal, motion, model):
         assert consistent(solve(problem_, certify=True)).gap <= GAP
 
 
+@pytest.mark.parametrize("motion", [RX >> RY >> RZ, Free()], ids=["three turns", "free"])
+@pytest.mark.parametrize("goal", ["touch", "clear"])
+def test_where_no_turn_gains_anything_at_rest_the_descent_went_far_astray(goal, motion):
+    """The tooth was turned by 1.04 radians, or by .69 about y, where .45 about z will do."""
+    limits = locked(*(name for name, kind in motion.parameters if kind == "translation"))
+    solution = consistent(solve(problem(*tooth(), motion=motion, goal=goal, length=1.0, limits=limits)))
+    assert solution.amount <= TURN_9 * (1 + 1e-9)
+
+
 # --------------------------------------------------------------------- optimisers: dependent gradients, almost feasible
 
 

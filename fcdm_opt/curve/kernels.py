@@ -32,9 +32,11 @@ UNIT = 2.0**-53
 # are computed), dot product 3.
 TRIPLE = 64.0 * UNIT  # triple products of vertices and d: 1 + 1 + 12 + 2.8 + 11.2 + 3 = 31 at most, doubled
 SPOKE = 72.0 * UNIT  # face normals times ways between vertices: 2 (11.2 + 3 + 1) + 2 = 32.4 and twice the face's own
+ROUNDED = 8.0 * UNIT  # products of two vertices with a unit direction, 3 roundings each, differ by more or may be equal
 FINE = 1e-12  # no line has a direction known less well (`planarity`): edges are crossed in twice the precision
 SLIGHT = 1e-2  # lines shorter than this, relative to the sizes, and corners of shorter edges lose digits
 TRIALS = 100  # steps of the search for a direction that separates at every scale
+SAME = 1e-13  # rows of directions that differ by less are as good as each other: lines are right to this
 LOST = 2.0**-40  # an offset that cancels to less than this is known to too few digits
 # Places in a frame, see `_set_frame`.
 R, D, COFACTORS, D_OWN = 0, 9, 12, 21
@@ -347,6 +349,36 @@ def _climbed(reals, ints, vertex, n):
 
 
 @step
+def _foremost(reals, ints, vertex, n, bound):
+    """Return the vertex extreme along n to rounding, and whether it is so by more than `bound` for certain.
+
+    Climbs from a vertex. Where no neighbour is further on by more than rounding a vertex across a tiny edge still may
+    lead to one that is, and so may one where the half-edges are not those of the exact hull: all are looked at.
+    """
+    vertex, margin = _climbed(reals, ints, vertex, n)
+    if margin > bound and reals[ints[0] + ints[1], 1] > 0.0:
+        return vertex, True
+    return _surpassing(reals, ints, vertex, n), False
+
+
+@kernel
+def _surpassing(reals, ints, vertex, n):
+    """Return the vertex most extreme along n, or the given one where none surpasses it by more than rounding."""
+    height = _dot(n, _at(reals, vertex)) + ROUNDED * reals[ints[0] + ints[1], 0]
+    for k in range(ints[0]):
+        other = _dot(n, _at(reals, k))
+        if other > height:
+            vertex, height = k, other
+    return vertex
+
+
+@step
+def _extreme(reals, ints, n, bound):
+    """Return what `_foremost` does, from a vertex near by."""
+    return _foremost(reals, ints, ints[ints[6] + _cell(ints, n)], n, bound)
+
+
+@step
 def _all_around(reals, ints, face, sign, ray, bound):
     """Tell whether a ray surely passes through the cone of a face about the seed (sign -1: its opposite does)."""
     first = h = ints[np.uintp(ints[5] + face)]
@@ -463,7 +495,7 @@ def _edge_row(reals1, ints1, reals2, ints2, frame, h1, h2):
     n = _cross(e, g)
     length, long, wide = _length(n), _length(e), _length(g)
     lost = 8.0 * UNIT * (long * wide + frame[RADIUS_1] * wide + frame[RADIUS_2] * long)
-    if not lost < FINE * length:
+    if not lost < SAME * length:
         n = _fine_cross(reals1, ints1, reals2, ints2, frame, a, b, u, v)
         length = _length(n)
     scale = 1.0 / length
@@ -937,12 +969,12 @@ def _excluded(reals1, ints1, reals2, ints2, frame, n):
     d = _entry(frame, D)
     length = _length(d)
     for _ in range(TRIALS):
-        unit = 1.0 / _length(n)
+        n = _times(1.0 / _length(n), n)
         inward = _turned_back(frame, R, n)
-        i, _ = _summit(reals1, ints1, inward)
-        j, _ = _summit(reals2, ints2, _times(-1.0, n))
+        i, _ = _extreme(reals1, ints1, inward, frame[RADIUS_1] * SPOKE)
+        j, _ = _extreme(reals2, ints2, _times(-1.0, n), frame[RADIUS_2] * SPOKE)
         x, y = _at(reals1, i), _at(reals2, j)
-        first, second, third = _dot(inward, x) * unit, -_dot(n, y) * unit, -_dot(n, d) * unit
+        first, second, third = _dot(inward, x), -_dot(n, y), -_dot(n, d)
         if first < -frame[RADIUS_1] * SPOKE and second < -frame[RADIUS_2] * SPOKE and third < -length * SPOKE:
             return True
         first, second, third = first / _length(x), second / _length(y), third / length
@@ -1233,52 +1265,132 @@ def piece_table(rows, points, chains):
 def facet_rows(reals1, ints1, reals2, ints2, pose):
     """Return sites and rows of all facet directions of the Minkowski difference.
 
-    a and b are the parts' supports, so that every row is a constraint that holds. Arcs of the Gauss maps that may or
-    may not meet are left out: they would meet in the direction of a face, or beside one that is listed.
+    a and b are the parts' supports, so that every row is a constraint that holds. Each edge's arc of the Gauss map is
+    followed through the cells of the other part's vertices. Where a sign on its way is within its error bound, all
+    pairs of the edge are listed whose arcs may meet, but for those that meet in the direction of a face (`SAME`).
     """
     frame = np.empty(FRAME)
     _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
     n1, f1, n2, f2 = ints1[0], ints1[1], ints2[0], ints2[1]
     capacity = f1 + f2 + 2 * (ints1[2] + ints2[2])
     sites, rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
+    sure, unsure = np.empty(f1, np.bool_), np.empty(ints1[2], np.int64)
     count = f1 + f2
     for i in range(f1):
-        apex, _ = _summit(reals2, ints2, _times(-1.0, _turned(frame, COFACTORS, _at(reals1, n1 + i))))
-        _list(sites, rows, i, F1V2, i, apex, _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, apex))
+        n = _turned(frame, COFACTORS, _at(reals1, n1 + i))
+        bound = frame[RADIUS_2] * (2.0 * reals1[n1 + i, 3] + SPOKE)
+        apex, sure[i] = _extreme(reals2, ints2, _times(-1.0, n), bound)
+        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, apex)
+        if not reals1[n1 + i, 3] < SAME:  # bent: not all corners are extreme
+            one = _height(reals1, ints1, _turned_back(frame, R, n))
+        _list(sites, rows, i, F1V2, i, apex, (n, one, two, level))
     for j in range(f2):
-        apex, _ = _summit(reals1, ints1, _turned_back(frame, R, _times(-1.0, _at(reals2, n2 + j))))
-        _list(sites, rows, f1 + j, V1F2, apex, j, _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, apex))
+        n = _turned_back(frame, R, _times(-1.0, _at(reals2, n2 + j)))
+        apex, _ = _extreme(reals1, ints1, n, frame[RADIUS_1] * SPOKE)
+        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, apex)
+        if not reals2[n2 + j, 3] < SAME:
+            two = _height(reals2, ints2, _times(-1.0, n))
+        _list(sites, rows, f1 + j, V1F2, apex, j, (n, one, two, level))
+    exact, doubtful = reals1[n1 + f1, 1] > 0.0 and reals2[n2 + f2, 1] > 0.0, 0
     for edge in range(ints1[2]):
-        # follow the arc of the edge, from the normal of the face on its left to that on its right, through the cells
-        # of the other part's vertices
-        h = 2 * edge
+        # from the normal of the face on the edge's left to that on its right
+        h, first = 2 * edge, count
         left, right = _side(ints1, h)[2], _side(ints1, h + 1)[2]
-        vertex, skip = sites[left, 2], -1
+        vertex, skip, state = sites[left, 2], -1, 0
         n = _turned(frame, COFACTORS, _at(reals1, n1 + left))
         target = _turned(frame, COFACTORS, _at(reals1, n1 + right))
-        for _ in range(ints2[2]):
-            _, g = _beyond(reals2, ints2, vertex, n, target, skip, frame[RADIUS_2] * SPOKE)
-            if g < 0:
+        bound = frame[RADIUS_2] * (2.0 * reals1[n1 + right, 3] + SPOKE)
+        while exact and sure[left]:
+            state, g = _beyond(reals2, ints2, vertex, n, target, skip, bound)
+            if g < 0 or not _cross_surely(reals1, ints1, reals2, ints2, frame, h, g, SPOKE):
                 break
-            if _cross_surely(reals1, ints1, reals2, ints2, frame, h, g, SPOKE):
-                if count == capacity:
-                    capacity *= 2
-                    more_sites, more_rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
-                    for k in range(count):
-                        for entry in range(6):
-                            more_rows[k, entry] = rows[k, entry]
-                        for entry in range(3):
-                            more_sites[k, entry] = sites[k, entry]
-                    sites, rows = more_sites, more_rows
-                n, _, _, level = _edge_row(reals1, ints1, reals2, ints2, frame, h, g)
-                inward = _turned_back(frame, R, n)
-                first, _ = _climbed(reals1, ints1, _side(ints1, h)[0], inward)
-                second, _ = _climbed(reals2, ints2, vertex, _times(-1.0, n))
-                one, two = _dot(inward, _at(reals1, first)), -_dot(n, _at(reals2, second))
-                _list(sites, rows, count, E1E2, edge, g >> 1, (n, one, two, level))
-                count += 1
+            if count == len(sites):
+                sites, rows = _more_ints(sites, count), _more_rows(rows, count)
+            n, _, _, level = _edge_row(reals1, ints1, reals2, ints2, frame, h, g)
+            inward = _turned_back(frame, R, n)
+            a, _ = _climbed(reals1, ints1, _side(ints1, h)[0], inward)
+            b, _ = _climbed(reals2, ints2, vertex, _times(-1.0, n))
+            row = n, _dot(inward, _at(reals1, a)), -_dot(n, _at(reals2, b)), level
+            _list(sites, rows, count, E1E2, edge, g >> 1, row)
+            count += 1
             vertex, skip = _side(ints2, g)[1], g >> 1
+        if state != 1:
+            count, unsure[doubtful] = first, edge
+            doubtful += 1
+    if doubtful > 0:
+        return _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, unsure[:doubtful])
     return sites[:count], rows[:count]
+
+
+@kernel
+def _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, edges):
+    """Return sites and rows, and of some edges of part 1 all with edges of part 2 whose arcs may cross theirs."""
+    f1, f2, r1, r2 = ints1[0], ints2[0], frame[RADIUS_1], frame[RADIUS_2]
+    for edge in edges:
+        h = 2 * edge
+        a, b, left, _ = _side(ints1, h)
+        right = _side(ints1, h + 1)[2]
+        along = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a)))
+        before, after = _at(reals1, f1 + left), _at(reals1, f1 + right)
+        slack, slack2 = r2 * (2.0 * reals1[f1 + left, 3] + SPOKE), r2 * (2.0 * reals1[f1 + right, 3] + SPOKE)
+        for other in range(ints2[2]):
+            u, v, over, _ = _side(ints2, 2 * other)
+            way = _minus(_at(reals2, v), _at(reals2, u))
+            across = _turned_back(frame, COFACTORS, way)
+            # where each arc's ends lie beside the other's plane, and how far that may be wrong
+            p, q = _dot(across, before), _dot(across, after)
+            if (p > slack and q > slack2) or (p < -slack and q < -slack2):
+                continue
+            under = _side(ints2, 2 * other + 1)[2]
+            bound, bound2 = r1 * (2.0 * reals2[f2 + over, 3] + SPOKE), r1 * (2.0 * reals2[f2 + under, 3] + SPOKE)
+            s, t = _dot(along, _at(reals2, f2 + over)), _dot(along, _at(reals2, f2 + under))
+            if (s > bound and t > bound2) or (s < -bound and t < -bound2):
+                continue
+            # a product over the length of this one is the sine of the angle from the face's direction to theirs
+            near = SAME * _length(_cross(along, way))
+            one = near / _length(along)
+            two = near / _length(way)
+            if not near > 0.0 or (
+                np.abs(p) + slack <= one or np.abs(q) + slack2 <= one
+                or np.abs(s) + bound <= two or np.abs(t) + bound2 <= two
+            ):  # fmt: skip
+                continue
+            for turn in range(2):
+                sign = 1.0 - 2.0 * turn
+                if sign * p < -slack or sign * q > slack2 or sign * s < -bound or sign * t > bound2:
+                    continue
+                listed, row = _supporting_row(reals1, ints1, reals2, ints2, frame, h, 2 * other + turn)
+                if listed:
+                    if count == len(sites):
+                        sites, rows = _more_ints(sites, count), _more_rows(rows, count)
+                    _list(sites, rows, count, E1E2, edge, other, row)
+                    count += 1
+    return sites[:count], rows[:count]
+
+
+@kernel
+def _supporting_row(reals1, ints1, reals2, ints2, frame, h1, h2):
+    """Return (whether both are extreme along their common normal, row) of two edges: whether their arcs cross."""
+    n, _, _, level = _edge_row(reals1, ints1, reals2, ints2, frame, h1, h2)
+    inward, back = _turned_back(frame, R, n), _times(-1.0, n)
+    one, two = _dot(inward, _at(reals1, _side(ints1, h1)[0])), _dot(back, _at(reals2, _side(ints2, h2)[0]))
+    most1, most2 = one + FINE * frame[RADIUS_1], two + FINE * frame[RADIUS_2]
+    for side in range(2):  # the faces' next corners settle most
+        following1, following2 = _side(ints1, h1 ^ side)[3], _side(ints2, h2 ^ side)[3]
+        corner1, corner2 = _at(reals1, _side(ints1, following1)[1]), _at(reals2, _side(ints2, following2)[1])
+        if not (_dot(inward, corner1) <= most1 and _dot(back, corner2) <= most2):
+            return False, (n, one, two, level)
+    one, two = _height(reals1, ints1, inward), _height(reals2, ints2, back)
+    return one <= most1 and two <= most2, (n, one, two, level)
+
+
+@step
+def _height(reals, ints, n):
+    """Return the largest product of n with a vertex."""
+    height = -_INF
+    for k in range(ints[0]):
+        height = max(height, _dot(n, _at(reals, k)))
+    return height
 
 
 @step
@@ -1306,8 +1418,8 @@ def separation(reals1, ints1, reals2, ints2, pose, rho, n):
     """Return the separation c - a rho_1 - b rho_2 along one unit direction from body 1 to body 2."""
     direction = n[0], n[1], n[2]
     inward = _turned_back(pose, 0, direction)
-    first, _ = _summit(reals1, ints1, inward)
-    second, _ = _summit(reals2, ints2, _times(-1.0, direction))
+    first, _ = _extreme(reals1, ints1, inward, reals1[ints1[0] + ints1[1], 0] * SPOKE)
+    second, _ = _extreme(reals2, ints2, _times(-1.0, direction), reals2[ints2[0] + ints2[1], 0] * SPOKE)
     level = _dot(direction, _entry(pose, 9))
     return level - _dot(inward, _at(reals1, first)) * rho[0] + _dot(direction, _at(reals2, second)) * rho[1]
 

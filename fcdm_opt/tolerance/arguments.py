@@ -27,8 +27,8 @@ def real(value: Any, key: str, allowed: str, passes: Any = lambda x: True) -> fl
 
 
 def positive(value: Any, key: str) -> float:
-    """Return a number > 0."""
-    return real(value, key, "a finite number > 0", lambda x: x > 0)
+    """Return a number > 0, whose reciprocal is no larger than `LARGEST` either."""
+    return real(value, key, "a finite number > 0", lambda x: x >= 1.0 / LARGEST)
 
 
 def length(value: Any, key: str) -> float:

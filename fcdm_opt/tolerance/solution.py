@@ -117,7 +117,8 @@ class Solution:
         What `certify` proved, to be checked apart.
     certificate : Certificate or None
     seconds : dict
-        Wall time of "build", "solve", "prove", "verify".
+        Wall time of "build" (compiling templates), "solve", "prove" (and confirming, where only that is asked) and
+        "verify".
     """
 
     problem: Problem

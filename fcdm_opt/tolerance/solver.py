@@ -64,24 +64,21 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
         return _least_of([problem.changed(features=pair) for pair in pairs], model, certify, throw)
     start = perf_counter()
     task = Task.of(problem)
-    built = perf_counter()
     answer, evidence = _answered(task, model), None
-    proving = perf_counter()
+    found, building = perf_counter(), task.building
     if certify:
         answer, evidence = certified(task, answer)
     elif model == "auto":
         answer = confirmed(task, answer)
-    proved = perf_counter()
     answer = in_steps(task, answer, lambda other: _answered(other, model))
     solution = replace(_report(problem, task, answer), evidence=evidence)
-    solved = perf_counter()
+    proved, more = perf_counter(), task.building - building
     certificate = verify(solution)
-    building = task.seconds.get("build", 0.0)
     seconds = {
-        "build": built - start + building,
-        "solve": solved - built - building - (proved - proving),
-        "prove": proved - proving,
-        "verify": perf_counter() - solved,
+        "build": building + more,
+        "solve": found - start - building,
+        "prove": proved - found - more,
+        "verify": perf_counter() - proved,
     }
     solution = solution.with_certificate(certificate, seconds)
     if throw and not solution.usable:
@@ -111,8 +108,8 @@ def _answered(task: Task, model: str) -> Answer:
     """Return the answer of the first stage that settles the task, or of the one that is forced."""
     if not task.weighted and model != "full":  # the other stages make the weighted amount least
         nearest = nearest_weighted(task)
-        answer = _answered(nearest, model)
-        return another_amount(task, confirmed(nearest, answer) if model == "auto" else answer)
+        weighted = _answered(nearest, model)
+        return another_amount(task, confirmed(nearest, weighted) if model == "auto" else weighted)
     last: Answer | None = None
     for name, stage in STAGES.items():
         if model != name and (model != "auto" or name == "full"):

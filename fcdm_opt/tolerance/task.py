@@ -190,6 +190,11 @@ class Task:
             problem.resolution,
         )
 
+    @property
+    def building(self) -> float:
+        """Time spent on compiling templates so far, seconds."""
+        return self.seconds.get("build", 0.0)
+
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
         """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
 

@@ -123,6 +123,8 @@ def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)
+    if task.weighted and bound > np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)):
+        bound = np.inf  # the limits allow no motion as large
     if proof.q is not None and better is not None:
         answer = Answer(Status.SOLVED, better.q, STAGE, 0.0, better.active, better.modelled)
     elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:

@@ -26,6 +26,7 @@ REACH, WIDE = 3.0, (50.0, 15.0, 5.0)  # starts away from rest, in typical amount
 PROBES, FRACTIONS = 5, (0.98, 0.7, 0.4)  # improvements by probing, at most, and where
 CHOICES, MOST_APART = 12, 24  # ways apart of a pair that are tried, and pairs kept apart
 MOST_JOINT = 100  # starts that share rows
+ASTRAY = 2.0  # factor by which a motion may differ from what rows promised before rays are searched
 EAGER = 0.7  # ways whose promise times this is no better than what is known are not tried
 ON_THE_WAY = "the nearest contact on the way"
 STAGE = "4: descent over contact rows"
@@ -290,6 +291,9 @@ class Descent:
                     if best is not None and promise * EAGER >= best.amount:
                         break
                     best = self.settle(first, self._below(best), chosen) or best
+            promise = next((promise for promise, _ in self._combined(low)), 0.0)
+            if best is not None and not best.amount / ASTRAY <= promise <= best.amount * ASTRAY:
+                best = self._from_rays(best) or best
         else:
             rate = search_rate(task) * task.unit
             for parts in order[:CHOICES]:
@@ -304,22 +308,24 @@ class Descent:
             best = better
         return best
 
-    def _from_rays(self) -> Settled | None:
-        """Return the least motion found from the first contacts along the parameters."""
-        task = self.task
-        best: Settled | None = None
+    def _from_rays(self, known: Settled | None = None) -> Settled | None:
+        """Return the least motion found from the first contacts along the parameters, if it is less than one known."""
+        task, best = self.task, known
+        overlaps = task.misses(task.rest)[0] < 0
         for direction in rays.directions(task, ()):
-            contact = rays.first_contact(task, direction, rays.reach(task, direction))
+            limit = min(rays.reach(task, direction), self._below(best) * task.unit)
+            contact = rays.first_contact(task, direction, limit)
             if np.isfinite(contact.amount):
                 gaps = task.pair_gaps(contact.amount * direction)
                 one, two = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
                 pair, start = (int(one), int(two)), contact.amount * direction / self.scale
                 amount = float(np.linalg.norm(start))
-                found = self.settle(start[None], self._below(best), (), pair)
+                chosen = [way for _, way, _ in self.ways(start, pair)[:1]] if overlaps else []
+                found = self.settle(start[None], self._below(best), chosen, None if chosen else pair)
                 if found is None and amount < self._below(best):
                     found = Settled(start, amount, (ON_THE_WAY,), 0, [], {pair})
                 best = found or best
-        return best
+        return None if best is known else best
 
     def _beside(self, best: Settled) -> Settled | None:
         """Return a smaller motion than one known, along other sites that keep its pairs apart there."""

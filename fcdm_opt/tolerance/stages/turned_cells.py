@@ -817,7 +817,8 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
     which a pair may come apart at an amount below the best. `best` is that amount with angles and translations.
     """
     axes, vector, weights = kind
-    metric, inverse, bent, spectral, more, pad, reach, plain, width = (*space, *numbers)
+    metric, inverse = space
+    bent, spectral, more, pad, reach, plain, width = numbers
     most = 0
     for k in range(len(one[4]) - 1):
         most = max(most, one[4][k + 1, 0] - one[4][k, 0])
