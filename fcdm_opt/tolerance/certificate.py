@@ -42,8 +42,8 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool 
         Limits of the checks.
     proof : bool
         Check the evidence of the lower bound too, cell by cell, where there is some (see `proof.checker`): that no
-        motion does whose amount is smaller than the bound, or than 1e-4 below the amount where a closed form gives
-        more than the evidence shows.
+        motion does whose amount is smaller than the bound; where a closed form gives more than the evidence shows,
+        than 1e-4 below the amount, or what the evidence says to show.
 
     Returns
     -------
@@ -72,10 +72,13 @@ def _of_proof(solution: Solution) -> tuple[Check, ...]:
         return ()
     from fcdm_opt.tolerance.proof.checker import check_evidence
 
-    shown = solution.lower_bound
-    if np.isfinite(solution.amount):
-        shown = min(shown, (1.0 - CERTIFIED) * solution.amount)
-    return check_evidence(solution.problem, solution.evidence, shown)
+    shown, closed = solution.lower_bound, (1.0 - CERTIFIED) * solution.amount
+    try:
+        if np.isfinite(solution.amount):
+            shown = min(shown, closed, solution.evidence.bound)
+        return check_evidence(solution.problem, solution.evidence, shown)
+    except (AttributeError, IndexError, TypeError, ValueError) as reason:  # arrays that are none, or of other kinds
+        return (Check("proof well-formed", False, 1.0, 0.0, f"{type(reason).__name__}: {reason}"),)
 
 
 def _well_formed(solution: Solution) -> Check:

@@ -95,6 +95,12 @@ class Evidence:
     column_boxes: Array
     fronts: Array
 
+    @property
+    def bound(self) -> float:
+        """Amount below which no motion is left, by the fronts; infinite where all columns are closed."""
+        least = np.maximum(np.maximum(self.column_boxes[:, 0], -self.column_boxes[:, 1]), 0.0)
+        return float((self.fronts * np.sqrt(1.0 + (least * least).sum(axis=1))).min(initial=np.inf))
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data: every array packed as text, see `from_dict`."""
         return {item.name: _packed(getattr(self, item.name)) for item in fields(self)}

@@ -8,7 +8,8 @@ s_2. A test that fails says nothing: the cell is to be split.
 A *feature* is a row: kind, sign, then three vectors and the part pair: the unit normal of the face in its own body's
 axes, or the direction of edge 1; the direction of edge 2; a point of element 1; a point of element 2.
 
-This file is compiled apart from `curve.kernels`, of which it uses the decorators alone.
+Compiled apart from `curve.kernels`, of which it uses the decorators alone. `stages.along` is compiled with some of what
+is here: save that file too after a change, as caches of compiled code do not follow imports.
 """
 
 from __future__ import annotations
@@ -462,6 +463,24 @@ def apart(T, site, one, two, margin, n, height):
 
 
 @kernel
+def clipped(p, u, normals, levels, slack):
+    """Return from where to where p + [0, 1] u is inside a polyhedron, within a slack; where nowhere, the end first."""
+    low, high = 0.0, 1.0
+    for i in range(len(normals)):
+        rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
+        room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2] + slack
+        if rate > 0.0:
+            high = min(high, room / rate)
+        elif rate < 0.0:
+            low = max(low, room / rate)
+        elif room < 0.0:
+            high = -1.0
+        if high < low:
+            break
+    return low, high
+
+
+@kernel
 def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness):
     """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other.
 
@@ -476,22 +495,11 @@ def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, mar
         points, edges = (one, edges1) if body == 0 else (two, edges2)
         normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
         for e in range(len(edges)):
-            _placed(R, d, body, points[edges[e, 0]], p)
-            _placed(R, d, body, points[edges[e, 1]], u)
+            placed(R, d, body, points[edges[e, 0]], p)
+            placed(R, d, body, points[edges[e, 1]], u)
             for j in range(3):
                 u[j] -= p[j]
-            low, high = 0.0, 1.0
-            for i in range(len(normals)):
-                rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
-                room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2]
-                if rate > 0.0:
-                    high = min(high, room / rate)
-                elif rate < 0.0:
-                    low = max(low, room / rate)
-                elif room < 0.0:
-                    high = -1.0
-                if high <= low:
-                    break
+            low, high = clipped(p, u, normals, levels, 0.0)
             if high <= low:
                 continue
             for end in range(3):  # the ends of what is inside, and its middle
@@ -573,19 +581,10 @@ def _holds(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, ma
         points, edges = (one, edges1) if body == 0 else (two, edges2)
         normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
         for e in range(len(edges)):
-            _placed(R, d, body, points[edges[e, 0]], p)
-            _placed(R, d, body, points[edges[e, 1]], u)
+            placed(R, d, body, points[edges[e, 0]], p)
+            placed(R, d, body, points[edges[e, 1]], u)
             u -= p
-            low, high = 0.0, 1.0
-            for i in range(len(normals)):
-                rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
-                room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2] + margin
-                if rate > 0.0:
-                    high = min(high, room / rate)
-                elif rate < 0.0:
-                    low = max(low, room / rate)
-                elif room < 0.0:
-                    high = -1.0
+            low, high = clipped(p, u, normals, levels, margin)
             if high < low:
                 continue
             count += 1
@@ -626,7 +625,7 @@ def _inside(point, normals, levels, slack):
 
 
 @kernel
-def _placed(R, d, body, x, out):
+def placed(R, d, body, x, out):
     """Set `out` to a point in the axes of the other body: of body 1 in world axes about s_2, of body 2 as R'(y + d)."""
     if body == 0:
         for j in range(3):
@@ -733,7 +732,7 @@ def nearest_points(R, d, one, normals1, levels1, edges1, two, normals2, levels2,
         points = one if body == 0 else two
         normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
         for v in range(len(points)):
-            _placed(R, d, body, points[v], p)
+            placed(R, d, body, points[v], p)
             for i in range(len(normals)):
                 height = normals[i, 0] * p[0] + normals[i, 1] * p[1] + normals[i, 2] * p[2] - levels[i]
                 if height < 0.0 or height >= best:
@@ -747,8 +746,8 @@ def nearest_points(R, d, one, normals1, levels1, edges1, two, normals2, levels2,
                     else:
                         x[:], y[:] = a, points[v]
     for e in range(len(edges1)):
-        _placed(R, d, 0, one[edges1[e, 0]], p)
-        _placed(R, d, 0, one[edges1[e, 1]], u)
+        placed(R, d, 0, one[edges1[e, 0]], p)
+        placed(R, d, 0, one[edges1[e, 1]], u)
         u -= p
         for f in range(len(edges2)):
             q[:] = two[edges2[f, 0]]

@@ -34,7 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
 
-HALVINGS = 12  # times that a cell is halved at most
+HALVINGS = 24  # times that a cell is halved at most: one in ten million of its width short of a corner is to be shown
 PIECES = 100_000  # pieces of cells looked at after one halving, at most: what is left counts as not shown
 BATCH = 4096  # pieces of cells looked at together
 FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats gave
@@ -274,7 +274,9 @@ class _Examiner:
         """The parts of the static body, then those of the keep-outs."""
         problem = self.problem
         seed, clear = problem.static.seed, "clear" in (problem.goal, problem.pair)
-        need = problem.clearance if clear else 0.0 if self.must_touch else -np.inf
+        # a contact that ends at the target pair is none where parts overlap at it
+        apart = self.must_touch or problem.goal in ("at", "seat")
+        need = problem.clearance if clear else 0.0 if apart else -np.inf
         placed = [(part, self.target[1], need) for part in problem.static.parts]
         placed += [(part, scale, own.clearance) for own in problem.keep_out for part, scale in own.obstacles]
         return [

@@ -26,7 +26,7 @@ Bools = NDArray[np.bool_]
 
 REACHES = (4.0, 1.0, 0.25, 0.0625)  # stretches tried at once, in the stride that a column goes by
 BATCH = 256  # columns advanced at once, at most
-FARTHEST = 10.0  # sizes: amount up to which motions are looked at where none is known to do
+FARTHEST = 10.0  # sizes: see `farthest`
 ACROSS = 2.0  # a column this much wider than its last stretch is split
 FIRST = {1: 1, 2: 4, 3: 2}  # parts of each range of directions to begin with; 1 for more parameters
 STALLED = 1e-8  # stretch, relative to the front: shorter ones are not tried
@@ -138,6 +138,12 @@ class Proof:
     evidence: Evidence
 
 
+def farthest(task: Task) -> float:
+    """Return the amount up to which motions are looked at where none is known to do, whatever their weights."""
+    usual = task.motion.weights(task.size / 2.0)
+    return FARTHEST * task.size * max(1.0, float((task.weights / usual).max()))
+
+
 def prove(
     task: Task, upper: float, *, gap: float, most: int, search: Callable[[Array], Array | None] | None = None
 ) -> Proof:
@@ -161,7 +167,7 @@ def prove(
     while looked < most:
         enough = search_.enough(gap)
         bounds = np.where(columns.stalled, np.inf, columns.bounds)
-        waiting = np.flatnonzero(bounds < (enough if task.weighted else FARTHEST * task.size))
+        waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
         if not len(waiting):
             break
         rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
@@ -184,7 +190,7 @@ class _Search:
 
     def enough(self, gap: float) -> float:
         """Return the bound that will do."""
-        return (1.0 - gap) * self.upper if np.isfinite(self.upper) else FARTHEST * self.task.size
+        return (1.0 - gap) * self.upper if np.isfinite(self.upper) else farthest(self.task)
 
     def beside(self, columns: Columns) -> None:
         """Search from where the least column stands, if it hardly moves any more."""

@@ -318,9 +318,15 @@ class Scene:
             codes[(codes == Reason.OPEN) & (self.amounts(cells, T) >= enough)] = Reason.COSTLY
         if self.task.tracked:
             self._tracked(T, codes, witness[:, 0])
-        if np.isfinite(self.task.needs).any():
+        if np.isfinite(self.needs).any():
             self._pairs(T, codes, witness)
         return codes, witness
+
+    @cached_property
+    def needs(self) -> Array:
+        """Least gap of each opponent: none may overlap where a tracked contact is to end at the target pair."""
+        ends_there = self.task.goal in ("at", "seat")
+        return np.maximum(self.task.needs, 0.0) if ends_there else np.asarray(self.task.needs)
 
     @property
     def rows(self) -> int:
@@ -376,7 +382,7 @@ class Scene:
                 all_apart &= flags
             codes[all_apart], witness[all_apart] = Reason.APART, sites[all_apart]
         for i, j in product(range(len(self.movable)), range(len(self.opponents))):
-            if np.isfinite(task.needs[j]):
+            if np.isfinite(self.needs[j]):
                 flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
                 solids = self.movable[i].arrays, self.opponents[j].arrays
                 tests.meet_cells(T, codes, *solids[0], *solids[1], self.margin, flags, rows)

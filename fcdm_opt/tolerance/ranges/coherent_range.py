@@ -15,6 +15,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relativ
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.tolerance.arguments import LARGEST
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.ranges.expansions import Ray
 from fcdm_opt.tolerance.ranges.followed import Followed, followed
@@ -245,7 +246,8 @@ def checked_direction(problem: Problem, direction: Any) -> Array:
         values = np.atleast_1d(np.asarray(direction, dtype=np.float64))
     except (TypeError, ValueError) as reason:
         raise InputError("not a direction", key="direction", found=direction, allowed=allowed) from reason
-    if values.shape != (len(names),) or not np.isfinite(values).all() or not values.any():
+    largest = float(np.abs(values).max(initial=0.0))
+    if values.shape != (len(names),) or not 1.0 / LARGEST <= largest <= LARGEST:
         raise InputError("not a direction", key="direction", found=direction, allowed=allowed)
     return frozen(values)
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2, F1V2, kernel
-from fcdm_opt.tolerance.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, nearest_points
+from fcdm_opt.tolerance.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, nearest_points, placed
 
 HALVINGS = 40  # of the time for which two points stay near
 EAGER = 60  # steps at first that may be finest: near a contact they shrink fast, and prove more
@@ -129,29 +129,11 @@ def _overlapping(way, sense, R, m, d, one, normals1, levels1, edges1, two, norma
         for v in range(len(points)):
             best = _held(way, sense, R, m, d, body, points[v], normals, levels, best)
         for e in range(len(edges)):
-            for end in range(2):
-                x = points[edges[e, end]]
-                for j in range(3):
-                    if body == 0:
-                        u[j] = R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2] - d[j]
-                    else:
-                        u[j] = R[j] * (x[0] + d[0]) + R[3 + j] * (x[1] + d[1]) + R[6 + j] * (x[2] + d[2])
-                if end == 0:
-                    p[:] = u
+            placed(R, d, body, points[edges[e, 0]], p)
+            placed(R, d, body, points[edges[e, 1]], u)
             for j in range(3):
                 u[j] -= p[j]
-            low, high = 0.0, 1.0
-            for i in range(len(normals)):
-                rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
-                room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2]
-                if rate > 0.0:
-                    high = min(high, room / rate)
-                elif rate < 0.0:
-                    low = max(low, room / rate)
-                elif room < 0.0:
-                    high = -1.0
-                if high <= low:
-                    break
+            low, high = clipped(p, u, normals, levels, 0.0)
             if high > low:
                 middle = 0.5 * (low + high)
                 for j in range(3):

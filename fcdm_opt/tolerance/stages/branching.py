@@ -8,7 +8,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.evidence import Evidence
-from fcdm_opt.tolerance.proof.columns import FARTHEST, prove
+from fcdm_opt.tolerance.proof.columns import farthest, prove
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.stages import rays
 from fcdm_opt.tolerance.stages.descent import STAGE as DESCENT
@@ -38,7 +38,7 @@ def branch_and_bound(task: Task) -> Answer | None:
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
         return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled(()))
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), gap=FINE_GAP)[0]
-    if answer.q is not None or answer.lower_bound < FARTHEST * task.size:
+    if answer.q is not None or answer.lower_bound < farthest(task):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
     left = beyond is not None and beyond.q is not None
