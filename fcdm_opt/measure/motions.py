@@ -27,7 +27,7 @@ from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import _report
+from fcdm_opt.tolerance.solver import reported
 from fcdm_opt.tolerance.stages.full import modelled_in_full
 from fcdm_opt.tolerance.stages.seat import independent, tilts
 from fcdm_opt.tolerance.task import Answer, Task
@@ -572,7 +572,7 @@ def judged(problem: Problem, q: Any) -> Solution:
     """
     parameters = np.asarray(q, dtype=np.float64)
     status = Status.SOLVED if parameters.any() else Status.ALREADY_SATISFIED
-    solution = _report(problem, Task.of(problem), Answer(status, parameters, "a rival's motion"))
+    solution = reported(problem, Task.of(problem), Answer(status, parameters, "a rival's motion"))
     return solution.with_certificate(verify(solution), {})
 
 

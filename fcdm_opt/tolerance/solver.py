@@ -71,7 +71,7 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     elif model == "auto":
         answer = confirmed(task, answer)
     answer = in_steps(task, answer, lambda other: _answered(other, model))
-    solution = replace(_report(problem, task, answer), evidence=evidence)
+    solution = replace(reported(problem, task, answer), evidence=evidence)
     proved, more = perf_counter(), task.building - building
     certificate = verify(solution)
     seconds = {
@@ -127,7 +127,7 @@ def _answered(task: Task, model: str) -> Answer:
     )
 
 
-def _report(problem: Problem, task: Task, answer: Answer) -> Solution:
+def reported(problem: Problem, task: Task, answer: Answer) -> Solution:
     """Return the answer as a solution: parameters by name, tracked pair, features, state of the target pair."""
     q = task.rest if answer.q is None else answer.q
     gap, slack = task.gap(q), problem.contact_slack
