@@ -306,3 +306,10 @@ def test_a_motion_of_ones_own_is_certified_like_the_same_of_ours(offset):
     ]
     assert all(solution.usable and solution.gap <= 1.001e-4 for solution in found)
     assert found[0].amount == pytest.approx(found[1].amount, rel=1e-6)
+
+
+def test_a_displacement_that_is_a_weighted_amount_in_other_words_is_certified_without_evidence():
+    solution = fo.solve(on_slab(motion=T("x") >> T("z"), amount="displacement"), certify=True)
+    assert solution.gap <= 1.001e-4
+    assert solution.evidence is None
+    assert fo.verify(solution, proof=True).passed
