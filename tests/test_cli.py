@@ -126,7 +126,7 @@ def test_solve_prints_the_smallest_motion_of_two_cubes(cubes: Path) -> None:
     assert row.split()[-4:] == ["1", "1.000000", "touching", "yes"]
     assert "TX 1 +" in row
     assert "1.3" in row.split()  # published: hypot(1.2, 0.5)
-    assert text.splitlines()[-2].startswith("time of 1 case: build ")
+    assert text.splitlines()[-2].startswith("time of 1 case: ")
     assert '"touch"' not in text  # the column belongs to goal "beyond"
 
 
