@@ -159,12 +159,9 @@ def published(values: Any, names: list[str]) -> tuple[float, ...] | None:
     return tuple(real(value, "published", allowed) for value in given)
 
 
-def choice(value: Any, key: str, choices: tuple[str | None, ...], later: tuple[str, ...] = ()) -> None:
-    """Refuse a value that is none of the choices; `later` are those that a later version will know."""
-    if value is None or isinstance(value, str):
-        if value in choices:
-            return
-        what = "not available in this version" if value in later else f"unknown {key}"
-    else:
-        what = f"unknown {key}"
-    raise InputError(what, key=key, found=value, allowed=", ".join(f'"{choice}"' for choice in choices if choice))
+def choice(value: Any, key: str, choices: tuple[str | None, ...]) -> None:
+    """Refuse a value that is none of the choices."""
+    if (value is None or isinstance(value, str)) and value in choices:
+        return
+    allowed = ", ".join(f'"{choice}"' for choice in choices if choice)
+    raise InputError(f"unknown {key}", key=key, found=value, allowed=allowed)

@@ -209,13 +209,13 @@ class Problem:
             )
 
     def _check_choices(self) -> None:
-        for key, choices, later in (
-            ("requirement", (None, *SIGNS), ()),
-            ("goal", (None, *GOALS), ()),
-            ("pair", PAIR_STATES, ()),
-            ("path", PATHS, ()),
+        for key, choices in (
+            ("requirement", (None, *SIGNS)),
+            ("goal", (None, *GOALS)),
+            ("pair", PAIR_STATES),
+            ("path", PATHS),
         ):
-            arguments.choice(getattr(self, key), key, choices, later)
+            arguments.choice(getattr(self, key), key, choices)
         for key in ("name", "published_text"):
             if not isinstance(getattr(self, key), str):
                 raise InputError("not a text", key=key, found=getattr(self, key), allowed="a string")

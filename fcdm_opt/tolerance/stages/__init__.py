@@ -5,8 +5,9 @@ shift, seat      contacts brought to the target pair while nothing tilts
 translations     several translations: best first over the ways apart
 turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`, `tape`)
-program          the nonlinear program; `relaxation` grows it by what its solutions violate
-rays             first contact along a ray by safe steps
+program          the nonlinear program; `relaxation` grows it by what its solutions violate, `sequential` solves it for
+                 other amounts
+rays             first contact along a ray by safe steps (`along`: of second order, for one parameter)
 branching        branch and bound, see `proof`
 full             everything in one program: the yardstick
 another_amount   other amounts than the weighted one
