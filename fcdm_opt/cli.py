@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -21,6 +21,7 @@ from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.show.album import Album
     from fcdm_opt.show.tables import SolvedCase
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
-LONGEST_NAME = 100
-"""Characters of a picture's file name, before its number and ending."""
 
 app = typer.Typer(
     name="fcdm-opt",
@@ -79,7 +78,7 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 
     opened = _opened(files, case or ())
     document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = _Pictures(out) if out else None
+    pictures = _album(out)
     for file in opened:
         found = _distinct_curves(file.problems)
         document.append({**file.head(), "curves": [{"cases": names, **_curve_data(curve)} for curve, names in found]})
@@ -87,7 +86,8 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
             print_curves(file.path.name, file.title, file.note, found)
         if pictures:
             for number, (curve, _) in enumerate(found, 1):
-                pictures.of_curve(file, curve, f"-pair{number}" if len(found) > 1 else "")
+                suffix = f"-pair{number}" if len(found) > 1 else ""
+                pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve)
     codes += [BAD_INPUT] if pictures and pictures.failed else []
     _finish(document if as_json else None, codes)
 
@@ -109,7 +109,7 @@ def solve_command(
 
     opened = _opened(files, case or ())
     document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = _Pictures(out) if out else None
+    pictures = _album(out)
     for file in opened:
         rows, cases = [], []
         notes = console(stderr=True)
@@ -128,7 +128,7 @@ def solve_command(
             cases.append(_case_data(row))
             codes.append(_code(row.solution))
             if pictures:
-                pictures.of_solution(file, row.solution)
+                pictures.add_solution(file.path.stem, file.name, row.solution)
         document.append({**file.head(), "cases": cases})
         if rows and not as_json:
             print_solutions(file.path.name, file.title, file.note, rows)
@@ -157,7 +157,7 @@ def range_command(
 
     opened = _opened(files, case or ())
     document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = _Pictures(out) if out else None
+    pictures = _album(out)
     for file in opened:
         rows: list[tuple[CoherentRange, ContactTimes]] = []
         cases: list[dict[str, Any]] = []
@@ -173,7 +173,7 @@ def range_command(
             rows.append(row)
             cases.append({"name": problem.name, **row[0].to_dict(), "contact_times": row[1].to_dict()})
             if pictures:
-                pictures.of_range(file, row[0])
+                pictures.add_range(file.path.stem, file.name, row[0])
         document.append({**file.head(), "cases": cases})
         if rows and not as_json:
             print_ranges(file.path.name, file.title, file.note, rows)
@@ -193,6 +193,10 @@ class _File:
     note: str = ""
     problems: tuple[Problem, ...] = ()
     error: str | None = None
+
+    @property
+    def name(self) -> str:
+        return self.title or self.path.stem
 
     def head(self) -> dict[str, Any]:
         head = {"file": str(self.path), "title": self.title, "note": self.note}
@@ -222,6 +226,26 @@ def _opened(paths: Sequence[Path], wanted: Sequence[str]) -> list[_File]:
         _File(file.path, file.title, file.note, tuple(p for p in file.problems if p.name in wanted), file.error)
         for file in files
     ]
+
+
+def _album(out: Path | None) -> Album | None:
+    """Return where pictures go, None where none are wanted; exits where they cannot."""
+    if out is None:
+        return None
+    from fcdm_opt.show.album import Album
+
+    with _refusals():
+        return Album(out, _say)
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Exit with bad input's code where something refuses its input, after saying why."""
+    try:
+        yield
+    except InputError as reason:
+        _say(f"error: {reason}")
+        raise typer.Exit(BAD_INPUT) from reason
 
 
 def _say(text: str) -> None:
@@ -357,88 +381,3 @@ def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
             for p in curve.switching_points
         ],
     }
-
-
-# ------------------------------------------------------------------------------------------------------------- pictures
-
-
-class _Pictures:
-    """Writes pictures to a directory; every name is given once."""
-
-    def __init__(self, directory: Path) -> None:
-        self._directory = directory
-        self._given: set[str] = set()
-        self.failed = False
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError as reason:
-            _say(f"error: --out: not a directory that can be written; found {str(directory)!r} ({reason.strerror})")
-            raise typer.Exit(BAD_INPUT) from reason
-
-    def of_curve(self, file: _File, curve: DecisionCurve, suffix: str) -> None:
-        from fcdm_opt.show.plots import decision_curve_figure
-        from fcdm_opt.show.scene import scene_figure
-
-        title = file.title or file.path.stem
-        stem = self._stem(f"{file.path.stem}{suffix}")
-        self._write(f"{stem}-curve", decision_curve_figure(curve, title=title))
-        self._write(f"{stem}-scene", scene_figure(curve.movable, curve.static, title=title, caption="as drawn"))
-
-    def of_solution(self, file: _File, solution: Solution) -> None:
-        from fcdm_opt.curve.decision_curve import decision_curve
-        from fcdm_opt.show.plots import before_after_figure
-        from fcdm_opt.show.scene import scene_figure
-        from fcdm_opt.show.tables import amount_text, asked_text, motion_text
-
-        problem = solution.problem
-        stem = self._stem(f"{file.path.stem}-{problem.name}")
-        title = f"{file.title or file.path.stem}: case {problem.name}"
-        caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
-        if solution.status.found:
-            caption = (
-                f"{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
-                f"amount {amount_text(solution.amount)}; pair made: {solution.pair_state}"
-            )
-        self._write(f"{stem}-curve", before_after_figure(problem, solution, title=title, caption=caption))
-        rho = problem.nominal_pair if solution.rho is None else solution.rho
-        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
-        scene = scene_figure(
-            problem.movable,
-            problem.static,
-            rho=rho,
-            transform=solution.transform,
-            features=solution.features,
-            contacts=moved.contact_points(rho),
-            keep_out=[keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out],
-            title=title,
-            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
-        )
-        self._write(f"{stem}-scene", scene)
-
-    def of_range(self, file: _File, found: CoherentRange) -> None:
-        from fcdm_opt.show.family import family_figure
-
-        problem = found.problem
-        stem = self._stem(f"{file.path.stem}-{problem.name}")
-        title = f"{file.title or file.path.stem}: case {problem.name}, coherent range"
-        caption = " & ".join(feature.label for feature in found.features)
-        self._write(f"{stem}-range", family_figure(found, title=title, caption=caption))
-
-    def _stem(self, wanted: str) -> str:
-        safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")[:LONGEST_NAME]
-        stem, count = safe, 1
-        while stem in self._given:
-            count += 1
-            stem = f"{safe}-{count}"
-        self._given.add(stem)
-        return stem
-
-    def _write(self, name: str, figure: Any) -> None:
-        from fcdm_opt.show import save
-
-        try:
-            for path in save(figure, self._directory / name):
-                _say(f"wrote {path}")
-        except OSError as reason:
-            _say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
-            self.failed = True

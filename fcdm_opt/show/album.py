@@ -1,0 +1,122 @@
+"""Pictures of curves, solutions and ranges, written to one directory; every name is given once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.show import save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
+    from fcdm_opt.tolerance.solution import Solution
+
+LONGEST_NAME = 100
+"""Characters of a picture's file name, before its number and ending."""
+
+
+class Album:
+    """A directory that pictures are written to, as PNG and SVG.
+
+    Parameters
+    ----------
+    directory : Path
+        Made if it is not there.
+    say : callable
+        Gets a line for each file that was written, or could not be.
+
+    Attributes
+    ----------
+    failed : bool
+        Whether a picture could not be written.
+
+    Raises
+    ------
+    InputError
+        Where the directory cannot be made.
+    """
+
+    def __init__(self, directory: Path, say: Callable[[str], None]) -> None:
+        self._directory, self._say = directory, say
+        self._given: set[str] = set()
+        self.failed = False
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as reason:
+            raise InputError(
+                f"not a directory that can be written ({reason.strerror})", key="--out", found=str(directory)
+            ) from reason
+
+    def add_curve(self, stem: str, title: str, curve: DecisionCurve) -> None:
+        """Add a decision curve, and its bodies as drawn."""
+        from fcdm_opt.show.plots import decision_curve_figure
+        from fcdm_opt.show.scene import scene_figure
+
+        own = self._once(stem)
+        self._write(f"{own}-curve", decision_curve_figure(curve, title=title))
+        self._write(f"{own}-scene", scene_figure(curve.movable, curve.static, title=title, caption="as drawn"))
+
+    def add_solution(self, stem: str, title: str, solution: Solution) -> None:
+        """Add the decision curve before and after a motion, and the bodies after it."""
+        from fcdm_opt.curve.decision_curve import decision_curve
+        from fcdm_opt.show.plots import before_after_figure
+        from fcdm_opt.show.scene import scene_figure
+        from fcdm_opt.show.tables import amount_text, asked_text, motion_text
+
+        problem = solution.problem
+        own = self._once(f"{stem}-{problem.name}")
+        title = f"{title}: case {problem.name}"
+        caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
+        if solution.status.found:
+            caption = (
+                f"{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
+                f"amount {amount_text(solution.amount)}; pair made: {solution.pair_state}"
+            )
+        self._write(f"{own}-curve", before_after_figure(problem, solution, title=title, caption=caption))
+        rho = problem.nominal_pair if solution.rho is None else solution.rho
+        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+        scene = scene_figure(
+            problem.movable,
+            problem.static,
+            rho=rho,
+            transform=solution.transform,
+            features=solution.features,
+            contacts=moved.contact_points(rho),
+            keep_out=[keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out],
+            title=title,
+            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
+        )
+        self._write(f"{own}-scene", scene)
+
+    def add_range(self, stem: str, title: str, found: CoherentRange) -> None:
+        """Add the family of decision curves over a coherent range."""
+        from fcdm_opt.show.family import family_figure
+
+        problem = found.problem
+        own = self._once(f"{stem}-{problem.name}")
+        title = f"{title}: case {problem.name}, coherent range"
+        caption = " & ".join(feature.label for feature in found.features)
+        self._write(f"{own}-range", family_figure(found, title=title, caption=caption))
+
+    def _once(self, wanted: str) -> str:
+        safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")[:LONGEST_NAME]
+        stem, count = safe, 1
+        while stem in self._given:
+            count += 1
+            stem = f"{safe}-{count}"
+        self._given.add(stem)
+        return stem
+
+    def _write(self, name: str, figure: Figure) -> None:
+        try:
+            for path in save(figure, self._directory / name):
+                self._say(f"wrote {path}")
+        except OSError as reason:
+            self._say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
+            self.failed = True
