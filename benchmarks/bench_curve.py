@@ -16,26 +16,38 @@ from typing import Any
 
 import numpy as np
 import pytest
-from contenders import CONTENDERS, TIGHT, Contender, coal_distance, coal_distance_of_one_pose
-from pairs import AXES, BOX, SIZES, RandomPair
+from contenders import (
+    BISECTION,
+    BOTH,
+    CLARABEL,
+    CONTENDERS,
+    POSES,
+    RIVAL,
+    TIGHT,
+    Contender,
+    coal_distance,
+    coal_distance_of_one_pose,
+)
 from report import Results, Timing
 from signs import Openings, integer_pairs, random_pairs
 
 import fcdm_opt as fo
-from fcdm_opt.measure.rivals import RIVALS
+from fcdm_opt.measure.curves import METHODS
+from fcdm_opt.measure.pairs import BOX, SIZES, DrawnPair
+from fcdm_opt.measure.references import curve_error, exact_curve_in_box
+from fcdm_opt.tolerances import DEFAULT
 
 TIGHTER = 1e-15  # of coal, to see whether its answers at touch are a matter of settings
-POSES = 500
 
 
 @cache
-def pair_of(seed: int, vertices: int, family: str) -> RandomPair:
+def pair_of(seed: int, vertices: int, shape: str) -> DrawnPair:
     """Draw a pair once for all its contenders."""
-    return RandomPair.of(seed, vertices, POSES, family)
+    return DrawnPair.of(seed, vertices, shape)
 
 
 @pytest.fixture
-def pair(pytestconfig: pytest.Config, vertices: int, family: str) -> RandomPair:
+def pair(pytestconfig: pytest.Config, vertices: int, family: str) -> DrawnPair:
     """Return the pair that a test asks for."""
     if vertices > pytestconfig.getoption("--bench-largest"):
         pytest.skip("larger than --bench-largest")
@@ -46,14 +58,14 @@ def pair(pytestconfig: pytest.Config, vertices: int, family: str) -> RandomPair:
     ("contender", "family", "vertices"),
     [
         pytest.param(contender, family, vertices, id=f"{contender.name}-{family}-{vertices}")
-        for family in AXES
+        for family in BOTH
         for vertices in SIZES
         for contender in CONTENDERS
-        if vertices in contender.sizes and family in contender.families
+        if vertices in contender.sizes and family in contender.shapes
     ],
 )
 def test_time(
-    benchmark: Any, results: Results, contender: Contender, family: str, vertices: int, pair: RandomPair
+    benchmark: Any, results: Results, contender: Contender, family: str, vertices: int, pair: DrawnPair
 ) -> None:
     """Time a contender, with coal's distance before every round."""
     work, count = contender.prepare(pair)
@@ -76,32 +88,20 @@ def test_time(
 
 
 @pytest.mark.parametrize("vertices", SIZES)
-@pytest.mark.parametrize("family", AXES)
-def test_all_methods_trace_the_same_curves(results: Results, family: str, vertices: int, pair: RandomPair) -> None:
-    """What is timed is the same thing: every breakpoint of `decision_curves` and of each rival agrees."""
-    count = 5
-    curves = fo.decision_curves(pair.movable, pair.static, pair.transforms, box=BOX)
+@pytest.mark.parametrize("family", BOTH)
+def test_all_methods_trace_the_same_curves(results: Results, family: str, vertices: int, pair: DrawnPair) -> None:
+    """What is timed is the same thing: every method but the bisection gives the exact breakpoints."""
+    curves = fo.decision_curves(*pair.pair, pair.transforms(POSES), box=BOX)
     results.segments.setdefault(family, {})[vertices] = float(curves.counts.mean())
-    for name, rival in RIVALS.items():
-        if rival.gives == "samples" or not any(vertices in c.sizes for c in CONTENDERS if c.name == name):
+    questions = [pair.curve(k) for k in range(5)]
+    references = [exact_curve_in_box(pair.pair, question) for question in questions]
+    timed = {c.name for c in CONTENDERS if c.kind == RIVAL and vertices in c.sizes} - {BISECTION}
+    for method in METHODS:
+        if not (method.ours or method.name in timed):
             continue
-        for k in range(count):
-            ends = curves.vertices[curves.offsets[k] : curves.offsets[k + 1]]
-            own = np.vstack([ends[:, 0], ends[-1:, 1]])
-            trace = rival(pair.movable, pair.static, transform=pair.transforms[k], box=BOX)
-            assert beyond(own, trace.points) <= rival.accuracy, name
-            assert beyond(trace.points, own) <= rival.accuracy, name
-
-
-def beyond(polyline: np.ndarray, points: np.ndarray) -> float:
-    """Largest relative distance, along their rays, of points from a falling polyline."""
-    order = np.argsort(polyline[:, 0])
-    angles = np.arctan2(points[:, 1], points[:, 0])
-    corners = np.arctan2(polyline[order, 1], polyline[order, 0])[::-1]
-    k = np.clip(np.searchsorted(corners, angles) - 1, 0, len(polyline) - 2)
-    p, q = polyline[order][::-1][k], polyline[order][::-1][k + 1]
-    system = np.stack([p, q], axis=2)
-    return float(np.abs(np.linalg.solve(system, points[:, :, None]).sum(axis=(1, 2)) - 1).max())
+        answers = method.prepare(pair.pair, list(method.settings.values())[-1])(questions)
+        errors = [curve_error(answer, exact) for answer, exact in zip(answers, references, strict=True)]
+        assert max(errors) <= (DEFAULT.snap if method.name == CLARABEL else DEFAULT.nominal), method.name
 
 
 @pytest.mark.parametrize("draw", [random_pairs, integer_pairs], ids=["random hulls", "parallel faces and edges"])

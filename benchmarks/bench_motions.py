@@ -17,17 +17,18 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from motion_cases import Case, draw
 from report import describe, machine, table, versions
 
 import fcdm_opt as fo
-from fcdm_opt.errors import InputError
-from fcdm_opt.measure.motions import RIVALS, judged
+from fcdm_opt.measure.method import Failure
+from fcdm_opt.measure.motion_cases import Case, draw
+from fcdm_opt.measure.motions import RIVALS, answered, judged
 
 SAME = 1e-6  # relative: amounts that count as equal
 PATIENCE = 1.0  # seconds beyond which a method runs once
@@ -100,15 +101,13 @@ def measure(case: Case, group: Group, rounds: int) -> Row | None:
     works: dict[str, Callable[[], Any]] = {"": own}
     amounts = {}
     times: dict[str, list[float]] = {"": []}
-    for name, rival in RIVALS.items() if not group.certify else ():
-        try:
-            took, attempt = timed(lambda rival=rival: rival(problem))
-        except InputError:
-            continue
-        if attempt.q is not None and (answer := judged(problem, attempt.q)).usable:
-            amounts[name], times[name] = answer.amount, [took] if took > 1e3 * PATIENCE else []
+    for name in RIVALS if not group.certify else ():
+        work = partial(answered, name, problem)
+        took, answer = timed(work)
+        if not isinstance(answer, Failure) and (judgement := judged(problem, answer.q)).usable:
+            amounts[name], times[name] = judgement.amount, [took] if took > 1e3 * PATIENCE else []
             if took <= 1e3 * PATIENCE:
-                works[name] = lambda rival=rival: rival(problem)
+                works[name] = work
     verify = []
     for _ in range(rounds):
         for name, work in works.items():

@@ -21,13 +21,14 @@ from typing import Any
 
 import numpy as np
 from report import describe, machine, table, versions
-from union_pairs import FAMILIES, UnionPair
 
 import fcdm_opt as fo
+from fcdm_opt.measure.union_pairs import FAMILIES, UnionPair
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from diagram_checks import BAND, HIGH, LOW, Drawing
-from mesh_truth import ScaledMeshes
+from mesh_truth import ScaledMeshes, coal_surface, coal_triangles
+from solids import Solid, solid_of
 
 SIZES = (1, 2, 4, 8, 15, 30, 60, 120)
 CALLS = 10  # of coal in a row: one is too short for the clock
@@ -58,11 +59,18 @@ class Row:
         return "met" if self.ratio <= TARGET_RATIO and self.pruned >= TARGET_PRUNED else "NOT met"
 
 
-def coal_query(pair: UnionPair, pose: Any) -> Callable[[], float]:
+def solids_of(pair: UnionPair) -> tuple[Solid, Solid]:
+    """Both bodies as undecomposed meshes, seeds at 0."""
+    made = (solid_of(parts, [], body.name) for parts, body in zip(pair.parts, pair.bodies, strict=True))
+    one, two = (Solid(s.name, s.vertices, s.triangles, s.parts, np.zeros(3)) for s in made if s is not None)
+    return one, two
+
+
+def coal_query(surfaces: Sequence[Any], pose: Any) -> Callable[[], float]:
     """Coal's distance of the two meshes at its defaults, from Python; a result left uncleared would prune the next."""
     import coal
 
-    (one, two), fixed, distance = pair.surfaces, coal.Transform3s(), coal.distance
+    (one, two), fixed, distance = surfaces, coal.Transform3s(), coal.distance
     request, result = coal.DistanceRequest(), coal.DistanceResult()
 
     def work() -> float:
@@ -90,12 +98,13 @@ def timed(work: Callable[[], Any]) -> float:
     return perf_counter() - start
 
 
-def measure(pair: UnionPair, family: str, rounds: int) -> Row:
+def measure(pair: UnionPair, solids: Sequence[Solid], family: str, rounds: int) -> Row:
     """Time one pair of bodies in all its poses."""
     count = len(pair.transforms)
+    surfaces = [coal_surface(s.vertices, coal_triangles(s.triangles)) for s in solids]
     coal, own = np.empty((rounds, count)), np.empty((rounds, count))
     curves = [diagram(pair, T) for T in pair.transforms]
-    queries = [coal_query(pair, pose) for pose in pair.poses]
+    queries = [coal_query(surfaces, pose) for pose in pair.poses]
     assert min(query() for query in queries) > 0
     for turn in range(rounds):
         for k, (query, T) in enumerate(zip(queries, pair.transforms, strict=True)):
@@ -106,7 +115,7 @@ def measure(pair: UnionPair, family: str, rounds: int) -> Row:
     return Row(
         family,
         len(pair.bodies[0].parts),
-        sum(len(solid.triangles) for solid in pair.solids) // 2,
+        sum(len(solid.triangles) for solid in solids) // 2,
         float(1e6 * np.median(own)),
         float(1e6 * np.median(coal)),
         float(np.median(ratios)),
@@ -117,11 +126,11 @@ def measure(pair: UnionPair, family: str, rounds: int) -> Row:
     )
 
 
-def check(pair: UnionPair, rng: np.random.Generator) -> tuple[int, int]:
+def check(pair: UnionPair, solids: Sequence[Solid], rng: np.random.Generator) -> tuple[int, int]:
     """Compare what is timed with the meshes; return how many scale pairs were compared and how many disagree."""
     compared = wrong = 0
     for T in pair.transforms[:4]:
-        curve, meshes = diagram(pair, T), ScaledMeshes(*pair.solids, T)
+        curve, meshes = diagram(pair, T), ScaledMeshes(*solids, T)
         drawing = Drawing(curve)
         for rho in rng.uniform(LOW, HIGH, (CHECKED, 2)):
             if abs(gap := float(curve.gap(rho))) > BAND * rho.sum():
@@ -203,8 +212,9 @@ def main(arguments: list[str] | None = None) -> int:
             if timed(lambda pair=pair: diagram(pair, pair.transforms[0])) > given.patience:
                 print(f"{family}, {parts} parts: a diagram takes too long", file=sys.stderr)
                 break
-            rows.append(measure(pair, family, given.rounds))
-            some, bad = check(pair, np.random.default_rng([given.seed, parts]))
+            solids = solids_of(pair)
+            rows.append(measure(pair, solids, family, given.rounds))
+            some, bad = check(pair, solids, np.random.default_rng([given.seed, parts]))
             compared, wrong = compared + some, wrong + bad
     told = f"{text(rows)}\n\nCompared with the meshes at {compared} scale pairs: {wrong} disagree."
     print(told)

@@ -28,12 +28,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from motion_cases import KINDS, Case, draw
 from report import describe, table
 
 import fcdm_opt as fo
-from fcdm_opt.errors import InputError
-from fcdm_opt.measure.motions import RIVALS, judged
+from fcdm_opt.measure.method import Failure
+from fcdm_opt.measure.motion_cases import KINDS, Case, draw
+from fcdm_opt.measure.motions import METHODS, NONE, RIVALS, answered, judged
 
 SMALLER = 1e-6  # relative: a rival's motion that is smaller by more beats ours
 ROUNDING = 1e-10  # of the size of the bodies: amounts that differ by less are one
@@ -43,7 +43,7 @@ WARM = 12  # cases of each kind solved by a process before its first
 FAULTS = ("smaller", "missed", "wrongly infeasible", "bound too high", "not verified", "raised", "hung", "rival raised")
 
 
-class HungError(Exception):
+class HungError(BaseException):  # a method that catches whatever a library raises must not catch this
     """A method took longer than its patience."""
 
 
@@ -100,20 +100,20 @@ def _told(solution: fo.Solution, seconds: float) -> dict[str, Any]:
 
 
 def _rival(problem: fo.Problem, name: str) -> dict[str, Any]:
+    refused = next(method for method in METHODS if method.name == name).refuses(problem)
+    if refused is not None:
+        return {"status": "refused", "usable": False, "reason": refused}
     start = time.perf_counter()
     try:
         with within(PATIENCE):
-            attempt = RIVALS[name](problem)
-    except InputError as reason:
-        return {"status": "refused", "usable": False, "reason": str(reason)}
+            answer = answered(name, problem)
     except HungError:
         return {"status": "hung", "usable": False, "seconds": time.perf_counter() - start}
-    except Exception:
-        return {"status": "raised", "usable": False, "error": traceback.format_exc(limit=-3)}
-    counts = {"queries": attempt.queries, "evaluations": attempt.evaluations, "seconds": attempt.seconds}
-    if attempt.q is None:
-        return {"status": "none", "usable": False, **counts}
-    return _told(judged(problem, attempt.q), attempt.seconds) | counts
+    seconds = time.perf_counter() - start
+    if isinstance(answer, Failure):
+        status = "none" if answer.reason == NONE else "raised"
+        return {"status": status, "usable": False, "error": answer.reason, "seconds": seconds}
+    return _told(judged(problem, answer.q), seconds)
 
 
 def faults(record: dict[str, Any]) -> list[str]:
@@ -173,7 +173,7 @@ def report(records: Sequence[dict[str, Any]], seed: int) -> str:
 def _methods(records: Sequence[dict[str, Any]]) -> str:
     rows = []
     own = [r["ours"]["seconds"] for r in records if "seconds" in r["ours"]]
-    rows.append(["ours", str(len(own)), str(sum(r["ours"]["usable"] for r in records)), "", "", "", _ms(own), ""])
+    rows.append(["ours", str(len(own)), str(sum(r["ours"]["usable"] for r in records)), "", "", "", _ms(own)])
     for name in RIVALS:
         mine = [(r, r["rivals"][name]) for r in records if name in r["rivals"]]
         asked = [(r, x) for r, x in mine if x["status"] != "refused"]
@@ -182,12 +182,8 @@ def _methods(records: Sequence[dict[str, Any]]) -> str:
         smaller = sum("smaller" in r["faults"] and _beats(r, x) for r, x in usable)
         alone = sum(not r["ours"]["usable"] for r, x in usable)
         times = [x["seconds"] for _, x in asked if "seconds" in x]
-        queries = [x["queries"] for _, x in asked if "queries" in x]
-        count = f"{np.median(queries):.0f}" if queries else ""
-        rows.append(
-            [name, str(len(asked)), str(len(usable)), str(sum(same)), str(smaller), str(alone), _ms(times), count]
-        )
-    head = ["", "asked", "verified", "as small as ours", "smaller", "ours has none", "median ms", "median queries"]
+        rows.append([name, str(len(asked)), str(len(usable)), str(sum(same)), str(smaller), str(alone), _ms(times)])
+    head = ["", "asked", "verified", "as small as ours", "smaller", "ours has none", "median ms"]
     return table(head, rows)
 
 
@@ -239,8 +235,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=500.0, help="begin no further case after (%(default)s)")
     parser.add_argument("--out", type=Path, default=Path("out/motions"))
-    parser.add_argument("--rivals", nargs="+", choices=list(RIVALS), default=list(RIVALS))
-    parser.add_argument("--without", nargs="+", choices=list(RIVALS), default=[])
+    parser.add_argument("--rivals", nargs="+", choices=RIVALS, default=RIVALS)
+    parser.add_argument("--without", nargs="+", choices=RIVALS, default=[])
     given = parser.parse_args(arguments)
     rivals = [name for name in given.rivals if name not in given.without]
     counts = zip(KINDS, (given.count, given.nonconvex), strict=True)

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
-from pairs import BOX, SIZES, RandomPair, coal_requests
 
 import fcdm_opt as fo
-from fcdm_opt.measure.rivals import RIVALS
+from fcdm_opt.measure.curves import METHODS
+from fcdm_opt.measure.pairs import BOX, SIZES, DrawnPair
 from fcdm_opt.tolerances import DEFAULT
 
 Work = Callable[[], Any]
+POSES = 500
 TIGHT = 1e-12
 COAL, CURVE, RIVAL = "coal", "curve", "rival"
 
@@ -27,27 +28,61 @@ COAL, CURVE, RIVAL = "coal", "curve", "rival"
 class Contender:
     """One line of the results.
 
-    `families`: the hulls it is timed on, see `pairs.AXES`. `poses`: whether the work goes through many poses or repeats
+    `shapes`: the hulls it is timed on, see `pairs.SHAPES`. `poses`: whether the work goes through many poses or repeats
     one; coal is timed beside it the same way. `target`: largest ratio to coal's distance that is asked for, by number
     of vertices.
     """
 
     name: str
     kind: str
-    prepare: Callable[[RandomPair], tuple[Work, int]]
+    prepare: Callable[[DrawnPair], tuple[Work, int]]
     sizes: tuple[int, ...] = SIZES
-    families: tuple[str, ...] = ("round",)
+    shapes: tuple[str, ...] = ("round",)
     poses: Literal["many", "one"] = "many"
     target: Callable[[int], float | None] = lambda vertices: None
     rounds: int = 40
 
 
-def coal_distance(pair: RandomPair, tolerance: float | None = None, count: int | None = None) -> tuple[Work, int]:
+def coal_hull(points: np.ndarray) -> Any:
+    """Return a convex shape of coal."""
+    import coal
+
+    vectors = coal.StdVec_Vec3s()
+    vectors.extend(list(points))
+    return coal.Convex.convexHull(vectors, True, "Qt")
+
+
+def coal_requests(tolerance: float | None) -> tuple[Any, Any]:
+    """Return settings of coal's distance and collide: its defaults, or another tolerance."""
+    import coal
+
+    requests = coal.DistanceRequest(), coal.CollisionRequest()
+    if tolerance is not None:
+        for request in requests:
+            request.gjk_tolerance = request.epa_tolerance = tolerance
+    return requests
+
+
+@cache
+def coal_scene(drawn: DrawnPair) -> tuple[tuple[Any, Any], list[Any]]:
+    """Return both hulls as drawn, and all poses, for coal."""
+    import coal
+
+    poses = []
+    for T in drawn.transforms(POSES):
+        poses.append(coal.Transform3s())
+        poses[-1].setRotation(T[:3, :3])
+        poses[-1].setTranslation(T[:3, 3])
+    one, two = drawn.pair
+    return (coal_hull(one.vertices), coal_hull(two.vertices)), poses
+
+
+def coal_distance(drawn: DrawnPair, tolerance: float | None = None) -> tuple[Work, int]:
     """Coal's distance from Python, result not cleared between calls (its return value is right all the same)."""
     import coal
 
-    (one, two), fixed, result = pair.shapes, coal.Transform3s(), coal.DistanceResult()
-    request, poses, distance = coal_requests(tolerance)[0], pair.poses[:count], coal.distance
+    ((one, two), poses), fixed, result = coal_scene(drawn), coal.Transform3s(), coal.DistanceResult()
+    request, distance = coal_requests(tolerance)[0], coal.distance
 
     def work() -> None:
         for pose in poses:
@@ -59,12 +94,12 @@ def coal_distance(pair: RandomPair, tolerance: float | None = None, count: int |
     return work, len(poses)
 
 
-def coal_distance_of_one_pose(pair: RandomPair) -> tuple[Work, int]:
+def coal_distance_of_one_pose(drawn: DrawnPair) -> tuple[Work, int]:
     """Coal's distance of the same pose again and again: all its branches are predicted."""
     import coal
 
-    (one, two), fixed, result = pair.shapes, coal.Transform3s(), coal.DistanceResult()
-    request, pose, distance = coal_requests(None)[0], pair.poses[0], coal.distance
+    ((one, two), (pose, *_)), fixed, result = coal_scene(drawn), coal.Transform3s(), coal.DistanceResult()
+    request, distance = coal_requests(None)[0], coal.distance
 
     def work() -> None:
         for _ in range(500):
@@ -73,12 +108,12 @@ def coal_distance_of_one_pose(pair: RandomPair) -> tuple[Work, int]:
     return work, 500
 
 
-def coal_collide(pair: RandomPair, tolerance: float | None) -> tuple[Work, int]:
+def coal_collide(drawn: DrawnPair, tolerance: float | None) -> tuple[Work, int]:
     """Coal's collide from Python; the pairs are apart, so nothing has to be cleared."""
     import coal
 
-    (one, two), fixed, result = pair.shapes, coal.Transform3s(), coal.CollisionResult()
-    request, poses, collide = coal_requests(tolerance)[1], pair.poses, coal.collide
+    ((one, two), poses), fixed, result = coal_scene(drawn), coal.Transform3s(), coal.CollisionResult()
+    request, collide = coal_requests(tolerance)[1], coal.collide
 
     def work() -> None:
         for pose in poses:
@@ -88,65 +123,60 @@ def coal_collide(pair: RandomPair, tolerance: float | None) -> tuple[Work, int]:
     return work, len(poses)
 
 
-def batch(pair: RandomPair, threads: int, repeats: int = 1) -> tuple[Work, int]:
+def batch(drawn: DrawnPair, threads: int, repeats: int = 1) -> tuple[Work, int]:
     """All curves of the pair in one call of `decision_curves`."""
-    transforms = np.tile(pair.transforms, (repeats, 1, 1))
-    return partial(fo.decision_curves, pair.movable, pair.static, transforms, box=BOX, threads=threads), len(transforms)
+    transforms = np.tile(drawn.transforms(POSES), (repeats, 1, 1))
+    return partial(fo.decision_curves, *drawn.pair, transforms, box=BOX, threads=threads), len(transforms)
 
 
-def batch_of_one_pose(pair: RandomPair) -> tuple[Work, int]:
+def batch_of_one_pose(drawn: DrawnPair) -> tuple[Work, int]:
     """Walk the same pose again and again, in one call: all branches of the walk are predicted."""
-    transforms = np.tile(pair.transforms[:1], (500, 1, 1))
-    return partial(fo.decision_curves, pair.movable, pair.static, transforms, box=BOX, threads=1), len(transforms)
+    transforms = np.tile(drawn.transforms(1), (POSES, 1, 1))
+    return partial(fo.decision_curves, *drawn.pair, transforms, box=BOX, threads=1), len(transforms)
 
 
-def kernel_of_all_poses(pair: RandomPair) -> tuple[Work, int]:
+def kernel_of_all_poses(drawn: DrawnPair) -> tuple[Work, int]:
     """Call the compiled walk of all poses once: whole curves, proved and clipped, next to no Python."""
     from fcdm_opt.curve import kernels
 
-    one, two = pair.movable.parts[0], pair.static.parts[0]
+    one, two = (body.parts[0] for body in drawn.pair)
     seeds, limits = np.array([one.seed, two.seed]), np.array(BOX, dtype=np.float64).ravel()
     bounds = DEFAULT.planarity, DEFAULT.point, DEFAULT.sign
-    walk = partial(kernels.walk_many, *one.packed, *two.packed, pair.transforms, seeds, limits, *bounds)
-    return walk, len(pair.transforms)
+    walk = partial(kernels.walk_many, *one.packed, *two.packed, drawn.transforms(POSES), seeds, limits, *bounds)
+    return walk, POSES
 
 
-def kernel(pair: RandomPair) -> tuple[Work, int]:
+def kernel(drawn: DrawnPair) -> tuple[Work, int]:
     """Call the compiled walk of one pose, again and again: the whole curve, unclipped, and the call from Python."""
     from fcdm_opt.curve import kernels
 
-    one, two, (T, *_) = pair.movable.parts[0], pair.static.parts[0], pair.transforms
+    (one, two), (T,) = (body.parts[0] for body in drawn.pair), drawn.transforms(1)
     walk, arguments = kernels.walk, (*one.packed, *two.packed, T, one.seed, two.seed, DEFAULT.planarity)
 
     def work() -> None:
-        for _ in range(500):
+        for _ in range(POSES):
             walk(*arguments)
 
     assert walk(*arguments)[0] == kernels.WALKED
-    return work, 500
+    return work, POSES
 
 
-def curve_object(pair: RandomPair, wanted: str) -> tuple[Work, int]:
+def curve_object(drawn: DrawnPair, wanted: str) -> tuple[Work, int]:
     """`decision_curve` from Python, and what is `wanted` of it, so that the curve has been computed."""
-    transforms = pair.transforms[:50]
+    transforms = drawn.transforms(50)
 
     def work() -> None:
         for T in transforms:
-            getattr(fo.decision_curve(pair.movable, pair.static, box=BOX, transform=T), wanted)
+            getattr(fo.decision_curve(*drawn.pair, box=BOX, transform=T), wanted)
 
     return work, len(transforms)
 
 
-def rival(pair: RandomPair, name: str, count: int) -> tuple[Work, int]:
-    """Trace by a rival method, prepared once for the pair."""
-    trace, box = RIVALS[name].prepare(pair.movable, pair.static), np.array(BOX)
-    transforms = pair.transforms[:count]
-
-    def work() -> None:
-        for T in transforms:
-            trace(T, box)
-
-    return work, len(transforms)
+def rival(drawn: DrawnPair, name: str, count: int, setting: str | None = None) -> tuple[Work, int]:
+    """Answer by a method of `measure.curves`, prepared once for the pair, at its finest setting unless one is named."""
+    (method,) = (method for method in METHODS if method.name == name)
+    value = method.settings[setting] if setting else list(method.settings.values())[-1]
+    return partial(method.prepare(drawn.pair, value), [drawn.curve(k) for k in range(count)]), count
 
 
 def _whole_curve(vertices: int) -> float:
@@ -158,21 +188,26 @@ def _from_python(vertices: int) -> float | None:
 
 
 BOTH = ("round", "long")
+BISECTION, CLARABEL = "coal bisection", "Clarabel (cvxpy)"
 CONTENDERS = (
-    Contender("coal distance", COAL, coal_distance, families=BOTH),
+    Contender("coal distance", COAL, coal_distance, shapes=BOTH),
     Contender("coal distance, 1e-12", COAL, partial(coal_distance, tolerance=TIGHT)),
     Contender("coal collide", COAL, partial(coal_collide, tolerance=None)),
     Contender("coal collide, 1e-12", COAL, partial(coal_collide, tolerance=TIGHT)),
-    Contender("kernel", CURVE, kernel_of_all_poses, families=BOTH, target=_whole_curve),
-    Contender("decision_curves, 1 thread", CURVE, partial(batch, threads=1), families=BOTH),
+    Contender("kernel", CURVE, kernel_of_all_poses, shapes=BOTH, target=_whole_curve),
+    Contender("decision_curves, 1 thread", CURVE, partial(batch, threads=1), shapes=BOTH),
     Contender("decision_curves, 1 thread, 50,000 poses", CURVE, partial(batch, threads=1, repeats=100), sizes=(12,)),
     Contender("decision_curves, 2 threads", CURVE, partial(batch, threads=2, repeats=10)),
     Contender("decision_curves, one pose", CURVE, batch_of_one_pose, poses="one"),
-    Contender("kernel, one pose a call", CURVE, kernel, families=BOTH, poses="one"),
+    Contender("kernel, one pose a call", CURVE, kernel, shapes=BOTH, poses="one"),
     Contender("decision_curve", CURVE, partial(curve_object, wanted="status"), target=_from_python),
     Contender("decision_curve, all segments", CURVE, partial(curve_object, wanted="segments")),
-    Contender("coal bisection", RIVAL, partial(rival, name="coal bisection", count=4), rounds=8),
-    Contender("highs", RIVAL, partial(rival, name="highs", count=4), rounds=8),
-    Contender("cvxpy", RIVAL, partial(rival, name="cvxpy", count=1), sizes=(8, 12, 20, 100), rounds=5),
-    Contender("growth distances", RIVAL, partial(rival, name="growth distances", count=4), rounds=8),
+    Contender(
+        "coal bisection", RIVAL, partial(rival, name="coal bisection", count=4, setting="33 rays, 1e-12"), rounds=8
+    ),
+    *(
+        Contender(name, RIVAL, partial(rival, name=name, count=4), rounds=8)
+        for name in ("coal distance + Newton", "growth distances", "HiGHS, warm")
+    ),
+    Contender(CLARABEL, RIVAL, partial(rival, name=CLARABEL, count=1), sizes=(8, 12, 20, 100), rounds=5),
 )

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
-import platform
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-PACKAGES = ("fcdm_opt", "numpy", "numba", "scipy", "coal", "highspy", "cvxpy", "clarabel", "python-flint")
+from fcdm_opt.measure.record import machine, table, versions
 
 
 @dataclass(frozen=True)
@@ -139,33 +135,6 @@ class Results:
         axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
         figure.savefig(path, dpi=150)
         plt.close(figure)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table, all columns but the first to the right."""
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def versions() -> dict[str, str]:
-    """Return versions of what takes part."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
-
-
-def machine() -> dict[str, Any]:
-    """Return processor, number of cores and load."""
-    model = platform.processor() or platform.machine()
-    if sys.platform == "linux":
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), model)
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return {"processor": model, "cores": os.cpu_count(), "system": platform.system(), "load": load}
 
 
 def describe() -> str:

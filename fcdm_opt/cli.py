@@ -8,9 +8,10 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,6 +22,7 @@ from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.measure.record import Run
     from fcdm_opt.show.album import Album
     from fcdm_opt.show.tables import SolvedCase
     from fcdm_opt.tolerance.problem import Problem
@@ -43,6 +45,11 @@ app = typer.Typer(
 Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Problem files (TOML).", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document to stdout.")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.")]
+Quick = Annotated[bool, typer.Option("--quick", help="The short form.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")]
+Compare = Annotated[
+    Path | None, typer.Option("--compare", metavar="OLD", help="Tell what changed since this earlier results file.")
+]
 Cases = Annotated[list[str] | None, typer.Option("--case", metavar="NAME", help="Only this case; may be repeated.")]
 
 
@@ -179,6 +186,87 @@ def range_command(
             print_ranges(file.path.name, file.title, file.note, rows)
     codes += [BAD_INPUT] if pictures and pictures.failed else []
     _finish(document if as_json else None, codes)
+
+
+@app.command("bench")
+def bench_command(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write results, tables and pictures there.")],
+    quick: Quick = False,
+    seed: Seed = 1,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="PART", help="contact, curve, motion, growth or models; may be repeated."),
+    ] = None,
+    compare: Compare = None,
+) -> None:
+    """Chart speed against accuracy: every method at several settings, against exact references.
+
+    The quick form takes about a minute, the full form about half an hour.
+    """
+    from fcdm_opt.measure import bench, results
+
+    with _refusals():
+        old = _earlier(compare)
+        run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, say=_say)
+        _recorded(run, old, out, partial(results.write, run))
+        typer.echo(results.summary(run))
+    raise typer.Exit(NOT_VERIFIED if bench.wrong(run) else SOLVED)
+
+
+@app.command("stability")
+def stability_command(
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Write results, tables, the map and failing inputs there."),
+    ] = None,
+    quick: Quick = False,
+    seed: Seed = 1,
+    replay: Annotated[
+        Path | None, typer.Option("--replay", metavar="FILE", help="Show a saved failing input alone, asked again.")
+    ] = None,
+    compare: Compare = None,
+) -> None:
+    """Map where each method fails: families of hard cases, every method in a process of its own.
+
+    The quick form takes about two minutes, the full form about half an hour.
+    """
+    from fcdm_opt.measure.stability.failures import replay as asked_again
+    from fcdm_opt.measure.stability.grid import grid
+
+    if (out is None) == (replay is None):
+        raise typer.BadParameter("either --out DIR for a run, or --replay FILE for one saved input")
+    with _refusals():
+        if replay is not None:
+            again = asked_again(replay)
+            typer.echo(again.text)
+            raise typer.Exit(SOLVED if again.now.outcome == "right" else NOT_VERIFIED)
+        assert out is not None
+        old = _earlier(compare)
+        found = grid(quick=quick, seed=seed, say=_say)
+        _recorded(found.run, old, out, found.write)
+    typer.echo(found.text)
+    raise typer.Exit(NOT_VERIFIED if found.faults else SOLVED)
+
+
+def _earlier(path: Path | None) -> Run | None:
+    """Return the run that a new one is compared with; read before anything is measured."""
+    from fcdm_opt.measure.record import Run
+
+    return None if path is None else Run.read(path)
+
+
+def _recorded(run: Run, old: Run | None, out: Path, write: Callable[[Path], list[Path]]) -> None:
+    """Write what a run found, and what changed since an earlier one."""
+    from fcdm_opt.measure.comparing import compared
+
+    try:
+        for path in write(out):
+            _say(f"wrote {path}")
+        if old is not None:
+            (out / "changes.md").write_text(compared(old, run).text + "\n", encoding="utf-8")
+            typer.echo(compared(old, run).text)
+    except OSError as reason:
+        raise InputError(f"cannot be written ({reason.strerror})", key="--out", found=str(out)) from reason
 
 
 # ---------------------------------------------------------------------------------------------------------- input, exit

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import operator
 import threading
-from collections.abc import Callable, Sequence
-from functools import cached_property
-from typing import Any
+from collections.abc import Callable, Hashable, Sequence
+from functools import cached_property, lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,6 +15,19 @@ from fcdm_opt.geometry.arrays import Array
 
 CHUNK = 64  # poses worked out in one call
 FEW = 8  # fewer are worked out one by one
+
+
+class _Composed(Hashable, Protocol):
+    """What is compiled: a motion, see `fcdm_opt.motion.Motion` for each of these."""
+
+    @property
+    def parameters(self) -> tuple[Any, ...]: ...
+    @property
+    def numbers(self) -> Array: ...
+    @property
+    def pattern(self) -> _Composed: ...
+    def with_numbers(self, numbers: Sequence[Any]) -> _Composed: ...
+    def symbolic(self, q: Any, movable_seed: Any, static_seed: Any) -> Any: ...
 
 
 class Compiled(threading.local):
@@ -26,22 +39,23 @@ class Compiled(threading.local):
     ----------
     function : casadi.Function
     fixed : arrays
-        Arguments after the first, the same at every call.
+        Its last arguments, the same at every call.
     """
 
     def __init__(self, function: Any, *fixed: Array) -> None:
         self._buffer, self._evaluate = function.buffer()
-        self._first = np.zeros(function.nnz_in(0))
-        self._given = (self._first, *(np.array(values, dtype=np.float64) for values in fixed))
+        left = [np.zeros(function.nnz_in(k)) for k in range(function.n_in() - len(fixed))]
+        self._given = (*left, *(np.array(values, dtype=np.float64) for values in fixed))
         self._results = tuple(np.zeros(function.nnz_out(k)) for k in range(function.n_out()))
         for k, values in enumerate(self._given):
             self._buffer.set_arg(k, values.data)
         for k, values in enumerate(self._results):
             self._buffer.set_res(k, values.data)
 
-    def __call__(self, first: Sequence[float] | Array) -> tuple[Array, ...]:
+    def __call__(self, *given: Sequence[float] | Array) -> tuple[Array, ...]:
         """Return the results, each flat and column by column; they are overwritten by this thread's next call."""
-        self._first[:] = first
+        for own, values in zip(self._given, given, strict=False):
+            own[:] = values
         self._evaluate()
         return self._results
 
@@ -103,6 +117,49 @@ def interpreted(function: Any, values: Sequence[Any]) -> list[Any]:
     return results
 
 
+class _Pattern:
+    """Functions (q, given) of the motions of one pattern; `given` is s_1 and s_2 as drawn and their numbers."""
+
+    def __init__(self, pattern: _Composed) -> None:
+        import casadi
+
+        self.count, numbers = len(pattern.parameters), len(pattern.numbers)
+        self._q, self._given = casadi.SX.sym("q", self.count), casadi.SX.sym("given", 6 + numbers)
+        motion = pattern.with_numbers([self._given[6 + k] for k in range(numbers)])
+        transform = motion.symbolic(self._q, self._given[:3], self._given[3:6])
+        # column by column, as CasADi stores matrices, the transposed is the pose row by row
+        self._rows = casadi.vec(casadi.densify(transform).T)
+
+    def _function(self, **results: Any) -> Any:
+        import casadi
+
+        inputs, names = [self._q, self._given], ["q", "given"]
+        return casadi.Function("motion", inputs, list(results.values()), names, list(results), {"cse": True})
+
+    @cached_property
+    def pose(self) -> Compiled:
+        """The pose."""
+        return Compiled(self._function(pose=self._rows))
+
+    @cached_property
+    def rates(self) -> Compiled:
+        """The pose and its derivatives."""
+        import casadi
+
+        rates = casadi.densify(casadi.jacobian(self._rows, self._q))
+        return Compiled(self._function(pose=self._rows, rates=rates))
+
+    @cached_property
+    def poses(self) -> Compiled:
+        """The poses of a chunk."""
+        return Compiled(self._function(pose=self._rows).map("poses", "serial", CHUNK, [1], []))
+
+
+@lru_cache(maxsize=64)
+def _compiled(pattern: _Composed) -> _Pattern:
+    return _Pattern(pattern)
+
+
 class Kinematics:
     """Poses and rates of a motion for two given seeds; made by `Motion.kinematics`.
 
@@ -110,35 +167,22 @@ class Kinematics:
 
     Parameters
     ----------
-    q, seeds : (k,), (6,) SX
-        Symbols of the parameters and of s_1, s_2 as drawn.
-    transform : (4, 4) SX
-        Pose change of body 1, an expression of both.
-    values : (6,) array
-        The seeds.
+    motion : _Composed
+    seeds : (6,) array
+        s_1 and s_2 as drawn.
     """
 
-    def __init__(self, q: Any, seeds: Any, transform: Any, values: Array) -> None:
-        import casadi
-
-        # column by column, as CasADi stores matrices, the transposed is the pose row by row
-        rows = casadi.vec(casadi.densify(transform).T)
-        rates = casadi.densify(casadi.jacobian(rows, q))
-        self._count, self._values = q.shape[0], values
-        self._pose = casadi.Function("pose", [q, seeds], [rows], ["q", "seeds"], ["pose"], {"cse": True})
-        self._transform = Compiled(self._pose, values)
-        self._rates = Compiled(
-            casadi.Function("rates", [q, seeds], [rows, rates], ["q", "seeds"], ["pose", "rates"], {"cse": True}),
-            values,
-        )
+    def __init__(self, motion: _Composed, seeds: Array) -> None:
+        self._compiled, self._count = _compiled(motion.pattern), len(motion.parameters)
+        self._given = np.concatenate([seeds, motion.numbers])
 
     def transform(self, q: Sequence[float] | Array) -> Array:
         """Return the 4x4 transform of body 1 at parameters q, (k,)."""
-        return self._transform(q)[0].reshape(4, 4).copy()
+        return self._compiled.pose(q, self._given)[0].reshape(4, 4).copy()
 
     def rates(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
         """Return (transform (4, 4), its derivatives by each parameter (k, 4, 4)) at q."""
-        pose, rates = self._rates(q)
+        pose, rates = self._compiled.rates(q, self._given)
         return pose.reshape(4, 4).copy(), rates.reshape(self._count, 4, 4).copy()
 
     def transforms(self, Q: Array) -> Array:
@@ -147,16 +191,15 @@ class Kinematics:
         poses = np.empty((len(rows), 4, 4))
         whole = len(rows) - len(rows) % CHUNK
         for start in range(0, whole, CHUNK):
-            poses[start : start + CHUNK] = self._chunk(rows[start : start + CHUNK].ravel())[0].reshape(CHUNK, 4, 4)
+            poses[start : start + CHUNK] = self._chunk(rows[start : start + CHUNK])
         if len(rows) - whole > FEW:  # the rest of the chunk is for nothing
             padded = np.zeros((CHUNK, self._count))
             padded[: len(rows) - whole] = rows[whole:]
-            poses[whole:] = self._chunk(padded.ravel())[0].reshape(CHUNK, 4, 4)[: len(rows) - whole]
+            poses[whole:] = self._chunk(padded)[: len(rows) - whole]
         else:
             for k in range(whole, len(rows)):
-                poses[k] = self._transform(rows[k])[0].reshape(4, 4)
+                poses[k] = self._compiled.pose(rows[k], self._given)[0].reshape(4, 4)
         return poses
 
-    @cached_property
-    def _chunk(self) -> Compiled:
-        return Compiled(self._pose.map("poses", "serial", CHUNK, [1], []), self._values)
+    def _chunk(self, rows: Array) -> Array:
+        return self._compiled.poses(rows.ravel(), self._given)[0].reshape(CHUNK, 4, 4)

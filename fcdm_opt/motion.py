@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -65,6 +65,21 @@ class Motion:
         """Whether the body moves in proportion to the parameters and never turns."""
         return all(step.own_shifts(k == 0) for k, step in enumerate(self.steps))
 
+    @cached_property
+    def numbers(self) -> Array:
+        """Axes, centres and pitches of all steps, one after the other: what the transform depends on besides."""
+        return frozen([number for step in self.steps for number in step.own_numbers])
+
+    @cached_property
+    def pattern(self) -> Motion:
+        """The same steps with zeros for their numbers: equal of motions that differ in these alone."""
+        return self.with_numbers([0.0] * len(self.numbers))
+
+    def with_numbers(self, numbers: Sequence[Any]) -> Motion:
+        """Return the same steps with other numbers, of any kind of scalars: symbols, or zeros; nothing is checked."""
+        left = iter(numbers)
+        return Sequenced(tuple(step.own_with([next(left) for _ in step.own_numbers]) for step in self.steps))
+
     def __rshift__(self, other: Motion) -> Motion:
         """Return this motion followed by `other`."""
         if not isinstance(other, Motion):
@@ -113,6 +128,8 @@ class Motion:
 
     def kinematics(self, movable_seed: Any, static_seed: Any) -> Kinematics:
         """Return the compiled motion for these seeds: poses and rates in a microsecond; built once and kept.
+
+        Motions of one `pattern` share what is compiled.
 
         Parameters
         ----------
@@ -198,6 +215,15 @@ class Step(Motion):
         """Names and kinds of the step's parameters."""
         raise TypeError(f"{type(self).__name__} defines no parameters")
 
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """What tells the step from others of its kind in `own_transform`: of its axis, centre, pitch; or nothing."""
+        return ()
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Return the step with other numbers in place of `own_numbers`, of any kind of scalars; nothing is checked."""
+        return self
+
     def own_weights(self, length: float) -> tuple[float, ...]:
         """Weight of each parameter in the amount."""
         return tuple(1.0 if kind == "translation" else length for _, kind in self.own_parameters)
@@ -264,6 +290,15 @@ class Translation(Step):
         """One length."""
         return (Parameter(f"T{_axis_name(self.axis)}", "translation"),)
 
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """The direction."""
+        return self.direction
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Set the direction."""
+        return _changed(self, axis=tuple(numbers), direction=tuple(numbers))
+
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Shift by q along the axis."""
         return _affine(IDENTITY, tuple(q[0] * u for u in self.direction))
@@ -308,6 +343,16 @@ class Rotation(Step):
     def own_parameters(self) -> tuple[Parameter, ...]:
         """One angle."""
         return (Parameter(f"R{_axis_name(self.axis)}", "rotation"),)
+
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """The direction, and the centre where it is a point."""
+        return self.direction if isinstance(self.centre, str) else (*self.direction, *self.centre)
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Set the direction, and a centre that is a point."""
+        axis, centre = tuple(numbers[:3]), self.centre if isinstance(self.centre, str) else tuple(numbers[3:])
+        return _changed(self, axis=axis, direction=axis, centre=centre)
 
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Turn by q about the axis through the centre."""
@@ -380,19 +425,35 @@ class Screw(Step):
         along, about = Parameter("screw_translation", "translation"), Parameter("screw_angle", "rotation")
         if isinstance(self.pitch, str):
             return (along, about)
-        return (along,) if math.isinf(self.pitch) else (about,)
+        return (along,) if self._endless else (about,)
+
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """Point and direction of a fixed line, and a pitch that is finite."""
+        line = () if isinstance(self.axis, str) else (*self.axis[0], *self.axis[1])
+        return line if isinstance(self.pitch, str) or self._endless else (*line, self.pitch)
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Set a fixed line, and a pitch that is finite."""
+        axis = self.axis if isinstance(self.axis, str) else (tuple(numbers[:3]), tuple(numbers[3:6]))
+        return _changed(self, axis=axis, pitch=self.pitch if self.pitch == "free" or self._endless else numbers[-1])
+
+    @property
+    def _endless(self) -> bool:
+        """Whether the pitch is infinite."""
+        return isinstance(self.pitch, float) and math.isinf(self.pitch)
 
     def own_weights(self, length: float) -> tuple[float, ...]:
         """Weight of each parameter; a fixed pitch couples both movements: hypot(pitch, length) a radian."""
         if isinstance(self.pitch, str):
             return (1.0, length)
-        return (1.0,) if math.isinf(self.pitch) else (math.hypot(self.pitch, length),)
+        return (1.0,) if self._endless else (math.hypot(self.pitch, length),)
 
     def movements(self, q: list[Any]) -> tuple[Any, Any]:
         """Return (translation along, angle about) the axis."""
         if isinstance(self.pitch, str):
             return q[0], q[1]
-        return (math.copysign(1.0, self.pitch) * q[0], 0.0) if math.isinf(self.pitch) else (self.pitch * q[0], q[0])
+        return (math.copysign(1.0, self.pitch) * q[0], 0.0) if self._endless else (self.pitch * q[0], q[0])
 
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Turn about and shift along the axis."""
@@ -425,7 +486,7 @@ class Screw(Step):
 
     def own_shifts(self, first: bool) -> bool:
         """With infinite pitch; along the line of the seeds as the first step only."""
-        return not isinstance(self.pitch, str) and math.isinf(self.pitch) and (first or self.axis != "seeds")
+        return self._endless and (first or self.axis != "seeds")
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Distance from the axis; from the seed for the line of the seeds, whose direction earlier steps change."""
@@ -435,7 +496,7 @@ class Screw(Step):
             away = _axis_distance(points, np.array(self.axis[0]), np.array(self.axis[1]))
         if isinstance(self.pitch, str):
             return (1.0, away)
-        return (1.0,) if math.isinf(self.pitch) else (math.hypot(self.pitch, away),)
+        return (1.0,) if self._endless else (math.hypot(self.pitch, away),)
 
     def own_words(self, q: list[float]) -> str:
         """Parameters in words: translation and angle, as in the paper's tables."""
@@ -484,16 +545,15 @@ class Free(Step):
 def _kinematics(motion: Motion, seeds: tuple[float, ...]) -> Kinematics:
     from fcdm_opt.kinematics import Kinematics
 
-    return Kinematics(*_symbols(motion), np.array(seeds))
+    return Kinematics(motion, np.array(seeds))
 
 
-@lru_cache(maxsize=64)
-def _symbols(motion: Motion) -> tuple[Any, Any, Any]:
-    """Return symbols of parameters and seeds, and the transform as an expression of both."""
-    import casadi
-
-    q, seeds = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("seeds", 6)
-    return q, seeds, motion.symbolic(q, seeds[:3], seeds[3:])
+def _changed(step: Step, **values: Any) -> Any:
+    """Return a step with other values in its fields, which are not checked."""
+    made = object.__new__(type(step))
+    for item in fields(step):  # type: ignore[arg-type]
+        object.__setattr__(made, item.name, values.get(item.name, getattr(step, item.name)))
+    return made
 
 
 # ------------------------------------------------------------------------------------------------ scalars, any kind
@@ -579,7 +639,9 @@ def _turn(u: tuple[Any, ...], angle: Any, centre: tuple[Any, ...], along: Any) -
 
 
 def _axis_distance(points: Array, centre: Array, direction: Array) -> float:
-    return float(np.linalg.norm(np.cross(points - centre, direction), axis=1).max())
+    arms = points - centre
+    arms = arms - np.outer(arms @ direction, direction)
+    return math.sqrt((arms * arms).sum(axis=1).max())
 
 
 def _direction(axis: Any, key: str) -> tuple[float, ...]:

@@ -17,7 +17,7 @@ from cases import box_shape, shape
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.measure.motions import RIVALS, judged
+from fcdm_opt.measure.motions import answered, judged
 from fcdm_opt.motion import Free, Rotation, Screw, Translation
 from fcdm_opt.own_motion import OwnMotion
 from fcdm_opt.tolerance.certificate import verify
@@ -106,8 +106,7 @@ def test_no_smaller_displacement_of_a_free_motion_is_found_from_rest(seed):
     asked = Problem(
         one, two, nominal=tuple(nominal), target=target, goal="at", path="free", motion=Free(), amount="displacement"
     )
-    attempt = RIVALS["SLSQP"](asked)
-    rival = judged(asked, attempt.q)
+    rival = judged(asked, answered("SLSQP", asked).q)
     assert rival.usable
     assert usable(asked).amount <= rival.amount * (1 + 1e-7)
 

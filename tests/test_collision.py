@@ -10,6 +10,7 @@ import pytest
 from cases import EXAMPLE_2, Shape, box_shape, exact
 from strategies import random_pair, random_pose
 
+from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.tolerances import DEFAULT
@@ -41,6 +42,27 @@ def pair_of(one: Shape, two: Shape) -> tuple[ScaledPair, float]:
 
 
 # ------------------------------------------------------------------------------------------------- general position
+
+
+@pytest.mark.parametrize("thin", [1.0, 1e-3, 1e-9])
+def test_a_part_is_laid_out_as_it_is_and_evened_for_coal(thin: float) -> None:
+    rng = np.random.default_rng(11)
+    body = Body.convex((rng.normal(size=(30, 3)) * [1.0, 1.0, thin]) @ turn(20, 30, 40).T + [3.0, 2.0, 1.0])
+    part, scale = body.parts[0], body.size
+    corners = np.concatenate([np.array(loop) for loop in part.loops])
+    starts = np.cumsum([0, *map(len, part.loops)])
+    points, planes, sides, ball, even = judging.solid(part.vertices, part.seed, corners, starts, part.edges)
+    local = part.vertices - part.seed
+    np.testing.assert_array_equal(points, local)
+    np.testing.assert_allclose(planes[:, :3], part.normals, atol=1e-14 / thin)
+    np.testing.assert_allclose(planes[:, 3], (local @ planes[:, :3].T).max(axis=0), atol=1e-15 * scale)
+    np.testing.assert_allclose(sides, np.diff(local[part.edges[:, :2]], axis=1)[:, 0], atol=1e-15 * scale)
+    np.testing.assert_allclose(ball[:3], local.mean(axis=0), atol=1e-15 * scale)
+    assert np.linalg.norm(local - ball[:3], axis=1).max() == pytest.approx(ball[3], rel=1e-14)
+    np.testing.assert_allclose(even.T @ even, np.eye(3), atol=1e-14)
+    image = np.linalg.lstsq(local - ball[:3], even)[0]
+    assert np.linalg.det(image) > 0
+    np.testing.assert_allclose((local - ball[:3]) @ image, even, atol=1e-14 / thin)
 
 
 @pytest.mark.parametrize("number", range(25))

@@ -11,14 +11,15 @@ import pytest
 from scipy.optimize import nnls
 
 from fcdm_opt.curve import kernels
+from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Rotation, Screw, Translation
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.stages import compiled
+from fcdm_opt.tolerance.stages import compiled, rays
 from fcdm_opt.tolerance.stages.descent import descent
-from fcdm_opt.tolerance.stages.models import nonlinear, satisfied
+from fcdm_opt.tolerance.stages.models import nonlinear, one_parameter, satisfied
 from fcdm_opt.tolerance.stages.tape import tape
 from fcdm_opt.tolerance.task import Task
 
@@ -89,6 +90,38 @@ def test_where_the_descent_answers_the_program_does_not_run():
     assert solution.usable
 
 
+def test_of_a_convex_body_that_shifts_the_end_of_the_path_tells_all():
+    """Beyond the coherent range too: the faults at the end are those of all points of the path."""
+    verdicts = []
+    for number in range(12):
+        asked, rng = problem("beyond", 1, number), np.random.default_rng(number)
+        task = Task.of(asked.changed(motion=X >> Y >> Z))
+        for size in (0.01, 0.1, 0.5):
+            q = size * rng.normal(size=3)
+            whole = []
+            for s in np.linspace(1.0, 0.0, 33)[:-1]:
+                rho, pose, tracked = task.tracked_contact(q, float(s))
+                slack = 1e-10 * task.size
+                whole.append(bool(contact_faults(asked.movable, asked.static, pose, rho, tracked, slack)))
+            verdicts.append(whole[0])
+            assert any(whole) == bool(task.path_faults(q, first=True)) == whole[0]
+    assert 5 < sum(verdicts) < len(verdicts) - 5
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_the_first_contact_does_not_depend_on_the_way_that_is_gone_first(number, monkeypatch):
+    asked = problem("touch", 1, number)
+    if not rays.Steady.suits(Task.of(asked)) or satisfied(Task.of(asked)):
+        pytest.skip("another stage")
+    found = []
+    for way in (0, 1):
+        monkeypatch.setattr(rays.Steady, "likelier", way)
+        answer = one_parameter(Task.of(asked))
+        found.append((answer.q.tolist(), answer.lower_bound))
+    np.testing.assert_allclose(found[0][0], found[1][0], rtol=1e-11)
+    np.testing.assert_allclose(found[0][1], found[1][1], rtol=1e-9)
+
+
 @pytest.mark.parametrize("motion", [Z, RZ, Screw("seeds"), *FAMILIES[3], *FAMILIES[6]], ids=str)
 def test_a_tape_runs_as_the_motion_does(motion):
     rng = np.random.default_rng(3)
@@ -100,13 +133,14 @@ def test_a_tape_runs_as_the_motion_does(motion):
         T = motion.transform(values, one, two)
         return np.append(T[:3, :3].ravel(), two - T[:3, :3] @ one - T[:3, 3])
 
-    compiled.run(own.instructions, own.constants, work, q, np.append(one, two), flat, len(own.instructions))
+    given = own.scaled(np.ones(k), one, two)[4]
+    compiled.run(own.instructions, own.constants, work, q, given, flat, len(own.instructions))
     np.testing.assert_allclose(flat[:12], pose(q), atol=1e-14)
     steps = 1e-6 * np.eye(k)
     slopes = [(pose(q + step) - pose(q - step)) / 2e-6 for step in steps]
     np.testing.assert_allclose(flat[12:].reshape(k, 12), slopes, atol=1e-8)
     start = np.empty_like(flat)
-    compiled.run(own.instructions, own.constants, work, q, np.append(one, two), start, own.short)
+    compiled.run(own.instructions, own.constants, work, q, given, start, own.short)
     np.testing.assert_array_equal(start[:12], flat[:12])  # the first instructions give the pose
 
 

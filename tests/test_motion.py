@@ -133,6 +133,28 @@ def test_compiled_motions_agree_with_plain_ones_and_their_rates_with_differences
 
 
 @motions
+def test_motions_that_differ_in_numbers_alone_share_what_is_compiled(name):
+    """Axes, centres and pitches are arguments: of the same motion seen from elsewhere too."""
+    motion, rng = MOTIONS[name], np.random.default_rng(8)
+    other = motion.with_numbers((motion.numbers + 0.1 * rng.normal(size=len(motion.numbers))).tolist())
+    assert other.pattern == motion.pattern
+    assert hash(other.pattern) == hash(motion.pattern)
+    np.testing.assert_array_equal(motion.with_numbers(motion.numbers.tolist()).numbers, motion.numbers)
+    q = rng.uniform(-1, 1, len(motion.parameters))
+    for own in (motion, other, motion):
+        expected = own.transform(q, S1, S2)
+        np.testing.assert_allclose(own.kinematics(S1, S2).transform(q), expected, atol=1e-15 * np.abs(expected).max())
+
+
+def test_patterns_keep_apart_what_numbers_do_not_tell():
+    steps = [Translation("x"), Rotation("x"), Rotation("x", "origin"), Rotation("x", (0.0, 0.0, 0.0)), Free()]
+    steps += [Screw(axis, pitch) for axis in ("seeds", ((0, 0, 0), (1, 0, 0))) for pitch in (1.0, "free", math.inf)]
+    assert len({step.pattern for step in steps}) == len(steps)
+    assert Screw("seeds", -math.inf).pattern != Screw("seeds", math.inf).pattern
+    assert Rotation("x").pattern == Rotation((1.0, 2.0, 3.0)).pattern
+
+
+@motions
 def test_motions_survive_a_way_through_pickle(name):
     motion = MOTIONS[name]
     q = np.full(len(motion.parameters), 0.3)

@@ -141,6 +141,25 @@ def test_changed_asks_the_question_anew() -> None:
     assert touch.weights.tolist() == beyond.weights.tolist()
 
 
+def test_changed_hands_on_the_curve_where_it_stays_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    from fcdm_opt.curve import decision_curve as module
+
+    made = problem(GABLE, nominal=1, box=BOX, requirement="A")
+    calls, real = [], module.decision_curve
+    monkeypatch.setattr(module, "decision_curve", lambda *a, **k: calls.append(a) or real(*a, **k))
+    for asked in ({"tolerance": 0.01}, {"requirement": "B"}, {"nominal": 1}, {"goal": "at"}, {"snap": 0.0}):
+        other, anew = made.changed(**asked), Problem(**{**made.request, **asked})
+        assert other.curve is made.curve
+        assert (other.goal, other.target.tolist()) == (anew.goal, anew.target.tolist())
+        assert (str(other.nominal_features), other.nominal) == (str(anew.nominal_features), anew.nominal)
+    calls.clear()
+    wider = made.changed(box=((0.4, 4.0), (0.4, 4.0)))
+    larger = made.changed(static=made.static.scaled(1.01))
+    assert wider.curve is not made.curve
+    assert larger.curve is not made.curve
+    assert calls == [(made.movable, made.static), (made.movable, larger.static)]
+
+
 BAD = [
     ({"tolerance": -0.1, "requirement": "A"}, "tolerance", "-0.1", "tau_1"),
     ({"tolerance": (0.1, 0.2, 0.3), "requirement": "A"}, "tolerance", "0.3", "tau_1"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, crossed
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
@@ -68,7 +68,7 @@ def contact_between(
     if len(mine) == len(theirs) == 2:
         e = pose[:9].reshape(3, 3) @ (one.vertices[mine[1]] - one.vertices[mine[0]])
         g = two.vertices[theirs[1]] - two.vertices[theirs[0]]
-        across = np.linalg.norm(np.cross(e, g))
+        across = np.linalg.norm(crossed(e, g))
         parallel = bool(across <= DEFAULT.planarity * np.linalg.norm(e) * np.linalg.norm(g))
     return Contact(Feature(own, other), mine, theirs, parallel)
 

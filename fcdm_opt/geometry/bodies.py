@@ -124,15 +124,13 @@ class ConvexPart(_Sealed):
     def carriers(self, element: Element) -> list[tuple[int, ...]]:
         """Return the own vertices of each vertex, edge or face of the part that lies on an element of the body."""
         kind, labels = element.kind, set(element.vertices)
-        ends = [tuple(edge) for edge in self.edges[:, :2].tolist()]
-        rows = {"V": [(v,) for v in range(len(self.vertices))], "E": ends, "F": list(self.loops)}[kind]
-        found = []
-        for k, (own, name) in enumerate(zip(rows, self.elements[kind], strict=True)):
-            span = self.elements.spans.get((kind, k))
-            names = span.elements if span else (name,)
-            if any(other.kind == kind and set(other.vertices) == labels for other in names):
-                found.append(own)
-        return found
+        found = {k for k, own in enumerate(self.elements[kind]) if set(own.vertices) == labels and own.kind == kind}
+        for (where, k), span in self.elements.spans.items():
+            if where == kind and any(set(own.vertices) == labels and own.kind == kind for own in span.elements):
+                found.add(k)
+        if kind == "V":
+            return [(k,) for k in sorted(found)]
+        return [self.loops[k] if kind == "F" else tuple(self.edges[k, :2].tolist()) for k in sorted(found)]
 
     def placed(self, vertices: Array, seed: Array) -> ConvexPart:
         """Return the part with other coordinates but the same combinatorics."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from fractions import Fraction
-from itertools import product
+from itertools import accumulate, product
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -86,11 +86,9 @@ class ScaledPair:
         from fcdm_opt.geometry import judging
 
         self._coal, self._kernels = coal, judging
-        self._reaches = np.array(
-            [max(float(np.abs(p.vertices - p.seed).max()) for p in body.parts) for body in (movable, static)]
-        )
         self._seeds = np.array([movable.seed, static.seed])
         self._hulls = [[_Hull(part) for part in body.parts] for body in (movable, static)]
+        self._reaches = np.array([max(float(np.abs(own.points).max()) for own in hulls) for hulls in self._hulls])
         self._packed = [_packed(hulls) for hulls in self._hulls]
         self._here, self._result, self._request = coal.Transform3s(), coal.DistanceResult(), self._settings()
 
@@ -209,8 +207,8 @@ class ScaledPair:
 
     def _distances(self, one: _Hull, two: _Hull, frames: Array, request: Any) -> tuple[Array, Flags]:
         """Return coal's signed distance of two hulls in each frame, (k,), units, and which can be believed."""
-        X, Y = self._kernels.placed(one.base, frames, True), self._kernels.placed(two.base, frames, False)
-        here, result, points, others = self._here, self._result, one.points, two.points
+        X, Y = self._kernels.placed(one.order, frames, True), self._kernels.placed(two.order, frames, False)
+        here, result, points, others = self._here, self._result, one.placed, two.placed
         ask, shape, other = self._coal.distance, one.shape, two.shape
         count = len(frames)
         values, witnesses, opposite = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
@@ -253,7 +251,9 @@ class ScaledPair:
             gaps, n = _gaps(one, two, frame)
             if abs(np.fmax.reduce(gaps)) * frame.unit <= slack:
                 tight = n[gaps * frame.unit >= -slack]
-                found.append(np.column_stack([(one.base @ frame.R.T @ tight.T).max(0), -(two.base @ tight.T).min(0)]))
+                found.append(
+                    np.column_stack([(one.points @ frame.R.T @ tight.T).max(0), -(two.points @ tight.T).min(0)])
+                )
         return np.vstack(found)
 
     def best_direction(self, rho: ArrayLike, transform: Array, parts: tuple[int, int]) -> Direction | None:
@@ -287,35 +287,40 @@ class _Frame(NamedTuple):
 
 
 class _Hull:
-    """One part as coal sees it: points relative to the seed, in coal's own order."""
+    """One part: points from the seed, (normal, level) of faces, edges and a ball, see `judging.solid`; and coal's.
+
+    `placed` are coal's own points, to be overwritten, and `order` the part's points in their order.
+    """
 
     def __init__(self, part: ConvexPart) -> None:
         import coal
 
+        from fcdm_opt.geometry.judging import solid
+
         self.part = part
+        loops = part.loops
+        corners = np.array([k for loop in loops for k in loop], dtype=np.int64)
+        starts = np.array([0, *accumulate(map(len, loops))], dtype=np.int64)
+        self.points, self.planes, self.edges, self.ball, even = solid(
+            part.vertices, part.seed, corners, starts, part.edges
+        )
         # coal's Qhull breaks down on thin parts (a slab of 1e-9 ends the process). A hull's faces do not change under
         # affine maps: build it with equal extents, then put the true points in place.
-        centred = part.vertices - part.vertices.mean(axis=0)
-        _, stretch, axes = np.linalg.svd(centred, full_matrices=False)
-        axes[2] *= np.sign(np.linalg.det(axes))
-        even = centred @ (axes.T / stretch)
         vectors = coal.StdVec_Vec3s()
         vectors.extend(list(even))
         self.shape = coal.Convex.convexHull(vectors, True, "Qt")
-        self.points = self.shape.points()
+        self.placed = self.shape.points()
         rows = {tuple(point): k for k, point in enumerate(even.tolist())}
-        self.base = (part.vertices - part.seed)[[rows[tuple(point)] for point in self.points.tolist()]]
-        middle = self.base.mean(axis=0)
-        self.ball = np.append(middle, np.linalg.norm(self.base - middle, axis=1).max())
-        self.planes = np.column_stack([part.normals, (self.base @ part.normals.T).max(axis=0)])
-        self.edges = part.vertices[part.edges[:, 1]] - part.vertices[part.edges[:, 0]]
+        self.order = self.points[[rows[tuple(point)] for point in self.placed.tolist()]]
 
 
 def _packed(hulls: list[_Hull]) -> tuple[Array | Ints, ...]:
     """Return hulls as `judging` takes them together."""
-    counts = [(0, 0, 0), *((len(hull.base), len(hull.planes), len(hull.edges)) for hull in hulls)]
-    rows = (np.concatenate([getattr(hull, name) for hull in hulls]) for name in ("base", "planes", "edges"))
-    return *rows, np.cumsum(counts, axis=0, dtype=np.int64), np.array([hull.ball for hull in hulls])
+    counts = [(0, 0, 0), *((len(hull.points), len(hull.planes), len(hull.edges)) for hull in hulls)]
+    rows = [[getattr(hull, name) for hull in hulls] for name in ("points", "planes", "edges")]
+    points, planes, edges = (own[0] if len(own) == 1 else np.concatenate(own) for own in rows)
+    places, origins = np.cumsum(counts, axis=0, dtype=np.int64), np.concatenate([h.part.edges[:, 0] for h in hulls])
+    return points, planes, edges, places, np.array([hull.ball for hull in hulls]), origins
 
 
 def _directions(one: _Hull, two: _Hull, R: Array) -> Array:
@@ -333,8 +338,8 @@ def _gaps(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Array, Array]:
     if len(one.edges) * len(two.edges) > EXHAUSTIVE:
         return np.full(1, np.nan), np.eye(3)[:1]
     n = _directions(one, two, frame.R)
-    first = frame.offset + frame.scales[0] * one.base @ frame.R.T
-    return frame.scales[1] * (two.base @ n.T).min(axis=0) - (first @ n.T).max(axis=0), n
+    first = frame.offset + frame.scales[0] * one.points @ frame.R.T
+    return frame.scales[1] * (two.points @ n.T).min(axis=0) - (first @ n.T).max(axis=0), n
 
 
 def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
@@ -381,6 +386,8 @@ def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:
 def face_corners(part: ConvexPart, face: int) -> tuple[int, int, int]:
     """Return three corners of a face, counter-clockwise seen from outside, that span a large triangle."""
     first, *rest = part.loops[face]
+    if len(rest) == 2:
+        return first, rest[0], rest[1]
     spokes = part.vertices[rest] - part.vertices[first]
     k = int(np.argmax(np.linalg.norm(np.cross(spokes[:-1], spokes[1:]), axis=1)))
     return first, rest[k], rest[k + 1]

@@ -86,6 +86,52 @@ def _larger(a, b):
 
 
 @kernel
+def solid(vertices, seed, corners, starts, edges):
+    """Return what a part is made of, from the seed, and its points with equal extents along all directions.
+
+    Faces are `corners` from their `starts` on, edges (origin, end, ...). Points (n, 3); (unit normal, level) of each
+    face; edges as vectors; the ball about all: centre and radius; and an affine image of the points whose coordinates
+    are orthonormal columns, of the same orientation.
+    """
+    count = len(vertices)
+    points, planes, sides = np.empty((count, 3)), np.empty((len(starts) - 1, 4)), np.empty((len(edges), 3))
+    ball, even = np.zeros(4), np.empty((count, 3))
+    for m in range(count):
+        for j in range(3):
+            points[m, j] = vertices[m, j] - seed[j]
+            ball[j] += points[m, j] / count
+    for m in range(count):
+        for j in range(3):
+            even[m, j] = points[m, j] - ball[j]
+        ball[3] = max(ball[3], np.sqrt(even[m, 0] ** 2 + even[m, 1] ** 2 + even[m, 2] ** 2))
+    for m in range(len(starts) - 1):
+        base, n = _at(points, corners[starts[m]]), (0.0, 0.0, 0.0)
+        for k in range(starts[m] + 1, starts[m + 1] - 1):
+            across = _cross(_minus(_at(points, corners[k]), base), _minus(_at(points, corners[k + 1]), base))
+            n = _plus(n, 1.0, across)
+        length, level = np.sqrt(_dot(n, n)), -_INF
+        n = (n[0] / length, n[1] / length, n[2] / length)
+        for k in range(count):
+            level = max(level, _dot(n, _at(points, k)))
+        planes[m, 0], planes[m, 1], planes[m, 2], planes[m, 3] = n[0], n[1], n[2], level
+    for m in range(len(edges)):
+        sides[m, 0], sides[m, 1], sides[m, 2] = _minus(_at(points, edges[m, 1]), _at(points, edges[m, 0]))
+    for j in range(3):  # Gram and Schmidt, twice: thin parts too come out orthonormal
+        for i in range(2 * j):
+            along = 0.0
+            for m in range(count):
+                along += even[m, i % j] * even[m, j]
+            for m in range(count):
+                even[m, j] -= along * even[m, i % j]
+        square = 0.0
+        for m in range(count):
+            square += even[m, j] ** 2
+        for m in range(count):
+            even[m, j] /= np.sqrt(square)
+    return points, planes, sides, ball, even
+
+
+@kernel
 def framed(pairs, transforms, seeds, reaches):
     """Return the frame of each scale pair and pose, (k, 15); the unit is a power of two, so nothing is rounded."""
     frames = np.full((len(pairs), FRAME), np.nan)
@@ -159,7 +205,7 @@ def believed(planes, others, frames, values, firsts, seconds):
 
 
 # A packed body: its parts' vertices from the seed (n, 3), planes (f, 4), edges (m, 3), where each part's begin in them
-# (parts + 1, 3), and balls about the parts (parts, 4): centre and radius.
+# (parts + 1, 3), balls about the parts (parts, 4): centre and radius, and vertices of their part that edges leave (m).
 
 
 @kernel
@@ -256,22 +302,24 @@ def _largest(one, two, i, j, X, Y, planes, sides):
     if len(sides) == 0:
         return best
     for m in range(one[3][i, 2], one[3][i + 1, 2]):
-        u = _at(sides, m)
+        u, start = _at(sides, m), _at(X, one[5][m])
         for other in range(two[3][j, 2], two[3][j + 1, 2]):
             v = _at(two[2], other)
             n = _cross(u, v)
             square = _dot(n, n)
             if square > PARALLEL * PARALLEL * _dot(u, u) * _dot(v, v):
                 length = np.sqrt(square)
-                n = (n[0] / length, n[1] / length, n[2] / length)
-                best, far, near = _wider(best, far, near, n, X, Y)
-                best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
+                between = _dot(n, _minus(_at(Y, two[5][other]), start))  # no gap along n is wider, none along -n
+                if between > best * length:
+                    best, far, near = _wider(best, far, near, (n[0] / length, n[1] / length, n[2] / length), X, Y)
+                if -between > best * length:
+                    best, far, near = _wider(best, far, near, (-n[0] / length, -n[1] / length, -n[2] / length), X, Y)
     return best
 
 
 @step
 def _wider(best, i, j, n, X, Y):
-    """Return the larger of the best gap and that along n, and the extreme points i, j of the last one worked out."""
+    """Return the larger of the best gap and that along n, and points i, j that came near the extremes along it."""
     if _dot(n, _minus(_at(Y, j), _at(X, i))) <= best:
         return best, i, j
     high, low = -_INF, _INF
@@ -283,6 +331,8 @@ def _wider(best, i, j, n, X, Y):
         level = _dot(n, _at(Y, m))
         if level < low:
             low, j = level, m
+            if low - high <= best:
+                break
     return max(best, low - high), i, j
 
 

@@ -23,7 +23,7 @@ class Pair(NamedTuple):
 
 
 class ContactQuestion(NamedTuple):
-    """Which scale of body 2 makes it touch body 1 of scale `rho1`, moved by `transform`? The least such, from above 0."""
+    """The least scale of body 2 at which it touches body 1 of scale `rho1`, moved by `transform`."""
 
     transform: Array
     rho1: float

@@ -1,35 +1,32 @@
-"""The smallest motion by rival methods: general searches that know nothing of how the problem is built.
+"""The smallest motion by rival methods: general searches that know nothing of how the problem is built, and by ours.
 
-All of them ask the same of a motion q, as numbers e = 0 and g >= 0 in typical amounts (`Asked`): that the tracked pair
-is where the goal wants it, that the tracked features are the contact at some points of the way, the state of the parts
-made, keep-outs and limits. They differ in how they look for the least amount. What a method cannot express it refuses.
-A motion that a method returns is worth what the judge says of it: `judged`.
+All rivals ask the same of a motion q, as numbers e = 0 and g >= 0 in typical amounts (`Asked`), and differ in how they
+look for the least amount. What they end with is brought onto the conditions by a few Newton steps, as any user would
+do, and is not judged: `judged` tells what it is worth. Ours is the toolkit's own `solve`, of which the verification is
+part: its time holds the judge's, a rival's does not.
 
-A method is one function and one row of `RIVALS`.
+A question is a problem that nobody has solved yet; methods prepare for no subject. What a method cannot express it
+refuses, see `Method.refuses`: asked all the same, it says so in a `Failure`.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from time import perf_counter
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve import kernels
-from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.collision import ScaledPair
+from fcdm_opt.measure.asked import Asked, AskedOfCoal
+from fcdm_opt.measure.method import Ask, Failure, Method, MotionAnswer, one_by_one
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import reported
+from fcdm_opt.tolerance.solver import reported, solve
 from fcdm_opt.tolerance.stages.full import modelled_in_full
-from fcdm_opt.tolerance.stages.seat import independent, tilts
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 
@@ -37,244 +34,32 @@ from fcdm_opt.tolerances import DEFAULT
 COARSE = {"translation": 1e-2, "rotation": math.radians(1.0)}
 FINE = {"translation": 1e-4, "rotation": math.radians(1e-4)}
 NODES, HITS = 20_000, 8  # of a grid: looked at in all, and refined
-WAY = (0.25, 0.5, 0.75, 1.0)  # positions on the way at which a rival looks at the tracked contact
 PENALTIES = (1e1, 1e3, 1e5, 1e7)  # one search each, from where the last one ended
-SIMPLEX, POPULATION, GENERATIONS = 150, 12, 60  # evaluations a parameter; members a parameter, and generations
-MEMBERS = 40  # at least
+SIMPLEX = 200  # evaluations a parameter of one such search, scipy's own limit
+MEMBERS, LEAST_MEMBERS = 12, 40  # of an evolution: a parameter, and in all
+GENERATION_QUERIES = 200  # poses a generation, after which an evolution ends
 WIDE = 20.0  # typical amounts: half the width in which differential evolution looks
-STARTS, SPREAD = 12, (1.0, 4.0, 16.0)  # starts of a multistart, and how far from rest they are drawn, typical amounts
-QUERIES = 12_000  # poses after which a multistart begins no further start, and an evolution no further generation
-ITERATIONS, TRUST_ITERATIONS = 120, 150
-DIFFERENCE = 1e-7  # of typical amounts, for derivatives: half the digits of the conditions
-CORRECTIONS = 8  # Newton steps that bring a motion onto its conditions
-ACCEPTED = 1e-7  # typical amounts by which conditions may be missed where a motion is handed to the judge
-FAR = 1e3  # typical amounts: stands for conditions that cannot be computed
+SPREAD = (1.0, 4.0, 16.0)  # how far from rest the starts of a multistart are drawn, typical amounts
+START_QUERIES = 1_000  # poses a start, after which a multistart begins no further one
+ITERATIONS = 150
 SCAN = 60  # steps of a typical amount's half along one parameter, each way
+NEWTON = 50  # steps
+COAL = 1e-6  # coal's own tolerance
+NONE = "found no motion"
 
 
-@dataclass(frozen=True, eq=False)
-class Attempt:
-    """What a rival method made of a problem.
-
-    Attributes
-    ----------
-    q : (k,) array or None
-        Motion parameters; None where none was found.
-    queries : int
-        Poses of the bodies that were looked at.
-    evaluations : int
-        Times that amount or conditions of a motion were asked for.
-    seconds : float
-    """
-
-    q: Array | None
-    queries: int
-    evaluations: int
-    seconds: float
+# --------------------------------------------------------------------------------------------------------------- grid
 
 
-class Asked:
-    """What a problem asks of a motion, as numbers; counts how often it is asked.
-
-    Parameters
-    ----------
-    task : Task
-    """
-
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.queries = self.evaluations = 0
-        self.scales = task.unit / task.weights  # a typical amount in each parameter
-        self._last: tuple[bytes, tuple[Array, Array]] | None = None
-        self._rows: list[int] | None = None
-
-    @property
-    def bounds(self) -> Array:
-        """Limits in typical amounts, (k, 2)."""
-        return self.task.limits / self.scales[:, None]
-
-    def amount(self, z: Array) -> float:
-        """Return half the square of the amount of a motion, given in typical amounts: it is smooth at rest."""
-        self.evaluations += 1
-        return 0.5 * (self.task.amount(z * self.scales) / self.task.unit) ** 2
-
-    def conditions(self, z: Array) -> tuple[Array, Array]:
-        """Return (e, g) of a motion: e = 0 and g >= 0 are asked."""
-        self.evaluations += 1
-        key = np.ascontiguousarray(z).tobytes()
-        if self._last is None or self._last[0] != key:
-            self._last = key, self._conditions(z * self.scales)
-        return self._last[1]
-
-    def missed(self, z: Array) -> Array:
-        """Return by how much each condition is missed, none negative."""
-        e, g = self.conditions(z)
-        return np.concatenate([np.abs(e), np.maximum(-g, 0.0)])
-
-    def stacked(self, z: Array) -> Array:
-        """Return all conditions in one row."""
-        return np.concatenate(self.conditions(z))
-
-    def slopes(self, z: Array) -> Array:
-        """Return derivatives of `stacked`, (rows, k), by central differences."""
-        steps = DIFFERENCE * np.eye(len(z))
-        return np.column_stack([(self.stacked(z + d) - self.stacked(z - d)) / (2.0 * DIFFERENCE) for d in steps])
-
-    def restored(self, z: Array) -> Array | None:
-        """Return a motion on the conditions near one that nearly meets them, None where it does not come near."""
-        for _ in range(CORRECTIONS):
-            missed = self.missed(z)
-            if not missed.max(initial=0.0) > DEFAULT.solver:
-                break
-            e, _ = self.conditions(z)
-            rows = np.append(np.ones(len(e), dtype=bool), missed[len(e) :] > 0)
-            values, slopes = self.stacked(z)[rows], self.slopes(z)[rows]
-            if not (np.isfinite(values).all() and np.isfinite(slopes).all()):
-                return None
-            z = np.clip(z - np.linalg.lstsq(slopes, values, rcond=None)[0], *self.bounds.T)
-        return z * self.scales if self.missed(z).max(initial=0.0) <= ACCEPTED else None
-
-    # ------------------------------------------------------------------------------------------------- conditions
-
-    def _conditions(self, q: Array) -> tuple[Array, Array]:
-        nothing: tuple[list[Array], list[Array]] = ([], [])
-        tracked = self._tracked(q) if self.task.tracked else nothing
-        made = self._parts_made(q) if np.isfinite(self.task.needs).any() else nothing
-        e, g = (np.concatenate([np.empty(0), *one, *two]) for one, two in zip(tracked, made, strict=True))
-        return np.nan_to_num(e, nan=FAR), np.nan_to_num(g, nan=-FAR)
-
-    def reaches(self, q: Array) -> bool:
-        """Tell whether the tracked pair, or else the gap of the parts made, is where it should be: a first sieve."""
-        task = self.task
-        self.evaluations, self.queries = self.evaluations + 1, self.queries + 1
-        if not task.tracked:
-            return min(task.misses(q)) >= 0
-        return bool(((task.tracked_contact(q)[0] - task.target) * task.signs >= 0).all())
-
-    def _tracked(self, q: Array) -> tuple[list[Array], list[Array]]:
-        task = self.task
-        if task.goal == "seat":
-            return [self._seated(q)], self._real(q)
-        if len(task.tracked) == 1:
-            self.queries += 1
-            return [task.line_gaps(q)[1] / task.unit], self._real(q)
-        self.queries += 1
-        off = (task.tracked_contact(q)[0] / task.target - 1.0) * (task.size / task.unit)
-        return ([], [off * task.signs, *self._real(q)]) if task.goal == "beyond" else ([off], self._real(q))
-
-    def _seated(self, q: Array) -> Array:
-        """Return misalignments and gaps of flush contacts, without those that depend on others."""
-        if self._rows is None:
-            self._rows = []
-            beside = np.linspace(0.5, 1.0, len(q)) * (self.task.limits != 0).any(axis=1) * self.scales * DIFFERENCE**0.5
-            steps = np.diag(DIFFERENCE * self.scales)
-            rates = [(self._seats(beside + d) - self._seats(beside - d)) / (2.0 * DIFFERENCE) for d in steps]
-            self._rows = independent(np.column_stack(rates))
-        return self._seats(q)[self._rows]
-
-    def _seats(self, q: Array) -> Array:
-        task = self.task
-        self.queries += 1
-        R = task.transform(q)[:3, :3]
-        turns = [turn for seat in task.seats for turn in seat.turns]
-        tilted = tilts(task.seats, task.spins) @ q if task.coherent else np.array([m @ R @ p for m, p in turns])
-        return np.concatenate([tilted * task.size, task.line_gaps(q)[1]]) / task.unit
-
-    def _real(self, q: Array) -> list[Array]:
-        """Return what makes the tracked features the contact: nothing sticks out, touching, nothing else overlaps."""
-        return [self._real_at(q, s) for s in (WAY if self.task.coherent else WAY[-1:])]
-
-    def _real_at(self, q: Array, s: float) -> Array:
-        task = self.task
-        self.queries += 1
-        rho, pose, tracked = task.tracked_contact(q, s)
-        row = np.full(2 * len(tracked) + 2, -FAR)
-        if not (np.isfinite(rho).all() and rho.min() > 0 and np.isfinite(pose).all()):
-            return row
-        R, separation = pose[:9].reshape(3, 3), -np.inf
-        for k, (feature, inner) in enumerate(zip(tracked, self._inner, strict=True)):
-            one, two = task.movable.parts[feature.parts[0]], task.static.parts[feature.parts[1]]
-            first, second = (one.vertices - one.seed) @ (feature.normal @ R), (two.vertices - two.seed) @ feature.normal
-            row[2 * k] = rho[0] * (feature.line[0] - first[inner[0]].max(initial=-np.inf))
-            row[2 * k + 1] = rho[1] * (feature.line[1] + second[inner[1]].min(initial=np.inf))
-        pairs = {feature.parts for feature in tracked}
-        for i, j in pairs:
-            sites, facets = kernels.facet_rows(*task.movable.parts[i].packed, *task.static.parts[j].packed, pose)
-            own = np.logical_or.reduce([(sites == other.site).all(1) for other in tracked if other.parts == (i, j)])
-            separations = facets[:, 5] - facets[:, 3:5] @ rho
-            separation = max(separation, separations[~own].max(initial=-np.inf))
-        gaps = np.full((len(task.movable.parts), len(task.static.parts)), np.inf)
-        if len(pairs) < gaps.size:
-            gaps = kernels.near_gaps(*task.movable.packed, *task.static.packed, pose, rho, 0.0)
-            gaps[tuple(np.transpose(list(pairs)))] = np.inf
-        row[-2:] = -separation, gaps.min()
-        return np.minimum((row + self._slack) / task.unit, FAR)
-
-    @cached_property
-    def _slack(self) -> float:
-        """Length by which a contact may be missed on the way, as in the solver."""
-        return DEFAULT.cut * self.task.size
-
-    @cached_property
-    def _inner(self) -> list[tuple[Any, Any]]:
-        """Of each tracked feature, which vertices of both parts are not in its plane at rest."""
-        task = self.task
-        found = []
-        _, pose, tracked = task.tracked_contact(task.rest)
-        R = pose[:9].reshape(3, 3)
-        for feature in tracked:
-            one, two = task.movable.parts[feature.parts[0]], task.static.parts[feature.parts[1]]
-            first = feature.line[0] - (one.vertices - one.seed) @ (feature.normal @ R)
-            second = feature.line[1] + (two.vertices - two.seed) @ feature.normal
-            found.append((first > self._slack, second > self._slack))
-        return found
-
-    def _parts_made(self, q: Array) -> tuple[list[Array], list[Array]]:
-        """Return what is asked of the pair made, and of keep-outs."""
-        task = self.task
-        self.queries += 1
-        gaps = self.gaps(q)
-        count = len(task.static.parts)
-        others = (gaps - task.needs)[:, count:].min(axis=0, initial=FAR * task.unit) / task.unit
-        own = np.array([gaps[:, :count].min()]) / task.unit
-        if task.must_touch:
-            return [own], [others]
-        return [], [own - task.need / task.unit if task.must_clear else np.empty(0), others]
-
-    def gaps(self, q: Array) -> Array:
-        """Return signed gaps of all part pairs, (parts of 1, opponents)."""
-        return self.task.pair_gaps(q)
-
-
-class AskedOfCoal(Asked):
-    """The same conditions, with gaps from a collision library: distances, and minus penetration depths."""
-
-    def __init__(self, task: Task) -> None:
-        super().__init__(task)
-        bodies = [task.static, *(keep_out.body for keep_out in task.keep_out)]
-        self._pairs = [ScaledPair(task.movable, body) for body in bodies]
-        self._rho = [np.array([task.target[0], s]) for s in (task.target[1], *(own.ends[1] for own in task.keep_out))]
-
-    def gaps(self, q: Array) -> Array:
-        """Return coal's signed distances."""
-        T = self.task.transform(q)
-        return np.hstack([pair.distances(rho, T) for pair, rho in zip(self._pairs, self._rho, strict=True)])
-
-
-# --------------------------------------------------------------------------------------------------- the methods
-
-Search = Callable[[Asked], "Array | None"]
-
-
-def grid(asked: Asked) -> Array | None:
-    """Look at motions on a grid as the paper does (Fig. 2), least amount first, at the resolution that it prints.
+def grid(task: Task, factor: float) -> Array | None:
+    """Look at motions on a grid as the paper does (Fig. 2), least amount first, at `factor` times the steps it prints.
 
     With several parameters all go in coarse steps; from the first nodes that will do each parameter in turn goes back
     in fine ones. A single parameter goes in fine steps.
     """
-    task = asked.task
+    asked = Asked(task)
     kinds = [kind for _, kind in task.motion.parameters]
-    coarse, fine = (np.array([steps[kind] for kind in kinds]) for steps in (COARSE, FINE))
+    coarse, fine = (factor * np.array([steps[kind] for kind in kinds]) for steps in (COARSE, FINE))
 
     def will_do(q: Array) -> bool:
         if not (task.allows(q) and asked.reaches(q)):
@@ -326,18 +111,22 @@ def _back(q: Array, k: int, step: float, will_do: Callable[[Array], bool]) -> Ar
     return changed
 
 
-def nelder_mead(asked: Asked) -> Array | None:
+# -------------------------------------------------------------------------------------------------- scipy's minimisers
+
+
+def nelder_mead(task: Task, tolerance: float) -> Array | None:
     """Simplex search of Nelder and Mead with a penalty for what is missed, harder from round to round."""
     from scipy.optimize import minimize
 
-    z = asked.task.start / asked.scales
+    asked = Asked(task)
+    z = task.start / asked.scales
     for penalty in PENALTIES:
         z = minimize(
             partial(_penalised, asked, penalty),
             z,
             method="Nelder-Mead",
             bounds=asked.bounds,
-            options={"maxfev": SIMPLEX * len(z), "xatol": DEFAULT.requirement, "fatol": DEFAULT.requirement**2},
+            options={"maxfev": SIMPLEX * len(z), "xatol": tolerance, "fatol": tolerance**2},
         ).x
     return asked.restored(z)
 
@@ -346,24 +135,46 @@ def _penalised(asked: Asked, penalty: float, z: Array) -> float:
     return asked.amount(z) + penalty * float(np.sum(asked.missed(z) ** 2))
 
 
-def slsqp(asked: Asked, starts: int = 1) -> Array | None:
+class Sequential(NamedTuple):
+    """Settings of SLSQP: relative change of the amount's square at which it stops, differences, and starts."""
+
+    ftol: float
+    central: bool = False
+    starts: int = 1
+
+
+def slsqp(task: Task, setting: Sequential) -> Array | None:
     """Sequential least squares programming from rest, and from some seeded starts; the least is kept."""
+    asked = Asked(task)
+    return _slsqp(asked, setting, partial(asked.slopes, central=setting.central))
+
+
+def _slsqp(asked: Asked, setting: Sequential, slopes: Callable[[Array], Array]) -> Array | None:
     from scipy.optimize import minimize
 
     e, g = asked.conditions(asked.task.start / asked.scales)
-    constraints = [{"type": kind, "fun": lambda z, k=k: asked.conditions(z)[k]}
-                   for k, (kind, rows) in enumerate((("eq", e), ("ineq", g))) if len(rows)]  # fmt: skip
+    rows = {"eq": slice(0, len(e)), "ineq": slice(len(e), len(e) + len(g))}
+    constraints = [
+        {
+            "type": kind,
+            "fun": lambda z, own=own: asked.stacked(z)[own],
+            "jac": lambda z, own=own: slopes(z)[own],
+        }
+        for kind, own in rows.items()
+        if own.stop > own.start
+    ]
     found = []
-    for z in _starts(asked, starts):
-        if asked.queries > QUERIES:
+    for z in _starts(asked, setting.starts):
+        if asked.queries > START_QUERIES * setting.starts > START_QUERIES:
             break
         made = minimize(
             asked.amount,
             z,
+            jac=(lambda z: z) if asked.task.weighted else None,
             method="SLSQP",
-            bounds=asked.bounds,
+            bounds=asked.bounds if np.isfinite(asked.bounds).any() else None,
             constraints=constraints,
-            options={"maxiter": ITERATIONS, "ftol": DEFAULT.cut**2},
+            options={"maxiter": ITERATIONS, "ftol": setting.ftol},
         ).x
         q = asked.restored(made) if np.isfinite(made).all() else None
         if q is not None:
@@ -381,45 +192,63 @@ def _starts(asked: Asked, count: int) -> Iterator[Array]:
         yield np.clip(start + np.clip(away, -most / asked.scales, most / asked.scales), *asked.bounds.T)
 
 
-def trust_constr(asked: Asked) -> Array | None:
+def trust_constr(task: Task, tolerance: float) -> Array | None:
     """Trust region interior point method of scipy, from rest."""
+    from scipy.optimize import BFGS
+
+    options = {
+        "maxiter": ITERATIONS,
+        "gtol": tolerance,
+        "xtol": tolerance,
+        "barrier_tol": tolerance,
+        "factorization_method": "SVDFactorization",  # equations may outnumber parameters, or depend on others
+    }
+    return _minimised(task, "trust-constr", options, hess=BFGS)
+
+
+def cobyqa(task: Task, radius: float) -> Array | None:
+    """Derivative-free trust region method of Ragonneau and Zhang, from rest, until its region is this small."""
+    return _minimised(task, "COBYQA", {"initial_tr_radius": 1.0, "final_tr_radius": radius})
+
+
+def _minimised(
+    task: Task, method: str, options: Mapping[str, Any], hess: Callable[[], Any] | None = None
+) -> Array | None:
+    """Return what a method of scipy finds that takes nonlinear constraints; with derivatives where `hess` is given."""
     import warnings
 
-    from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
+    from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-    z = asked.task.start / asked.scales
+    asked = Asked(task)
+    z = task.start / asked.scales
     e, g = asked.conditions(z)
-    kinds = ((0, len(e), 0.0), (1, len(g), np.inf))
-    constraints = [
-        NonlinearConstraint(lambda z, k=k: asked.conditions(z)[k], np.zeros(n), np.full(n, high), hess=BFGS())
-        for k, n, high in kinds
-        if n
-    ]
-    free = not np.isfinite(asked.bounds).any()
+    rows = ((slice(0, len(e)), 0.0), (slice(len(e), len(e) + len(g)), np.inf))
+    constraints = []
+    for own, high in rows:
+        n = own.stop - own.start
+        more = {} if hess is None else {"jac": lambda z, own=own: asked.slopes(z)[own], "hess": hess()}
+        if n:
+            values = partial(lambda own, z: asked.stacked(z)[own], own)
+            constraints.append(NonlinearConstraint(values, np.zeros(n), np.full(n, high), **more))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of its quasi-Newton updates, where a condition's slope does not change
+        warnings.simplefilter("ignore")  # of quasi-Newton updates, where a condition's slope does not change
         made = minimize(
             asked.amount,
             z,
-            method="trust-constr",
-            bounds=None if free else Bounds(*asked.bounds.T),
+            jac=(lambda z: z) if hess and task.weighted else None,
+            method=method,
+            bounds=Bounds(*asked.bounds.T) if np.isfinite(asked.bounds).any() else None,
             constraints=constraints,
-            options={
-                "maxiter": TRUST_ITERATIONS,
-                "gtol": DEFAULT.line,
-                "xtol": DEFAULT.line,
-                "barrier_tol": DEFAULT.line,
-                "factorization_method": "SVDFactorization",  # equations may outnumber parameters, or depend on others
-            },
+            options=dict(options),
         ).x
     return asked.restored(made)
 
 
-def differential_evolution(asked: Asked) -> Array | None:
+def differential_evolution(task: Task, generations: int) -> Array | None:
     """Differential evolution of scipy with the penalty, seeded, within some typical amounts of rest."""
     from scipy.optimize import differential_evolution as evolve
 
-    task = asked.task
+    asked = Asked(task)
     turn = np.array([math.pi if kind == "rotation" else np.inf for _, kind in task.motion.parameters]) / asked.scales
     start = task.start / asked.scales
     half = np.minimum(WIDE, turn)
@@ -429,26 +258,36 @@ def differential_evolution(asked: Asked) -> Array | None:
     made = evolve(
         partial(_penalised, asked, PENALTIES[1]),
         np.column_stack([low, np.maximum(high, low)]),
-        popsize=max(POPULATION, MEMBERS // len(start)),
-        maxiter=GENERATIONS,
+        popsize=max(MEMBERS, LEAST_MEMBERS // len(start)),
+        maxiter=generations,
         tol=DEFAULT.nominal,
         rng=0,
         polish=False,
-        callback=lambda *_: asked.queries > QUERIES,
+        callback=lambda *_: asked.queries > GENERATION_QUERIES * generations,
     )
     return asked.restored(made.x)
 
 
-def coal_in_the_loop(asked: Asked) -> Array | None:
+# ------------------------------------------------------------------------------------------------ a collision library
+
+
+class Library(NamedTuple):
+    """Settings of a search with coal: relative width to which it is bisected, or of the last step, and coal's own."""
+
+    width: float
+    tolerance: float
+
+
+def coal_in_the_loop(task: Task, setting: Library) -> Array | None:
     """Bisect along one parameter, or use SLSQP, with a collision library's distances as conditions."""
-    task = asked.task
+    asked = AskedOfCoal(task, setting.tolerance)
     if len(task.weights) > 1:
-        return slsqp(asked)
-    found = [q for sign in (1.0, -1.0) if (q := _bisected(asked, sign)) is not None]
+        return _slsqp(asked, Sequential(setting.width**2), asked.slopes)
+    found = [q for sign in (1.0, -1.0) if (q := _bisected(asked, sign, setting.width)) is not None]
     return min(found, key=task.amount, default=None)
 
 
-def _bisected(asked: Asked, sign: float) -> Array | None:
+def _bisected(asked: Asked, sign: float, width: float) -> Array | None:
     """Step away from rest until the conditions are met, or the gap changes its sign, then bisect."""
     low, high = asked.bounds[0]
     start = float(np.clip(0.0, low, high))
@@ -465,7 +304,7 @@ def _bisected(asked: Asked, sign: float) -> Array | None:
         ahead = miss(here)
         if ahead * value <= 0:
             left, right = before, here
-            while abs(right - left) > DEFAULT.line * abs(right):
+            while abs(right - left) > width * abs(right):
                 middle = (left + right) / 2.0
                 if middle in (left, right):
                     break
@@ -476,89 +315,209 @@ def _bisected(asked: Asked, sign: float) -> Array | None:
     return None
 
 
-def ipopt_in_full(asked: Asked) -> Array | None:
+def coal_with_newton(task: Task, setting: Library) -> Array | None:
+    """Newton steps on coal's signed distance, whose slope its nearest points and normal give.
+
+    Each step goes to the least motion at which the distance, taken as linear, is what is asked: with one parameter
+    Newton's own, with more the projection of Hasofer and Lind. It knows of no limits.
+    """
+    asked = AskedOfCoal(task, setting.tolerance)
+    z, last = np.zeros(len(task.weights)), np.inf
+    for k in range(NEWTON):
+        gap, slope = asked.nearest(z * asked.scales)
+        gap, slope = gap - task.need, slope * asked.scales
+        if k == 0 and gap >= 0 and not task.must_touch:
+            return task.rest
+        square = float(slope @ slope)
+        if not square > 0:
+            return None
+        ahead = (float(slope @ z) - gap) / square * slope
+        last, z = float(np.abs(ahead - z).max()), ahead
+        if last <= setting.width * float(np.abs(z).max()):
+            return z * asked.scales
+    return None
+
+
+# ------------------------------------------------------------------------------------------------------ the full model
+
+
+def ipopt_in_full(task: Task, tolerance: float) -> Array | None:
     """IPOPT on the full model, everything in one program, from one start."""
-    outcome = modelled_in_full(asked.task)
-    asked.evaluations += outcome.evaluations
-    asked.queries += outcome.evaluations
-    return outcome.q
+    return modelled_in_full(task, tolerance=tolerance).q
 
 
 # ---------------------------------------------------------------------------------------------- what each can take
 
 
-def _anything(task: Task) -> str | None:
+def _anything(task: Problem) -> str | None:
     return None
 
 
-def _without_equations(task: Task) -> str | None:
-    if task.goal in ("at", "seat") or task.must_touch:
+def _without_equations(problem: Problem) -> str | None:
+    if problem.goal in ("at", "seat") or "touch" in (problem.goal, problem.pair):
         return "the nodes of a grid meet no equation: goals beyond and clear only"
     return None
 
 
-def _without_features(task: Task) -> str | None:
-    if task.tracked:
+def _without_features(problem: Problem) -> str | None:
+    if problem.goal not in ("touch", "clear"):
         return "a collision library does not tell features: goals touch and clear only"
-    if any(own.ends[0] < own.ends[1] for own in task.keep_out):
+    if any(own.ends[0] < own.ends[1] for own in problem.keep_out):
         return "a collision library is asked at one scale: no keep-out over a range of scales"
     return None
 
 
-def _without_seats(task: Task) -> str | None:
-    return "the full model has no rows for flush contacts" if task.goal == "seat" else None
+def _with_one_distance(problem: Problem) -> str | None:
+    if len(problem.movable.parts) * len(problem.static.parts) > 1 or problem.keep_out:
+        return "Newton steps follow one distance: one part a body and no keep-outs"
+    if np.isfinite(problem.limits).any() or problem.amount != "weighted":
+        return "the projection knows neither limits nor other amounts"
+    return _without_features(problem)
 
 
-@dataclass(frozen=True)
-class Rival:
-    """A rival method; call it with a problem.
+def _without_seats(problem: Problem) -> str | None:
+    return "the full model has no rows for flush contacts" if problem.goal == "seat" else None
 
-    Attributes
-    ----------
-    name : str
-    search : callable
-        What a problem asks -> motion parameters, or None.
-    refuses : callable
-        Task -> why the method cannot express it, or None.
-    asks : type
-        `Asked`, or a kind of it.
-    """
 
-    name: str
-    search: Search
-    refuses: Callable[[Task], str | None] = _anything
-    asks: Callable[[Task], Asked] = field(default=Asked)
+def _refused(refuses: Callable[[Problem], str | None], problem: Problem | None) -> str | None:
+    if problem is None:
+        return None
+    if problem.feature_pairs:
+        return f"a rival tracks two named features, and {len(problem.feature_pairs)} pairs of them are to choose from"
+    return refuses(problem)
 
-    def __call__(self, problem: Problem) -> Attempt:
-        """Search for the smallest motion.
 
-        Parameters
-        ----------
-        problem : Problem
+# ---------------------------------------------------------------------------------------------------------- the table
 
-        Raises
-        ------
-        InputError
-            For what the method cannot express, and where more than two features meet and none are named.
-        """
-        if problem.feature_pairs:
-            raise InputError(
-                "a rival tracks two features",
-                key="features",
-                found=f"{len(problem.feature_pairs)} pairs of them at this switching point",
-                allowed="the names of two",
-            )
-        start = perf_counter()
-        task = Task.of(problem)
-        reason = self.refuses(task)
+Search = Callable[[Task, Any], "Array | None"]
+
+
+def _searched(search: Search, refuses: Callable[[Problem], str | None], subject: Any, setting: Any) -> Ask:
+    def answer(problem: Problem) -> MotionAnswer | Failure:
+        reason = _refused(refuses, problem)
         if reason is not None:
-            raise InputError(reason, key=f"rival '{self.name}'", found=f"goal {task.goal!r}, pair {task.pair!r}")
-        asked = self.asks(task)
-        with np.errstate(all="ignore"):  # searches wander where nothing can be computed
-            q = self.search(asked)
-        if q is not None and not np.isfinite(q).all():
-            q = None
-        return Attempt(q, asked.queries, asked.evaluations, perf_counter() - start)
+            return Failure(reason)
+        task = Task.of(problem)
+        q = search(task, setting)
+        if q is None or not np.isfinite(q).all():
+            return Failure(NONE)
+        return MotionAnswer(q, task.amount(q))
+
+    return one_by_one(answer)
+
+
+def _solved(subject: Any, certify: bool) -> Ask:
+    """Solve with the verification that `solve` always makes: what the judge does not pass is no answer."""
+
+    def answer(problem: Problem) -> MotionAnswer | Failure:
+        solution = solve(problem, certify=certify)
+        if not solution.usable:
+            return Failure(f"{solution.status.name}: {solution.status.value}")
+        return MotionAnswer(np.array(list(solution.parameters.values())), solution.amount)
+
+    return one_by_one(answer)
+
+
+def _rival(
+    name: str,
+    family: str,
+    search: Search,
+    settings: Mapping[str, Any],
+    refuses: Callable[[Problem], str | None] = _anything,
+) -> Method:
+    return Method(name, family, settings, partial(_searched, search, refuses), partial(_refused, refuses))
+
+
+METHODS = (
+    Method("fcdm_opt", "ours", {"auto": False, "certified": True}, _solved),
+    _rival(
+        "grid",
+        "the paper's",
+        grid,
+        {"steps x 100": 100.0, "steps x 10": 10.0, "steps as printed": 1.0},
+        _without_equations,
+    ),
+    _rival("Nelder-Mead", "scipy", nelder_mead, {"xatol 1e-2": 1e-2, "xatol 1e-4": 1e-4, "xatol 1e-9": 1e-9}),
+    _rival(
+        "SLSQP",
+        "scipy",
+        slsqp,
+        {
+            "ftol 1e-3": Sequential(1e-3),
+            "ftol 1e-6": Sequential(1e-6),
+            "ftol 1e-20": Sequential(1e-20),
+            "ftol 1e-20, central differences": Sequential(1e-20, central=True),
+        },
+    ),
+    _rival(
+        "SLSQP, multistart",
+        "scipy",
+        slsqp,
+        {f"{starts} starts": Sequential(1e-20, starts=starts) for starts in (3, 12, 40)},
+    ),
+    _rival("trust-constr", "scipy", trust_constr, {"gtol 1e-4": 1e-4, "gtol 1e-8": 1e-8, "gtol 1e-12": 1e-12}),
+    _rival("COBYQA", "scipy", cobyqa, {"radius 1e-4": 1e-4, "radius 1e-6": 1e-6, "radius 1e-10": 1e-10}),
+    _rival(
+        "differential evolution",
+        "scipy",
+        differential_evolution,
+        {f"{count} generations": count for count in (15, 60, 240)},
+    ),
+    _rival(
+        "IPOPT, full model",
+        "CasADi",
+        ipopt_in_full,
+        {"tol 1e-4": 1e-4, "tol 1e-8": 1e-8, "tol 1e-11": DEFAULT.solver},
+        _without_seats,
+    ),
+    _rival(
+        "coal in the loop",
+        "coal",
+        coal_in_the_loop,
+        {
+            "to 1e-4, coal 1e-6": Library(1e-4, COAL),
+            "to 1e-8, coal 1e-6": Library(1e-8, COAL),
+            "to 1e-12, coal 1e-12": Library(DEFAULT.line, DEFAULT.judge_gjk),
+        },
+        _without_features,
+    ),
+    _rival(
+        "coal distance + Newton",
+        "coal",
+        coal_with_newton,
+        {
+            "to 1e-4, coal 1e-6": Library(1e-4, COAL),
+            "to 1e-8, coal 1e-6": Library(1e-8, COAL),
+            "to 1e-8, coal 1e-12": Library(1e-8, DEFAULT.judge_gjk),
+        },
+        _with_one_distance,
+    ),
+)
+"""Settings that are the library's own: xatol 1e-4, ftol 1e-6, gtol 1e-8, radius 1e-6, tol 1e-8 and coal 1e-6."""
+USUAL = {
+    "fcdm_opt": "auto",
+    "grid": "steps as printed",
+    "Nelder-Mead": "xatol 1e-9",
+    "SLSQP": "ftol 1e-20",
+    "SLSQP, multistart": "12 starts",
+    "trust-constr": "gtol 1e-12",
+    "COBYQA": "radius 1e-10",
+    "differential evolution": "60 generations",
+    "IPOPT, full model": "tol 1e-11",
+    "coal in the loop": "to 1e-12, coal 1e-12",
+    "coal distance + Newton": "to 1e-8, coal 1e-12",
+}
+"""The setting at which a method is compared with others where only one is taken: fine, and within its reason."""
+
+
+def answered(name: str, problem: Problem) -> MotionAnswer | Failure:
+    """Return the answer of a method, by name, at its usual setting."""
+    method = next(method for method in METHODS if method.name == name)
+    answer: MotionAnswer | Failure = method.prepare(None, method.settings[USUAL[name]])([problem])[0]
+    return answer
+
+
+RIVALS = tuple(method.name for method in METHODS if not method.ours)
 
 
 def judged(problem: Problem, q: Any) -> Solution:
@@ -574,18 +533,3 @@ def judged(problem: Problem, q: Any) -> Solution:
     status = Status.SOLVED if parameters.any() else Status.ALREADY_SATISFIED
     solution = reported(problem, Task.of(problem), Answer(status, parameters, "a rival's motion"))
     return solution.with_certificate(verify(solution), {})
-
-
-RIVALS = {
-    rival.name: rival
-    for rival in (
-        Rival("grid", grid, _without_equations),
-        Rival("Nelder-Mead", nelder_mead),
-        Rival("SLSQP", slsqp),
-        Rival("SLSQP, multistart", partial(slsqp, starts=STARTS)),
-        Rival("trust-constr", trust_constr),
-        Rival("differential evolution", differential_evolution),
-        Rival("IPOPT, full model", ipopt_in_full, _without_seats),
-        Rival("coal in the loop", coal_in_the_loop, _without_features, AskedOfCoal),
-    )
-}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache, cached_property
-from math import isfinite
+from math import hypot, isfinite
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -184,10 +184,12 @@ class _Judge:
         carried = carriers(*bodies)
         self.claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in solution.features]
         self._side = self._stepped()
-        pairs = [self.rho, self.problem.target]
+        pairs = [self.rho] if (self.rho == self.problem.target).all() else [self.rho, self.problem.target]
+        own = len(pairs)
         if not isinstance(self._side, Check):
             pairs += [self.rho - self._side[1], self.rho + self._side[1]]
-        self.gap, self.pair_gap, *self._beside = self._gaps(np.array(pairs)).tolist()
+        gaps = self._gaps(np.array(pairs)).tolist()
+        self.gap, self.pair_gap, self._beside = gaps[0], gaps[own - 1], gaps[own:]
 
     # ------------------------------------------------------------------------------------------------------ stages
 
@@ -223,7 +225,7 @@ class _Judge:
             made = problem.movable.seed + problem.target[0] * (drawn - problem.movable.seed)
             apart = made @ self.transform[:3, :3].T + self.transform[:3, 3] - made
             return float(np.sqrt((apart * apart).sum(axis=1).max()))
-        return float(np.sqrt(np.sum((problem.weights * self.q) ** 2)))
+        return hypot(*(problem.weights * self.q).tolist())
 
     def _whole_steps(self) -> list[Check]:
         """Check that the motion is in whole steps of the machine, where it has any."""

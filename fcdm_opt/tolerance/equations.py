@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.arrays import Array, crossed, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
 
@@ -57,7 +57,7 @@ class FeaturePoints:
 
     def steepness(self, rotation: Array) -> float:
         """Return the length of the template's normal where `rotation`, (3, 3), turns body 1."""
-        return float(np.linalg.norm(np.cross(*_spans(self.kind, _turned(self.kind, self.points.T, rotation)))))
+        return float(np.linalg.norm(crossed(*_spans(self.kind, _turned(self.kind, self.points.T, rotation)))))
 
 
 def feature_points(
@@ -81,7 +81,7 @@ def feature_points(
         points = [one.vertices[i], *_widest(two.vertices[list(two.loops[j])])]
     else:
         points = [*one.vertices[one.edges[i, :2]], *two.vertices[two.edges[j, :2]]]
-    raw = np.cross(*_spans(kind, _turned(kind, points, rotation)))
+    raw = crossed(*_spans(kind, _turned(kind, points, rotation)))
     return FeaturePoints(kind, frozen(np.column_stack(points)), 1.0 if raw @ normal > 0 else -1.0, parts, site)
 
 

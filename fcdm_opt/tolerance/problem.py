@@ -559,8 +559,16 @@ class Problem:
     # --------------------------------------------------------------------------------------------------- plain data
 
     def changed(self, **arguments: Any) -> Problem:
-        """Return the same question with other arguments, resolved anew; raises as the constructor does."""
-        return Problem(**{**self.request, **arguments})
+        """Return the same question with other arguments, resolved anew; raises as the constructor does.
+
+        The decision curve is handed on where it stays the same, and with it where the nominal pair is.
+        """
+        made: Problem = object.__new__(type(self))
+        if not arguments.keys() & {"movable", "static", "box"}:
+            kept = ("curve",) if "nominal" in arguments else ("curve", "_located")
+            made.__dict__.update({key: self.__dict__[key] for key in kept if key in self.__dict__})
+        made.__init__(**{**self.request, **arguments})  # type: ignore[misc]
+        return made
 
     def to_dict(self) -> dict[str, Any]:
         """Return the question as plain data: the keys of a problem file with one case, angles in radians."""

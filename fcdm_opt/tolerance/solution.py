@@ -110,7 +110,10 @@ class Solution:
     active : tuple of str
         What stops the motion from being smaller.
     modelled : dict
-        How many features, part pairs, keep-outs and path points were constraints, of how many.
+        What is in the program that the motion solves, by the same names for every stage: "variables", "constraints"
+        (limits of variables not among them), and "part_pairs", "features", "keep_outs" with "_kept" and, for how many
+        there are, "_total". Features are the pairs of elements that its rows are made of. Nothing is kept where
+        nothing is to do, and without a motion.
     stage : str
         Which stage of the solver settled it, and why.
     evidence : Evidence or None

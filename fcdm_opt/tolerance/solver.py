@@ -142,7 +142,7 @@ def reported(problem: Problem, task: Task, answer: Answer) -> Solution:
         pair_state=state,
         stage=answer.stage,
         active=answer.active,
-        modelled=answer.modelled or {},
+        modelled=answer.modelled or task.modelled(),
     )
     if answer.q is None:
         return common

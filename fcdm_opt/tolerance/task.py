@@ -55,7 +55,7 @@ class Answer:
     active : tuple of str
         What stops the motion from being smaller.
     modelled : dict
-        Constraints kept, of how many.
+        What is in the program that the motion solves, see `Task.modelled`.
     last : bool
         No later stage is to be asked.
     """
@@ -243,6 +243,13 @@ class Task:
         """Number of pairs of convex parts."""
         return len(self.movable.parts) * len(self.opponents)
 
+    @property
+    def tested_vertices(self) -> int:
+        """Vertices that are looked at where all part pairs are, one after the other."""
+        one = sum(len(part.vertices) for part in self.movable.parts)
+        others = [len(opponent.part.vertices) for opponent in self.opponents]
+        return one * len(others) + len(self.movable.parts) * sum(others)
+
     def named(self, parts: Parts) -> str:
         """Return a part pair in words: the keep-out it is with, or the numbers of both parts."""
         keep_out = self.opponents[parts[1]].keep_out
@@ -250,13 +257,65 @@ class Task:
             return f"part pair {parts[0] + 1}, {parts[1] + 1}"
         return f"keep-out {self.keep_out[keep_out].name!r}"
 
-    def modelled(self, kept: Collection[Parts]) -> dict[str, int]:
-        """Return how many part pairs and keep-outs are kept, of how many."""
+    def modelled(
+        self, kept: Collection[Parts] = (), *, variables: int = 0, constraints: int = 0, features: int = 0
+    ) -> dict[str, int]:
+        """Return the counts of a program: the same keys whatever the stage; none kept without a program.
+
+        Parameters
+        ----------
+        kept : collection of (i, j)
+            Part pairs in it.
+        variables, constraints : int
+            Its unknowns, and its rows besides the limits of variables.
+        features : int
+            Pairs of elements that its rows are made of, and vertices held by separating planes; in all there are
+            `features`.
+        """
         keep_outs = {self.opponents[j].keep_out for _, j in kept} - {-1}
-        counts = {"part_pairs_kept": len(set(kept)), "part_pairs_total": self.part_pairs}
-        return counts | (
-            {"keep_outs_kept": len(keep_outs), "keep_outs_total": len(self.keep_out)} if self.keep_out else {}
-        )
+        return {
+            "variables": variables,
+            "constraints": constraints,
+            "part_pairs_kept": len(set(kept)),
+            "part_pairs_total": self.part_pairs,
+            "features_kept": features,
+            "features_total": self.features,
+            "keep_outs_kept": len(keep_outs),
+            "keep_outs_total": len(self.keep_out),
+        }
+
+    def modelled_by_gaps(self, q: Array, kept: Collection[Parts] | None = None) -> dict[str, int]:
+        """Return the counts of a program in which each part pair is one row: its largest separation over its facets.
+
+        Parameters
+        ----------
+        q : (k,) array
+            Where the facets are counted.
+        kept : collection of (i, j), optional
+            Part pairs in it; by default those that bounds do not tell to be further off than the nearest, and than is
+            needed, see `pair_gaps`.
+        """
+        kept, pose = self._near(q) if kept is None else kept, self.pose(q)
+        features = sum(len(self.separations(parts, pose)[2]) for parts in kept)
+        return self.modelled(kept, variables=len(q), constraints=len(kept), features=features)
+
+    def _near(self, q: Array) -> list[Parts]:
+        gaps, pose, found = self.pair_gaps(q), self.pose(q), list[Parts]()
+        for columns, packed in self._groups:
+            opponent = self.opponents[columns.start]
+            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
+            bounds = kernels.pair_bounds(*self.movable.packed, *packed, here, rho)
+            enough = max(float(gaps[:, columns].min()), opponent.need) + DEFAULT.requirement * self.size
+            found += [(i, columns.start + j) for i, j in np.argwhere(bounds <= enough).tolist()]
+        return found
+
+    @cached_property
+    def features(self) -> int:
+        """Number of pairs of elements that may be a contact after some motion: face and vertex, edge and edge."""
+        bodies = self.movable.parts, [opponent.part for opponent in self.opponents]
+        counts = [[(len(part.loops), len(part.vertices), len(part.edges)) for part in parts] for parts in bodies]
+        (faces, vertices, edges), (others, against, across) = (map(sum, zip(*own, strict=True)) for own in counts)
+        return faces * against + vertices * others + edges * across
 
     @property
     def steps(self) -> Array:
@@ -404,7 +463,11 @@ class Task:
         kinds = [(id(own.part.seed), own.scale, own.keep_out) for own in self.opponents]
         starts = [0, *(k for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]), len(kinds)]
         runs = [slice(first, last) for first, last in pairwise(starts)]
-        return tuple((run, packed_together([own.part for own in self.opponents[run]])) for run in runs)
+        first = slice(0, len(self.static.parts))  # these are packed already
+        return tuple(
+            (run, self.static.packed if run == first else packed_together([own.part for own in self.opponents[run]]))
+            for run in runs
+        )
 
     def gap(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> float:
         """Return the signed gap of the target pair, see `pair_gaps`."""
@@ -449,14 +512,13 @@ class Task:
             Tracked.at(self.movable, self.static, pose, feature.parts, feature.site, feature.sign)
             for feature in self.tracked
         )
-        lines = np.array([feature.line for feature in tracked])
+        a, b, c = tracked[0].line.tolist()
         if len(tracked) == 2:
-            steep = np.hypot(lines[:, 0], lines[:, 1])
-            determinant = lines[0, 0] * lines[1, 1] - lines[0, 1] * lines[1, 0]
-            if not abs(determinant) > DEFAULT.determinant * steep[0] * steep[1]:
+            d, e, f = tracked[1].line.tolist()
+            determinant = a * e - b * d
+            if not abs(determinant) > DEFAULT.determinant * math.hypot(a, b) * math.hypot(d, e):
                 return np.full(2, np.nan), pose, tracked
-            return np.linalg.solve(lines[:, :2], lines[:, 2]), pose, tracked
-        a, b, c = lines[0]
+            return np.array([(c * e - b * f) / determinant, (a * f - c * d) / determinant]), pose, tracked
         path = self.nominal + s * (self.target - self.nominal)
         return path + (c - a * path[0] - b * path[1]) / (a * a + b * b) * np.array([a, b]), pose, tracked
 
@@ -465,11 +527,15 @@ class Task:
 
         The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
         exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
+
+        Of two convex bodies, one of which shifts, every excess is a maximum of linear functions along the path, and not
+        positive where it starts: there its end tells all.
         """
         worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
         turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
-        for s in np.linspace(1.0, 0.0, count + 1)[: count if self.coherent else 1]:
+        straight = self.motion.shifts and len(self.movable.parts) == len(self.static.parts) == 1
+        for s in np.linspace(1.0, 0.0, count + 1)[: count if self.coherent and not straight else 1]:
             rho, pose, tracked = self.tracked_contact(q, s)
             if not (np.isfinite(rho).all() and rho.min() > 0 and self._stays_flush(pose, rho, tracked)):
                 worst.setdefault((), (float(s), pose, None))

@@ -88,9 +88,12 @@ def _apart(way, sense, R, m, d, n, one, two):
 
 
 @kernel
-def _held(way, sense, R, m, d, body, point, normals, levels, known):
-    """Return how long a point of a body, in its own axes, stays inside the other polyhedron; `known`: in vain."""
-    p, x, rates = np.empty(3), np.empty(3), np.empty(3)
+def _held(way, sense, R, m, d, body, point, normals, levels, known, scratch):
+    """Return how long a point of a body, in its own axes, stays inside the other polyhedron; `known`: in vain.
+
+    `scratch` is overwritten: (3, 3).
+    """
+    p, x, rates = scratch[0], scratch[1], scratch[2]
     for j in range(3):
         if body == 0:
             x[j] = m[j] + R[3 * j] * point[0] + R[3 * j + 1] * point[1] + R[3 * j + 2] * point[2]
@@ -122,12 +125,12 @@ def _held(way, sense, R, m, d, body, point, normals, levels, known):
 def _overlapping(way, sense, R, m, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
     """Return how long two polyhedra overlap at least: by a vertex of one inside the other, or a point of an edge."""
     best = 0.0
-    p, u, point = np.empty(3), np.empty(3), np.empty(3)
+    p, u, point, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     for body in range(2):
         points, edges = (one, edges1) if body == 0 else (two, edges2)
         normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
         for v in range(len(points)):
-            best = _held(way, sense, R, m, d, body, points[v], normals, levels, best)
+            best = _held(way, sense, R, m, d, body, points[v], normals, levels, best, scratch)
         for e in range(len(edges)):
             placed(R, d, body, points[edges[e, 0]], p)
             placed(R, d, body, points[edges[e, 1]], u)
@@ -139,7 +142,7 @@ def _overlapping(way, sense, R, m, d, one, normals1, levels1, edges1, two, norma
                 for j in range(3):
                     start = points[edges[e, 0], j]
                     point[j] = start + middle * (points[edges[e, 1], j] - start)
-                best = _held(way, sense, R, m, d, body, point, normals, levels, best)
+                best = _held(way, sense, R, m, d, body, point, normals, levels, best, scratch)
     return best
 
 
@@ -282,9 +285,10 @@ def first(way, sense, ones, twos, offset, needs, partner, touch, limit, start, f
                 else:
                     high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
             there = high
-            _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
+            _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, False, ahead)
             if ahead[1] >= -slack:
                 return there, proved
+            _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
             side = -side
         here = there
         now[:] = ahead

@@ -26,6 +26,8 @@ CONFIRMED_GAP, COARSE_GAP = 1e-6, 1e-3  # of looking for something better; the l
 LARGE = 0.15  # of the size: amounts beyond this are large
 CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
 CELLS_MORE = 60_000  # the same, for more parameters
+FEWEST = 1000  # cells that are looked at however large the scene
+CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
 SECONDS = 20.0  # for the search over rotations
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
@@ -36,7 +38,7 @@ def branch_and_bound(task: Task) -> Answer | None:
     if len(task.weights) > MOST_PARAMETERS:
         return None
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
-        return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled(()))
+        return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), gap=FINE_GAP)[0]
     if answer.q is not None or answer.lower_bound < farthest(task):
         return answer
@@ -55,7 +57,9 @@ def confirmed(task: Task, answer: Answer) -> Answer:
         return answer
     if len(task.weights) > MOST_PARAMETERS:
         return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 else answer
-    return bounded(task, answer, gap=CONFIRMED_GAP)[0] if _doubtful(task, answer) else answer
+    if not _doubtful(task, answer):
+        return answer
+    return bounded(task, answer, gap=CONFIRMED_GAP, effort=CONFIRMING)[0]
 
 
 def _doubtful(task: Task, answer: Answer) -> bool:
@@ -94,7 +98,7 @@ def _amount(task: Task, answer: Answer) -> float:
     return np.inf if answer.q is None else task.amount(answer.q)
 
 
-def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence | None]:
+def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) -> tuple[Answer, Evidence | None]:
     """Return an answer with a bound by `prove`, better or settled where that is so.
 
     Parameters
@@ -104,8 +108,11 @@ def bounded(task: Task, answer: Answer, *, gap: float) -> tuple[Answer, Evidence
         What is known: a motion, or none yet.
     gap : float
         Relative gap between bound and amount that is enough.
+    effort : float
+        Cells times vertices of a cell's tests, after which the bound is what it is.
     """
-    most, known, upper = CELLS.get(len(task.weights), CELLS_MORE), answer.q, _amount(task, answer)
+    most = int(np.clip(effort / task.tested_vertices, FEWEST, CELLS.get(len(task.weights), CELLS_MORE)))
+    known, upper = answer.q, _amount(task, answer)
     better: Found | None = None
 
     def search(q: Array) -> Array | None:
@@ -141,7 +148,7 @@ def near(task: Task, q: Array) -> Found | None:
         if not task.tracked:
             at = rays.shortened(task, at)
         if task.meets(at, DEFAULT.requirement):
-            found.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled(())))
+            found.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled_by_gaps(at)))
             break
     for relaxation in choices(task, q, near=True):
         better = relaxation.smallest([q], "sqpmethod")

@@ -45,13 +45,14 @@ class Way(NamedTuple):
 
 
 class Settled(NamedTuple):
-    """A least motion: z, its length, what stops it, rows, the sites that keep pairs apart, and all pairs modelled."""
+    """A least motion: z, its length, what stops it, the sites that keep pairs apart; and what was modelled."""
 
     z: Array
     amount: float
     active: tuple[str, ...]
-    rows: int
     chosen: list[Way]
+    rows: int
+    features: int
     parts: set[Parts]
 
 
@@ -177,7 +178,13 @@ class Descent:
         kept = {feature.parts for feature in self.task.tracked} | ({closing} if closing is not None else set())
         rows = zip(ints, hands, duals, strict=False)
         active = tuple(dict.fromkeys(self._named(row, hand) for row, hand, dual in rows if dual != 0))
-        return Settled(z, float(np.linalg.norm(z)), active, len(ints), ways, kept | {way.parts for way in ways})
+        kinds = ints[:, compiled.TYPE]
+        sited = ints[(kinds == compiled.SIDE) | (kinds == compiled.GAP), compiled.KIND : compiled.P2 + 1]
+        behind = ints[kinds == compiled.BEHIND, compiled.KIND : compiled.V + 1]
+        features = {*map(tuple, sited.tolist()), *map(tuple, behind.tolist())}
+        kept |= {way.parts for way in ways} | {(one, two) for *_, one, two in sited.tolist()}
+        count = int((kinds != compiled.BOUND).sum())
+        return Settled(z, float(np.linalg.norm(z)), active, ways, count, len(features) + len(self.task.tracked), kept)
 
     def _named(self, row: Ints, hand: float) -> str:
         task, kind, parts = self.task, row[compiled.TYPE], (int(row[compiled.P1]), int(row[compiled.P2]))
@@ -323,7 +330,7 @@ class Descent:
                 chosen = [way for _, way, _ in self.ways(start, pair)[:1]] if overlaps else []
                 found = self.settle(start[None], self._below(best), chosen, None if chosen else pair)
                 if found is None and amount < self._below(best):
-                    found = Settled(start, amount, (ON_THE_WAY,), 0, [], {pair})
+                    found = Settled(start, amount, (ON_THE_WAY,), [], 1, 1, {pair})
                 best = found or best
         return None if best is known else best
 
@@ -363,8 +370,8 @@ def descent(task: Task) -> Answer | None:
         return None
     if task.need > 0 and not _along_facets(task, q):
         return None
-    modelled = {"constraints": best.rows} | task.modelled(best.parts)
-    return Answer(Status.SOLVED, q, STAGE, min(displacement_bound(task), task.amount(q)), best.active, modelled)
+    counts = task.modelled(best.parts, variables=len(q), constraints=best.rows, features=best.features)
+    return Answer(Status.SOLVED, q, STAGE, min(displacement_bound(task), task.amount(q)), best.active, counts)
 
 
 def _kept_clear(task: Task) -> Answer | None:
@@ -372,8 +379,8 @@ def _kept_clear(task: Task) -> Answer | None:
     answer = descent(replace(task, keep_out=()))
     if answer is None or answer.q is None or not task.meets(answer.q, DEFAULT.requirement, path=False):
         return None
-    kept = {"keep_outs_kept": 0, "keep_outs_total": len(task.keep_out), "part_pairs_total": task.part_pairs}
-    return replace(answer, modelled={**(answer.modelled or {}), **kept})
+    totals = {name: count for name, count in task.modelled().items() if name.endswith("_total")}
+    return replace(answer, modelled={**(answer.modelled or {}), **totals})
 
 
 def _along_facets(task: Task, q: Array) -> bool:

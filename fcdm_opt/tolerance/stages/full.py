@@ -53,8 +53,15 @@ def full(task: Task) -> Answer | None:
     return Answer(Status.SOLVED, q, "full model, IPOPT from one start", bound, ("everything",), outcome.modelled)
 
 
-def modelled_in_full(task: Task) -> InFull:
-    """Solve the full model as it is, once for each part pair that may be the one to touch; the least counts."""
+def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> InFull:
+    """Solve the full model as it is, once for each part pair that may be the one to touch; the least counts.
+
+    Parameters
+    ----------
+    task : Task
+    tolerance : float
+        Of IPOPT, scaled rows and stationarity.
+    """
     asks = bool(np.isfinite(task.needs).any())
     gaps = task.pair_gaps(task.start) if asks else np.full((1, 1), INF)
     closings: list[Parts | None] = [None]
@@ -65,7 +72,7 @@ def modelled_in_full(task: Task) -> InFull:
     for closing in closings:
         program = _Program(task)
         program.build(closing)
-        q, asked = program.solve()
+        q, asked = program.solve(tolerance)
         evaluations, counts = evaluations + asked, program.modelled
         if q is not None and (best is None or task.amount(q) < task.amount(best)):
             best = q
@@ -239,15 +246,10 @@ class _Program:
         """Counts of what is in the program: everything."""
         task = self.task
         everything = list(np.ndindex(len(task.movable.parts), len(task.opponents)))
-        return {
-            "constraints": sum(len(lower) for lower, _ in self.ranges),
-            "variables": sum(map(len, self.starts)),
-            "planes": self.planes,
-            "path_points": DEFAULT.path_points if task.coherent else 1,
-            **task.modelled(everything),
-        }
+        variables, constraints = sum(map(len, self.starts)), sum(len(lower) for lower, _ in self.ranges)
+        return task.modelled(everything, variables=variables, constraints=constraints, features=task.features)
 
-    def solve(self) -> tuple[Array | None, int]:
+    def solve(self, tolerance: float) -> tuple[Array | None, int]:
         """Return the parameters, None where the program did not converge, and how often its rows were evaluated."""
         import casadi
 
@@ -263,9 +265,9 @@ class _Program:
             "error_on_fail": False,
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
-            "ipopt.tol": DEFAULT.solver,
-            "ipopt.constr_viol_tol": DEFAULT.solver,
-            "ipopt.acceptable_tol": DEFAULT.requirement,
+            "ipopt.tol": tolerance,
+            "ipopt.constr_viol_tol": tolerance,
+            "ipopt.acceptable_tol": max(DEFAULT.requirement, tolerance),
             "ipopt.bound_relax_factor": 0.0,
             "ipopt.mu_strategy": "adaptive",  # many rows are tight at once where all vertices move alike
             "ipopt.max_iter": 500,
@@ -280,7 +282,7 @@ class _Program:
         x, g = result["x"].full().ravel(), result["g"].full().ravel()
         missed = np.maximum(lower - g, g - upper).max(initial=0.0)
         q = np.clip(x[: len(task.weights)] * task.steps, *task.limits.T)
-        good = stats["success"] and np.isfinite(x).all() and missed <= DEFAULT.cut
+        good = stats["success"] and np.isfinite(x).all() and missed <= max(DEFAULT.cut, tolerance)
         return (q if good else None), int(stats.get("n_call_nlp_g", 0))
 
 

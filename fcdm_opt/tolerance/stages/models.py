@@ -30,7 +30,7 @@ def satisfied(task: Task) -> Answer | None:
     """Stage 0: nothing to do."""
     if not task.allows(task.rest) or not task.meets(task.rest, DEFAULT.line):
         return None
-    return Answer(Status.ALREADY_SATISFIED, task.rest, "0: met without motion", modelled=task.modelled(()))
+    return Answer(Status.ALREADY_SATISFIED, task.rest, "0: met without motion", modelled=task.modelled())
 
 
 def straight(task: Task) -> Answer | None:
@@ -77,7 +77,7 @@ def straight(task: Task) -> Answer | None:
     stop.update(*(found for x, found in ways.items() if abs(x) < abs(least) and found <= others))
     names = tuple(dict.fromkeys(task.named(parts) for parts in sorted(stop)))
     near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
-    return Answer(Status.SOLVED, q, stage, task.amount(q), names or ON_THE_WAY, task.modelled(near))
+    return Answer(Status.SOLVED, q, stage, task.amount(q), names or ON_THE_WAY, task.modelled_by_gaps(q, near))
 
 
 def one_parameter(task: Task) -> Answer | None:
@@ -108,17 +108,20 @@ def _one_way(task: Task, steady: rays.Steady | None) -> Answer | None:
     starts = [max(0.0, task.weights[0] * x) for x in (task.limits[0, 0], -task.limits[0, 1])]
     for sense, start, end in zip(ways, starts, ends, strict=True):
         if 0 < start <= end and task.meets(start * sense, DEFAULT.line):
-            return Answer(Status.SOLVED, start * sense, stage, start, ("a limit",), _pairs_modelled(task))
+            q = start * sense
+            return Answer(Status.SOLVED, q, stage, start, ("a limit",), task.modelled_by_gaps(q))
 
     def contact(way: int, end: float) -> rays.Contact:
         if steady is not None:
             return steady.first_contact((1.0, -1.0)[way], end, starts[way])
         return rays.first_contact(task, ways[way], end, starts[way])
 
-    first = contact(0, ends[0])
-    second = contact(1, min(ends[1], first.amount))
-    amount, nearer = min((first.amount, 0), (second.amount, 1))
-    clear = [np.inf if way.clear_to >= end else way.clear_to for way, end in zip((first, second), ends, strict=True)]
+    lead = 0 if steady is None else steady.likelier
+    first = contact(lead, ends[lead])
+    second = contact(1 - lead, min(ends[1 - lead], first.amount))
+    found = (first, second) if lead == 0 else (second, first)
+    amount, nearer = min((found[0].amount, 0), (found[1].amount, 1))
+    clear = [np.inf if way.clear_to >= end else way.clear_to for way, end in zip(found, ends, strict=True)]
     if not np.isfinite(amount):  # proved where both ways are clear to their ends
         if min(clear) < np.inf and (task.keep_out or task.need > 0 or steady is not None):
             return None
@@ -128,7 +131,7 @@ def _one_way(task: Task, steady: rays.Steady | None) -> Answer | None:
     q = amount * ways[nearer]
     if steady is not None and not task.meets(q, DEFAULT.requirement):
         return None
-    return Answer(Status.SOLVED, q, stage, bound, _stops(task, q) or ON_THE_WAY, _pairs_modelled(task))
+    return Answer(Status.SOLVED, q, stage, bound, _stops(task, q) or ON_THE_WAY, task.modelled_by_gaps(q))
 
 
 def _stops(task: Task, q: Array) -> tuple[str, ...]:
@@ -187,10 +190,6 @@ def _program(task: Task) -> Answer:
     return Answer(Status.SOLVED, best.q, stage, bound, best.active, best.modelled)
 
 
-def _pairs_modelled(task: Task) -> dict[str, int]:
-    return task.modelled(list(np.ndindex(len(task.movable.parts), len(task.opponents))))
-
-
 def _better(one: Found | None, two: Found | None) -> Found | None:
     return min((found for found in (one, two) if found is not None), key=lambda found: found.amount, default=None)
 
@@ -244,7 +243,8 @@ def _on_a_ray(task: Task, best: Found | None) -> Found | None:
         limit = min(rays.reach(task, direction), best.amount if best else np.inf)
         contact = rays.first_contact(task, direction, limit)
         if contact.amount < limit and task.meets(contact.amount * direction, DEFAULT.requirement):
-            best = Found(contact.amount * direction, contact.amount, ON_THE_WAY, _pairs_modelled(task))
+            q = contact.amount * direction
+            best = Found(q, contact.amount, ON_THE_WAY, task.modelled_by_gaps(q))
     return best
 
 
@@ -267,7 +267,7 @@ def _scanned(task: Task, start: Array | float = 0.0) -> Found | None:
                     met = task.meets(start + middle * direction, DEFAULT.line)
                     low, high = (low, middle) if met else (middle, high)
                 q = start + high * direction
-                found = Found(q, task.amount(q), ("the goal along a fixed direction",), _pairs_modelled(task))
+                found = Found(q, task.amount(q), ("the goal along a fixed direction",), task.modelled_by_gaps(q))
                 best = _better(best, found)
                 break
             before = float(amount)

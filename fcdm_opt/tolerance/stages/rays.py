@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerance.bounds import search_rate
 from fcdm_opt.tolerance.stages import along, compiled
@@ -72,7 +72,7 @@ class Steady:
         if turn == 0.0:
             shift = math.sqrt(v @ v)
             return np.array([v / shift, np.zeros(3), (0.0, shift, 0.0)])
-        return np.array([w / turn, np.cross(w, v) / turn**2, (turn, v @ w / turn, 0.0)])
+        return np.array([w / turn, crossed(w, v) / turn**2, (turn, v @ w / turn, 0.0)])
 
     @cached_property
     def _solids(self) -> tuple[Any, Any, Array]:
@@ -86,8 +86,22 @@ class Steady:
     def _speed(self) -> float:
         """The fastest vertex."""
         points, (axis, centre, (turn, shift, _)) = self._solids[0][0], self._way
-        radius = np.linalg.norm(np.cross(axis, points - centre), axis=1).max()
-        return math.hypot(turn * radius, shift)
+        arms = points - centre
+        arms = arms - np.outer(arms @ axis, axis)
+        return math.hypot(turn * math.sqrt((arms * arms).sum(axis=1).max()), shift)
+
+    @property
+    def likelier(self) -> int:
+        """Which way seems to lead to the first contact sooner: 0 forwards, 1 backwards; any choice does."""
+        task, (axis, centre, (turn, shift, _)) = self.task, self._way
+        gaps = task.pair_gaps(task.rest)
+        i, j = divmod(int(gaps.argmin()), gaps.shape[1])
+        _, rows, separations = task.separations((i, j), task.pose(task.rest))
+        normal, places = rows[separations.argmax(), :3], self._solids[0][3]
+        points = self._solids[0][0][places[i, 0] : places[i + 1, 0]]
+        foremost = points[(points @ normal).argmax()]
+        nearing = normal @ (turn * crossed(axis, foremost - centre) + shift * axis)
+        return int((nearing > 0) == (float(gaps[i, j]) < task.opponents[j].need))
 
     def first_contact(self, sense: float, limit: float, start: float = 0.0) -> Contact:
         """Return the first contact one way, sense 1 or -1, as `first_contact` does; keep-outs are minded."""
@@ -115,25 +129,30 @@ def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array,
     """Return points, normals with levels and edges of a part at a scale, about a point `offset` from its seed."""
     reals, ints = part.packed
     n, f = int(ints[0]), int(ints[1])
-    points, normals = scale * reals[:n, :3] + offset, reals[n : n + f, :3]
-    return points, np.column_stack([normals, (normals @ points.T).max(axis=1)]), part.edges
+    points, faces = scale * reals[:n, :3] + offset, reals[n : n + f].copy()
+    faces[:, 3] = (faces[:, :3] @ points.T).max(axis=1)
+    return points, faces, part.edges
 
 
 def _together(solids: list[tuple[Array, Array, Ints]]) -> tuple[Array, Array, Ints, Ints]:
     """Return solids one after the other, and the first row of each in points, faces and edges."""
     sizes = [[len(table) for table in own] for own in solids]
     places = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(sizes, axis=0)])
-    points, faces, edges = (np.concatenate(own) for own in zip(*solids, strict=True))
-    return points, faces, edges, places
+    points, faces, edges = (own[0] if len(own) == 1 else np.concatenate(own) for own in zip(*solids, strict=True))
+    return points, faces, np.array(edges), places
 
 
 def directions(task: Task, shares: tuple[float, ...] = SHARES) -> Array:
     """Return fixed directions in the parameters, per unit of amount: the axes both ways, and between each two."""
-    k = len(task.weights)
+    return _units(len(task.weights), shares) / task.weights
+
+
+@lru_cache(maxsize=64)
+def _units(k: int, shares: tuple[float, ...]) -> Array:
     axes = np.vstack([np.eye(k), -np.eye(k)])
     between = [one + share * two for one, two in combinations(axes, 2) if one @ two == 0 for share in shares]
     rays = np.array([*axes, *between])
-    return rays / np.linalg.norm(rays, axis=1)[:, None] / task.weights
+    return frozen(rays / np.linalg.norm(rays, axis=1)[:, None])
 
 
 def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:

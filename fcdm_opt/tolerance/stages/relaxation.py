@@ -63,6 +63,8 @@ class Relaxation:
     _rows: list[Row] = field(default_factory=list)
     _planes: dict[Parts, Array] = field(default_factory=dict)
     _known: set[tuple[object, ...]] = field(default_factory=set)
+    _features: set[tuple[object, ...]] = field(default_factory=set)
+    _on_the_way: set[Parts] = field(default_factory=set)
     _incoherent: bool = False
 
     def __post_init__(self) -> None:
@@ -97,7 +99,7 @@ class Relaxation:
         if self._incoherent or not task.meets(q, DEFAULT.requirement, normals, path=False):
             return None
         active = tuple(dict.fromkeys(self._rows[k].name for k in outcome.active))
-        return Found(q, task.amount(q), active, self._modelled(q))
+        return Found(q, task.amount(q), active, self._modelled)
 
     def _solved(self, starts: list[Array], method: str) -> Outcome | None:
         """Return the least feasible outcome over the starts."""
@@ -147,15 +149,19 @@ class Relaxation:
             added.append(self.close(q, DEFAULT.cut * task.unit))
         return any(added)
 
-    def _modelled(self, q: Array) -> dict[str, int]:
-        kept = {*self._planes, *(feature.parts for feature in self.task.tracked)}
+    @property
+    def _modelled(self) -> dict[str, int]:
+        task = self.task
+        lines = (*task.tracked, *task.besides)
+        kept = {*self._planes, *self._on_the_way, *(line.parts for line in lines)}
         kept |= {self.closing} if self.closing is not None else set()
-        gaps, pose = np.ndindex(len(self.task.movable.parts), len(self.task.opponents)), self.task.pose(q)
-        return {
-            "constraints": len(self._rows),
-            **self.task.modelled(kept),
-            "directions_total": sum(len(self.task.separations(parts, pose)[2]) for parts in gaps),
-        }
+        largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
+        return task.modelled(
+            kept,
+            variables=len(task.weights) + 3 * len(self._planes) + min(largest, 1),
+            constraints=len(self._rows) + largest,
+            features=len(lines) + len(self._features),
+        )
 
     # ------------------------------------------------------------------------------------------- kinds of constraints
 
@@ -170,6 +176,8 @@ class Relaxation:
             return self._keep_flush(s, pose)
         if not self._is_new(s, *fault.key):
             return False
+        self._features.add(fault.key)
+        self._on_the_way.add(fault.parts)
         task, rotation = self.task, pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, fault.site, fault.parts, fault.normal, rotation)
         scale = feature.steepness(rotation)
@@ -214,6 +222,7 @@ class Relaxation:
         kind, i, j = (int(x) for x in sites[worst])
         if separations[worst] <= slack or not self._is_new("closing", kind, i, j):
             return False
+        self._features.add((kind, i, j))
         rotation = pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, (kind, i, j), self.closing, rows[worst, :3], rotation)
         name = f"{task.named(self.closing)} closes"
@@ -259,6 +268,7 @@ class Relaxation:
         """Keep a vertex on its body's side of the pair's separating plane."""
         if not self._is_new("plane", parts, body, vertex):
             return False
+        self._features.add((parts, body, vertex))
         task, block = self.task, list(self._planes).index(parts)
         if body == 1:
             need, point = 0.0, task.movable.parts[parts[0]].vertices[vertex]

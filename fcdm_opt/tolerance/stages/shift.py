@@ -51,7 +51,8 @@ def shift(task: Task) -> Answer | None:
         at_limit = bool(((q == task.limits[:, 0]) | (q == task.limits[:, 1]))[moving].any())
         active = ("a limit",) if at_limit else ("the tracked contact at the target pair",)
         kept = [line.parts for line in (*task.tracked, *task.besides)]
-        return Answer(Status.SOLVED, q, stage, task.amount(q), active, task.modelled(kept))
+        counts = task.modelled(kept, variables=int(moving.sum()), constraints=len(kept), features=len(kept))
+        return Answer(Status.SOLVED, q, stage, task.amount(q), active, counts)
     if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
         return None  # there are others, larger
     left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)

@@ -53,14 +53,17 @@ def translations(task: Task) -> Answer | None:
     found = _least(task, walls, closings)
     if found is None:
         return None
-    x, pairs = found
+    x, pairs, rows = found
     if x is None:
         return Answer(Status.INFEASIBLE, None, stage, np.inf) if exact else None
     q = np.clip(x * task.size / task.weights, *task.limits.T)
     if not task.meets(q, DEFAULT.requirement):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in pairs))
-    answer = Answer(Status.SOLVED, q, stage, task.amount(q), names, task.modelled(pairs))
+    closing = {parts: len(levels) for parts, _, levels in closings if parts is not None}
+    ways = [max(len(walls[parts].levels) if parts in walls else 0, closing.get(parts, 0)) for parts in pairs]
+    counts = task.modelled(pairs, variables=len(q), constraints=rows, features=sum(ways))
+    answer = Answer(Status.SOLVED, q, stage, task.amount(q), names, counts)
     return answer if exact else _improved(task, answer)
 
 
@@ -114,8 +117,8 @@ def _lines(task: Task, parts: Parts) -> tuple[Array, Array]:
 
 def _least(
     task: Task, walls: dict[Parts, Wall], closings: list[tuple[Parts | None, Array, Array]]
-) -> tuple[Array | None, list[Parts]] | None:
-    """Return the least x that no wall forbids, with the pairs that decide; None for x if there is none.
+) -> tuple[Array | None, list[Parts], int] | None:
+    """Return the least x that no wall forbids, or None; the pairs that decide, and the rows besides the limits.
 
     None alone where too many nodes were looked at.
     """
@@ -136,12 +139,12 @@ def _least(
         push(*sides, everywhere, () if closing is None else (closing,))
     for _ in range(MOST_NODES):
         if not heap:
-            return None, []
+            return None, [], 0
         _, _, x, G, h, pairs = heapq.heappop(heap)
         gaps = {parts: float((wall.levels - wall.normals @ x).max()) for parts, wall in walls.items()}
         worst = min(gaps, key=gaps.__getitem__, default=None)
         if worst is None or gaps[worst] >= -DEFAULT.cut:
-            return x, sorted(set(pairs))
+            return x, sorted(set(pairs)), len(h) - len(box[1]) - 1  # of which one forbids nothing
         push(G, h, walls[worst], (*pairs, worst))
     return None
 

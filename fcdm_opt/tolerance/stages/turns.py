@@ -86,8 +86,8 @@ def turns(task: Task) -> Answer | None:
     if bound.q is None or bound.lower < bound.upper * (1.0 - PROVED) or not task.meets(bound.q, DEFAULT.requirement):
         return None
     stage, names = "3: rotations searched, translations exact", ("the nearest contact over all rotations",)
-    kept = [*search.touching.tolist(), *search.apart.tolist()]
-    return Answer(Status.SOLVED, bound.q, stage, bound.lower, names, task.modelled([(i, j) for i, j in kept]))
+    kept = [(i, j) for i, j in (*search.near(bound.upper).tolist(), *search.apart.tolist())]
+    return Answer(Status.SOLVED, bound.q, stage, bound.lower, names, task.modelled_by_gaps(bound.q, kept))
 
 
 def _steps(task: Task) -> Steps | None:
@@ -177,7 +177,7 @@ class _Search:
         bodies, rest = (self.one, self.two), (self.kind, self.space, self.numbers)
         if self.plain:
             turned_cells.try_angles(*bodies, self.touching, self.apart, *rest, np.zeros(3), pool, best)
-        touching = self._near(float(best[0]))
+        touching = self.near(float(best[0]))
         nodes, ways, cells = self._root(float(best[0])), np.array([[0, len(pool)]]), 0
         while len(nodes) and cells + len(nodes) <= MOST_CELLS and perf_counter() - start <= seconds:
             cells += len(nodes)
@@ -190,7 +190,7 @@ class _Search:
         lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)
         return Bound(lower, least, q, cells, not len(nodes))
 
-    def _near(self, most: float) -> Ints:
+    def near(self, most: float) -> Ints:
         """Return the pairs that may touch after a motion of at most this amount: no vertex moves further than that."""
         gaps = self.task.pair_gaps(self.task.rest)[tuple(self.touching.T)]
         near = self.touching[gaps <= most * displacement_rate(self.task) * (1.0 + DEFAULT.nominal)]

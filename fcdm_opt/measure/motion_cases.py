@@ -1,20 +1,24 @@
-"""Random problems over all motions, goals and requirements: convex pairs of 12 vertices, and small non-convex unions.
+"""Random problems over all motions, goals and requirements, to compare methods on.
 
-Case k of a seed is drawn from (seed, kind, k) alone, so that any one can be drawn again.
+`draw`: convex pairs of 12 vertices, and small non-convex unions, with whatever a problem may ask. `chart_cases`: convex
+pairs of 8 to 1000 vertices whose least amount is known. A case is drawn from its seed and place alone, so that any one
+can be drawn again.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from pairs import random_hull, random_rotation
 
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.measure.least import Least, least_amount
+from fcdm_opt.measure.pairs import DrawnPair, random_hull, random_rotation
 from fcdm_opt.motion import Motion, Rotation, Screw, Translation
 
 BOX = ((0.5, 2.5), (0.5, 2.5))
@@ -250,3 +254,136 @@ def _obstacle(rng: np.random.Generator, one: fo.Body) -> fo.KeepOut:
     corners = _block((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2)) @ random_rotation(rng).T + centre
     clearance = float(rng.choice([0.0, 0.0, 0.01]))
     return fo.KeepOut(fo.Body.convex(corners, name="obstacle"), clearance=clearance)
+
+
+# -------------------------------------------------------------------------------------------------------- for the chart
+
+
+class Drawn(NamedTuple):
+    """What is drawn for the chart: motion, goal, vertices of either body, shape, and separation of the parts made.
+
+    "close": scales off a nominal contact by `CLOSE`; "apart": as drawn, by a tenth to the whole of the bodies.
+    """
+
+    motion: str
+    goal: str
+    vertices: int
+    shape: str
+    separation: str = "close"
+
+
+CLOSE = 0.02
+LETTERS = {"touch": "AD", "clear": "A", "beyond": "ABCD"}
+# A single translation or screw leads more or less to the other body: others hardly ever reach it.
+CHART_MOTIONS: dict[str, Callable[[np.random.Generator, Array], Motion]] = {
+    "translation": lambda rng, way: Translation(_about(rng, way)),
+    "rotation": lambda rng, way: Rotation(_about(rng, way)),
+    "screw": lambda rng, way: Screw("seeds", 1.0),
+    "translation, rotation": lambda rng, way: Translation(_about(rng, way)) >> Rotation(_about(rng, way)),
+    "free screw": lambda rng, way: Screw("seeds"),
+    "three translations": lambda rng, way: Translation("x") >> Translation("y") >> Translation("z"),
+    "plane": lambda rng, way: MOTIONS["plane"](rng),
+    "free": lambda rng, way: fo.Free(),
+}
+QUICK = (
+    Drawn("translation", "touch", 12, "round", "apart"),
+    Drawn("rotation", "touch", 8, "long"),
+    Drawn("screw", "beyond", 12, "round"),
+    Drawn("translation, rotation", "touch", 100, "long"),
+    Drawn("translation, rotation", "beyond", 12, "round"),
+    Drawn("three translations", "clear", 100, "round"),
+    Drawn("free", "touch", 12, "round", "apart"),
+    Drawn("free", "clear", 8, "long"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ChartCase:
+    """A problem whose least amount is known.
+
+    Attributes
+    ----------
+    name : str
+    labels : mapping
+        "motion", "parameters", "goal", "vertices", "shape", "separation", and "gap": how near the proved bound is to
+        the amount, relative.
+    problem : Problem
+    least : Least
+    """
+
+    name: str
+    labels: Mapping[str, Any]
+    problem: fo.Problem
+    least: Least
+
+    def question(self, k: int) -> fo.Problem:
+        """Return the problem made anew: of what was worked out before only what belongs to the bodies is left."""
+        return self.problem.changed()
+
+
+def chart_cases(quick: bool, seed: int) -> list[ChartCase]:
+    """Return the problems of the chart, each solvable and with a reference."""
+    return [_charted(seed, drawn) for drawn in (QUICK if quick else dict.fromkeys((*QUICK, *_all())))]
+
+
+def _all() -> Iterator[Drawn]:
+    for motion in CHART_MOTIONS:
+        for goal in LETTERS:
+            if (motion, goal) == ("three translations", "beyond"):
+                continue  # a linear program as "clear" is
+            slow = motion in ("plane", "free") and goal == "beyond"
+            for vertices, shape in ((12, "round"),) if motion == "plane" or slow else ((8, "long"), (100, "round")):
+                yield Drawn(motion, goal, vertices, shape)
+        if motion not in ("rotation", "plane"):
+            yield Drawn(motion, "touch", 12, "long", "apart")
+    for motion in ("translation", "three translations", "free"):
+        for shape in ("round", "long"):
+            yield Drawn(motion, "touch", 1000, shape)
+        yield Drawn(motion, "clear", 1000, "long")
+    yield Drawn("translation", "beyond", 1000, "long")
+
+
+def _charted(seed: int, drawn: Drawn) -> ChartCase:
+    row = (list(CHART_MOTIONS).index(drawn.motion), list(LETTERS).index(drawn.goal), drawn.vertices, len(drawn.shape))
+    rng = np.random.default_rng([seed, *row, len(drawn.separation)])
+    for _ in range(ATTEMPTS):
+        try:
+            problem = _chart_problem(rng, drawn)
+        except InputError:
+            continue
+        least = least_amount(problem)
+        if not isinstance(least, Least) or least.amount == 0:
+            continue  # no motion of this kind gets there, or none is needed, or what holds it has no proof
+        labels = {"motion": drawn.motion, "parameters": len(problem.motion.parameters), **drawn._asdict()}
+        name = f"{drawn.motion}, {drawn.goal}, {drawn.vertices} vertices, {drawn.shape}, {drawn.separation}"
+        return ChartCase(name, labels | {"gap": max(1.0 - least.lower / least.amount, 0.0)}, problem.changed(), least)
+    raise RuntimeError(f"nothing could be drawn for {seed}, {drawn}")
+
+
+def _chart_problem(rng: np.random.Generator, drawn: Drawn) -> fo.Problem:
+    pair = DrawnPair.of(int(rng.integers(2**31)), drawn.vertices, drawn.shape)
+    bodies = (pair.pair.movable.moved(pair.contact(0).transform), pair.pair.static)
+    one, two = (fo.Body.convex(body.vertices, seed=body.seed, name=body.name) for body in bodies)
+    motion = CHART_MOTIONS[drawn.motion](rng, two.seed - one.seed)
+    nominal: Any = "drawn"
+    if drawn.separation == "close":
+        curve = fo.decision_curve(one, two, box=pair.box.tolist())
+        choices = curve.switching_points if drawn.goal == "beyond" else curve.segments
+        if not choices:
+            raise InputError("no such nominal contact in the box", key="box")
+        nominal = k = int(rng.integers(len(choices)))
+        if drawn.goal == "beyond":
+            nominal = k + 1
+        else:
+            segment = curve.segments[k]
+            nominal = tuple(segment.start + rng.uniform(0.1, 0.9) * (segment.end - segment.start))
+    letter = str(rng.choice(list(LETTERS[drawn.goal])))
+    return fo.Problem(
+        one, two, nominal=nominal, motion=motion, goal=drawn.goal, box=pair.box, tolerance=CLOSE, requirement=letter
+    )
+
+
+def _about(rng: np.random.Generator, way: Array) -> tuple[float, float, float]:
+    """Return a direction near a given one."""
+    x, y, z = (way / np.linalg.norm(way) + 0.3 * rng.normal(size=3)).tolist()
+    return x, y, z

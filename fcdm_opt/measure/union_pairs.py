@@ -1,26 +1,22 @@
-"""Bodies of many convex parts for the benchmark of unions, and poses in which they are a little apart."""
+"""Bodies of many convex parts, and poses in which they are a little apart."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pairs import random_rotation
 
 from fcdm_opt.geometry.bodies import Body
-
-sys.path.append(str(Path(__file__).parents[1] / "tests"))
-from mesh_truth import coal_surface, coal_triangles
-from solids import Solid, box, prism, solid_of
+from fcdm_opt.measure.pairs import random_rotation
 
 GROWTH = (1.05, 1.5)  # both scales at which the poses touch: apart as drawn, and the curve crosses the box
 NEAR = 1e-3  # of the bodies' reach: touching, for placing them
 KEPT = 0.7  # share of the cells of a ball that are kept as chunks
+STRIP = np.array([[0, -1], [1, -1], [1, 1], [0, 1]])  # outline of a bar's pieces
 
 Parts = list[np.ndarray]
 
@@ -39,7 +35,7 @@ def gear(rng: np.random.Generator, count: int) -> Parts:
     """Make a spur gear with a bore: hub pieces side by side around it and teeth on them, none with the seed."""
     height = 0.15
     if count < 6:
-        return [box((k, -1, -height), (k + 1, 1, height)) - (count / 2, 0, 0) for k in range(count)]
+        return [_prism(STRIP + np.array([k - count / 2, 0]), height) for k in range(count)]
     pieces = max(3, count // 3)
     teeth = count - pieces
     hub, root, tip = 0.3, 0.8, 1.0
@@ -54,9 +50,14 @@ def gear(rng: np.random.Generator, count: int) -> Parts:
         outlines.append([corner((k + share) / pieces, radius) for share, radius in sides])
     flat = root * np.cos(np.pi / pieces)  # of the hub's sides
     for k in range(teeth):
-        sides = ((0.25, 0.9 * flat), (0.75, 0.9 * flat), (0.6, tip), (0.4, tip))
-        outlines.append([corner((k + share) / teeth, radius) for share, radius in sides])
-    return [prism(np.array(outline), -height, height) for outline in outlines]
+        tooth = ((0.25, 0.9 * flat), (0.75, 0.9 * flat), (0.6, tip), (0.4, tip))
+        outlines.append([corner((k + share) / teeth, radius) for share, radius in tooth])
+    return [_prism(np.array(outline), height) for outline in outlines]
+
+
+def _prism(outline: np.ndarray, height: float) -> np.ndarray:
+    """Extrude an outline to both sides along z."""
+    return np.vstack([np.column_stack([outline, np.full(len(outline), z)]) for z in (-height, height)])
 
 
 def chunks(rng: np.random.Generator, count: int) -> Parts:
@@ -88,24 +89,29 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], Parts]] = {"spiky": spi
 
 @dataclass(frozen=True, eq=False)
 class UnionPair:
-    """Two bodies of many parts, seeds at 0; coal's meshes of the same; transforms that put them a little apart."""
+    """Two bodies of many parts, seeds at 0, and transforms that put them a little apart.
 
-    solids: tuple[Solid, Solid]
+    Attributes
+    ----------
+    parts : tuple
+        Corners of the parts of each body.
+    bodies : tuple of Body
+    transforms : (poses, 4, 4) array
+    """
+
+    parts: tuple[Parts, Parts]
     bodies: tuple[Body, Body]
-    surfaces: tuple[Any, Any]
     transforms: np.ndarray
 
     @classmethod
     def of(cls, seed: int, family: str, count: int, poses: int) -> UnionPair:
         """Draw two bodies of `count` parts each."""
         rng = np.random.default_rng([seed, list(FAMILIES).index(family), count])
-        parts = [FAMILIES[family](rng, count) for _ in range(2)]
-        made = [solid_of(own, [], name=f"{family} {k + 1}") for k, own in enumerate(parts)]
-        one, two = (Solid(s.name, s.vertices, s.triangles, s.parts, np.zeros(3)) for s in made if s is not None)
-        bodies = tuple(Body.from_parts(own, seed=np.zeros(3), name=s.name) for own, s in zip(parts, made, strict=True))
-        surfaces = tuple(coal_surface(s.vertices, coal_triangles(s.triangles)) for s in (one, two))
-        reach = one.reach + two.reach
-        return cls((one, two), bodies, surfaces, np.array([_pose(rng, *surfaces, reach) for _ in range(poses)]))
+        parts = FAMILIES[family](rng, count), FAMILIES[family](rng, count)
+        one, two = (Body.from_parts(own, seed=np.zeros(3), name=f"{family} {k + 1}") for k, own in enumerate(parts))
+        reach = sum(float(np.linalg.norm(body.vertices, axis=1).max()) for body in (one, two))
+        surfaces = coal_surface(one), coal_surface(two)
+        return cls(parts, (one, two), np.array([_pose(rng, *surfaces, reach) for _ in range(poses)]))
 
     @cached_property
     def poses(self) -> list[Any]:
@@ -113,6 +119,24 @@ class UnionPair:
         import coal
 
         return [coal.Transform3s(T[:3, :3], T[:3, 3]) for T in self.transforms]
+
+
+def coal_surface(body: Body) -> Any:
+    """Return the surfaces of all parts of a body as one mesh of coal: as far from others as their union is."""
+    import coal
+
+    vectors, triangles, first = coal.StdVec_Vec3s(), coal.StdVec_Triangle(), 0
+    for part in body.parts:
+        vectors.extend(list(part.vertices))
+        triangles.extend(
+            [coal.Triangle(first + loop[0], first + b, first + c) for loop in part.loops for b, c in pairwise(loop[1:])]
+        )
+        first += len(part.vertices)
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(triangles), len(vectors))
+    model.addSubModel(vectors, triangles)
+    model.endModel()
+    return model
 
 
 def _pose(rng: np.random.Generator, one: Any, two: Any, reach: float) -> np.ndarray:

@@ -1,0 +1,291 @@
+"""The harness that times methods: planted defects must be found."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.measure import bench
+from fcdm_opt.measure.charts import FAILED, chart_figure, overview_figure
+from fcdm_opt.measure.comparing import compared
+from fcdm_opt.measure.method import Failure, Method
+from fcdm_opt.measure.record import Load, Run, Watch
+from fcdm_opt.measure.timing import Plan, Scene, measured, warmed
+
+PLAN = Plan(rounds=6, call=0.0, most=3, patience=10.0)
+
+
+def scene(name="squares", subject=None):
+    """Questions 0, 1, 2, ...: which square is it?"""
+    return Scene(name, {"vertices": 8}, subject, lambda k: k)
+
+
+def method(prepare, name="a method", family="a library", settings=None):
+    return Method(name, family, settings or {"default": None}, prepare)
+
+
+def squares(subject, setting):
+    return lambda questions: [k * k for k in questions]
+
+
+def run_of(*methods, plan=PLAN, yardstick=None, about=None):
+    return measured(about or scene(), methods, plan, np.random.default_rng(0), [] if yardstick is None else yardstick)
+
+
+# -------------------------------------------------------------------------------------------- planted: set-up not timed
+
+
+def test_a_rival_that_puts_its_setup_off_is_found_out():
+    """Its preparation is empty and its first answer pays for it: the row must carry that time as set-up."""
+
+    def lazy(subject, setting):
+        made = []
+
+        def ask(questions):
+            if not made:
+                time.sleep(0.05)
+                made.append(True)
+            return squares(subject, setting)(questions)
+
+        return ask
+
+    def honest(subject, setting):
+        time.sleep(0.05)
+        return squares(subject, setting)
+
+    late, own = run_of(method(lazy, "late"), method(honest, "honest"))
+    assert late.setup < 0.01
+    assert late.late_setup > 0.04
+    assert late.whole_setup == pytest.approx(own.whole_setup, rel=0.8)
+    assert own.late_setup == 0.0
+    row = bench.row(task_of([late.method]), scene(), late)
+    assert row["setup"] + row["late_setup"] > 0.04
+    assert "set-up at the first question" in row["reason"]
+
+
+def test_what_a_rival_remembers_from_the_warming_up_is_of_another_subject():
+    """Set-up hidden in the untimed warm-up does not help: every subject is set up within the measurement."""
+    known = {}
+
+    def hiding(subject, setting):
+        if subject not in known:
+            time.sleep(0.03)
+            known[subject] = True
+        return squares(subject, setting)
+
+    rival = method(hiding)
+    warmed([scene(subject="warming up")], [rival])
+    (own,) = run_of(rival, about=scene(subject="measured"))
+    assert own.setup > 0.025
+
+
+def test_no_question_is_asked_twice_of_a_method_and_all_get_the_same():
+    asked = {"one": [], "two": []}
+
+    def keeping(name):
+        return method(lambda subject, setting: lambda questions: [asked[name].append(k) or k for k in questions], name)
+
+    run_of(keeping("one"), keeping("two"))
+    for questions in asked.values():
+        assert len(questions) == len(set(questions))
+        assert questions == list(range(len(questions)))
+
+
+def test_methods_take_turns_in_changing_order():
+    order = []
+
+    def noting(name):
+        return method(lambda subject, setting: lambda questions: [order.append(name) or k for k in questions[:1]], name)
+
+    run_of(noting("a"), noting("b"), noting("c"), plan=replace(PLAN, most=1))
+    rounds = [tuple(order[k : k + 3]) for k in range(3, len(order), 3)]
+    assert all(sorted(own) == ["a", "b", "c"] for own in rounds)
+    assert len(rounds) == PLAN.rounds
+    assert len(set(rounds)) > 1
+
+
+def test_a_slow_method_sits_out_when_its_time_is_spent():
+    def slow(subject, setting):
+        def ask(questions):
+            time.sleep(0.03)
+            return questions
+
+        return ask
+
+    own, other = run_of(method(slow, "slow"), method(squares, "quick"), plan=replace(PLAN, patience=0.05))
+    assert len(own.seconds) <= 2
+    assert len(other.seconds) == PLAN.rounds
+
+
+# ------------------------------------------------------------------------------------------------------ what goes wrong
+
+
+def raising(subject, setting):
+    def ask(questions):
+        raise ValueError("no such thing")
+
+    return ask
+
+
+def short(subject, setting):
+    return lambda questions: [k * k for k in questions[1:]]
+
+
+def not_prepared(subject, setting):
+    raise OSError("library is not there")
+
+
+@pytest.mark.parametrize(
+    ("prepare", "word"), [(raising, "no such thing"), (short, "0 answers to 1"), (not_prepared, "not there")]
+)
+def test_failures_are_counted_and_drawn_not_dropped(prepare, word):
+    task = task_of([method(squares, "ours", "ours"), method(prepare)])
+    rows = bench.charted(task, np.random.default_rng(0), [], lambda text: None)
+    failed = rows[1]
+    assert failed["outcome"] == "failed"
+    assert word in failed["reason"]
+    assert failed["failed"] == failed["asked"] > 0
+    (axes,) = chart_figure(run(chart=rows), "curve").axes
+    drawn = [line for line in axes.lines if FAILED in np.atleast_1d(line.get_ydata())]
+    assert len(drawn) == 1
+
+
+def test_refused_methods_keep_their_row_and_reason():
+    task = task_of([replace(method(squares), refuses=lambda subject: "too many vertices")])
+    (row,) = bench.charted(task, np.random.default_rng(0), [], lambda text: None)
+    assert (row["outcome"], row["reason"]) == ("not asked", "too many vertices")
+
+
+def task_of(methods, name="curve"):
+    def worth(about, k, answer):
+        return bench.Worth(abs(answer - k * k) / max(k * k, 1), misnamed=answer != k * k)
+
+    return bench.Task(name, methods, [scene()], worth, PLAN, lambda about: 4)
+
+
+def test_errors_are_those_of_the_answers_to_the_same_questions():
+    def off(subject, setting):
+        return lambda questions: [k * k * (1 + setting) if k % 2 else Failure("even") for k in questions]
+
+    rows = bench.charted(
+        task_of([method(off, settings={"loose": 1e-3, "tight": 1e-9})]), np.random.default_rng(0), [], lambda text: None
+    )
+    assert [row["error"] for row in rows] == pytest.approx([1e-3, 1e-9], rel=1e-6)
+    assert [row["failed"] for row in rows] == [2, 2]
+    assert [row["outcome"] for row in rows] == ["partly"] * 2
+    assert [row["misnamed"] for row in rows] == [2, 2]
+
+
+# ------------------------------------------------------------------------------------------------- who is ahead of whom
+
+
+def row(method, family, seconds, error, **more):
+    made = {"task": "curve", "scene": "one", "vertices": 8, "method": method, "family": family, "setting": "default",
+            "outcome": "answered", "asked": 5, "failed": 0, "misnamed": 0, "reason": "", "seconds": seconds,
+            "low": 0.9 * seconds, "high": 1.1 * seconds, "rounds": 5, "setup": 0.1, "first": seconds, "late_setup": 0.0,
+            "error": error, "error_low": error, "error_high": error, "worst": error}  # fmt: skip
+    return made | more
+
+
+def test_a_rival_left_of_and_below_ours_is_found():
+    ours = row("kernel", "ours", 1e-5, 1e-15)
+    faster, better, both = (row(name, "coal", *own) for name, own in
+                            {"faster": (1e-6, 1e-3), "better": (1e-3, 0.0), "both": (1e-6, 1e-16)}.items())  # fmt: skip
+    elsewhere = row("elsewhere", "coal", 1e-7, 0.0, scene="two")
+    found = bench.ahead([ours, faster, better, both, elsewhere], "curve", 0.0)
+    assert [own["method"] for own in found] == ["both"]
+    assert bench.ahead([ours, faster], "curve", 1e-2)  # an amount reached to a hundredth, ten times as fast
+
+
+# ------------------------------------------------------------------------------------------------- files and comparison
+
+
+def run(seconds=1.0, **tables):
+    return Run("bench", True, 1, {"rounds": 3}, "2026-11-22T01:00:00+00:00", seconds, Load(0.0, 0.1), tables)
+
+
+def test_a_run_is_read_as_it_was_written(tmp_path):
+    before = run(chart=[row("kernel", "ours", 1e-5, 1e-15, worst=float("nan"))])
+    before.write(tmp_path / "run.json")
+    after = Run.read(tmp_path / "run.json")
+    assert after.tables["chart"][0]["worst"] is None
+    assert after.tables["chart"][0]["seconds"] == 1e-5
+    assert (after.machine, after.versions, after.load) == (before.machine, before.versions, before.load)
+    assert {"python", "fcdm_opt", "numpy", "coal", "casadi"} <= after.versions.keys()
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [({"schema": 99}, "schema"), ({"tables": [1]}, "tables"), ({"tables": {"chart": [1]}}, "tables.chart"),
+     ({"load": {"x": 1}}, "load"), ({"seed": "one"}, "seed")],
+)  # fmt: skip
+def test_a_file_that_is_no_run_is_refused_with_its_key(tmp_path, change, key):
+    path = tmp_path / "run.json"
+    run(chart=[]).write(path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=rf"run\.json: {key}"):
+        Run.read(path)
+
+
+@pytest.mark.parametrize("text", [None, "", "[]", "{", "\x00"])
+def test_a_file_that_is_no_json_object_is_refused(tmp_path, text):
+    path = tmp_path / "run.json"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(InputError, match=r"run\.json"):
+        Run.read(path)
+
+
+def test_a_slower_machine_is_no_change_and_a_slower_method_is():
+    names = ("kernel", "exact path", "batch", "bisection", "linear program")
+    old = run(chart=[row(name, "ours", 1e-5, 1e-15) for name in names])
+    slower = run(chart=[row(name, "ours", 3e-5, 1e-15) for name in names])
+    assert compared(old, slower).changes == []
+    assert compared(old, slower).pace == pytest.approx(3.0)
+    changed = [row(name, "ours", 3e-5, 1e-15) for name in names]
+    changed[1] = row("exact path", "ours", 9e-5, 1e-15)
+    changed[2] |= {"error": 1e-9}
+    changed[3] |= {"outcome": "failed"}
+    del changed[4]
+    found = {(c.row.split(", ")[-2], c.column) for c in compared(old, run(chart=changed)).changes}
+    assert found == {("exact path", "seconds"), ("batch", "error"), ("bisection", "outcome"), ("linear program", "row")}
+    assert "exact path" in compared(old, run(chart=changed)).text
+
+
+def test_runs_of_different_commands_are_not_compared():
+    with pytest.raises(InputError, match="another command"):
+        compared(replace(run(), command="stability"), run())
+
+
+def test_what_other_programs_take_is_seen():
+    """A process that is not ours keeps one core busy."""
+    if not Path("/proc/stat").exists():
+        pytest.skip("this system does not tell")
+    watch = Watch()
+    burner = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        time.sleep(1.0)
+        load = watch.load([1.0, 1.5, 1.2])
+    finally:
+        burner.kill()
+        burner.wait()
+    assert load.others is not None
+    assert load.others > 0.5 / (run().machine["cores"] or 1)
+    assert load.yardstick == 1.5
+    assert "Other programs took" in load.sentence
+
+
+def test_the_overview_has_a_panel_for_each_task():
+    own = [("a", "ours", 1e-3, 1e-12), ("b", "coal", 1e-2, 1e-6)]
+    rows = [row(*each, task=task, parameters=1) for task in ("contact", "curve", "motion") for each in own]
+    figure = overview_figure(run(chart=rows))
+    assert len(figure.axes) == 3
+    assert all(len(axes.lines) >= 2 for axes in figure.axes)
