@@ -79,7 +79,8 @@ def test_pairs_in_general_position_are_right_to_rounding(number: int) -> None:
         assert abs(scaled.signed_distance(rho, HERE) - truth) <= 1e-14 * reach
         separation = scaled.separations(rho, HERE).min()
         assert gap - 1e-14 * reach <= separation <= truth + 1e-14 * reach
-        assert abs(scaled.exact_separation(rho, HERE) - separation) <= 1e-14 * reach
+        exact_separation = scaled.exact_separation(rho, HERE)
+        assert gap - 1e-14 * reach <= exact_separation <= truth + 1e-14 * reach
 
 
 @pytest.mark.parametrize("number", range(10))
@@ -218,6 +219,23 @@ def test_separations_of_very_large_parts_are_not_attempted() -> None:
     assert np.isnan(scaled.exact_separation((1.0, 1.0), HERE))
     assert scaled.best_direction((1.0, 1.0), HERE, (0, 0)) is None
     assert 0.9 < scaled.signed_distance((1.0, 1.0), HERE) < 1.1
+
+
+@pytest.mark.parametrize("tip", [True, False])
+def test_a_vertex_of_very_many_neighbours(tip: bool) -> None:
+    """coal cannot count more than 255: a face is cut otherwise than by Qhull, a cone is measured without coal."""
+    angles = np.arange(300) * (2 * np.pi / 300)
+    ring = [(np.cos(t), np.sin(t), 0.0) for t in angles]
+    body = Body.convex([*ring, (0, 0, 1)] if tip else [*ring, *((x, y, 1.0) for x, y, _ in ring)], seed=[0, 0, 0])
+    block = Body.convex(CUBE + [0, 0, 4], seed=[0, 0, 4])
+    scaled, top = ScaledPair(body, block), 4.0 + CUBE[:, 2].min()
+    assert (scaled._hulls[0][0].shape is None) == tip
+    assert abs(scaled.signed_distance((1.0, 1.0), HERE) - (top - 1.0)) <= 1e-14
+    pose = np.eye(4)
+    pose[2, 3] = top - 0.75
+    assert abs(scaled.signed_distance((1.0, 1.0), pose) + 0.25) <= 1e-14
+    pose[:3, 3] = -2.0, 0.0, 5.0  # the rim comes near the block's upper edge
+    assert abs(scaled.signed_distance((1.0, 1.0), pose) - np.hypot(0.5, 0.5)) <= 1e-14
 
 
 # -------------------------------------------------------------------------------------------------- exact arithmetic

@@ -24,7 +24,6 @@ from fcdm_opt.tolerances import DEFAULT
 
 LIBRARIES = {"coal": "coal", "HiGHS": "highspy", "Clarabel": "cvxpy"}
 SAMPLED = "coal bisection"
-WITHOUT_TIES = "kernel"  # leaves what its signs cannot prove to others
 # what the finest setting leaves along rays; samples are on the curve, nothing is claimed in between
 CLAIMED = {"Clarabel": DEFAULT.snap, "coal": 1e-9, "growth distances": DEFAULT.nominal, "HiGHS": DEFAULT.nominal}
 
@@ -39,7 +38,7 @@ def marked(methods: Any) -> list[Any]:
 
 
 EVERY = marked(METHODS)
-BREAKPOINTS = marked(method for method in METHODS if method.name not in (SAMPLED, WITHOUT_TIES))
+BREAKPOINTS = marked(method for method in METHODS if method.name != SAMPLED)
 IDENTITY = np.eye(4)
 
 
@@ -54,8 +53,6 @@ def answered(method: Method, one: Shape, two: Shape, box: Any = ODD_BOX, pose: A
 
 def check(method: Method, answer: CurveAnswer | Failure, pair: ExactPair, box: Any = ODD_BOX) -> None:
     """Every point is on the oracle's curve and in the box; every exact corner and end on the polyline."""
-    if method.name == WITHOUT_TIES and isinstance(answer, Failure):
-        return
     assert isinstance(answer, CurveAnswer), answer
     assert (np.diff(answer.points[:, 0]) > 0).all()
     claimed = CLAIMED.get(method.family, DEFAULT.line)
@@ -95,7 +92,7 @@ def test_method_traces_the_exact_curve(method: Method, reach: int) -> None:
         answer = answered(method, one, two)
         check(method, answer, exact(one, two).pair)
         drawn += isinstance(answer, CurveAnswer) and len(answer.points) > 1
-    assert drawn >= (1 if method.name == WITHOUT_TIES else 3)
+    assert drawn >= 3
 
 
 @pytest.mark.parametrize("method", EVERY)
@@ -118,7 +115,7 @@ def test_breakpoints_of_the_paper(method: Method) -> None:
     np.testing.assert_allclose(answer.points[1:-1], np.array(corners, dtype=float), rtol=1e-6)
 
 
-@pytest.mark.parametrize("method", [m for m in EVERY if m.values[0].name != WITHOUT_TIES])
+@pytest.mark.parametrize("method", EVERY)
 def test_one_line(method: Method) -> None:
     """Two cubes face to face touch where rho_1 + rho_2 = 4: a line from border to border."""
     answer = answered(method, CUBE, CUBE.shifted((4, 0, 0)), ((0.5, 2.5), (1.0, 3.0)))
@@ -128,7 +125,7 @@ def test_one_line(method: Method) -> None:
         assert len(answer.points) == 2
 
 
-@pytest.mark.parametrize("method", [m for m in EVERY if m.values[0].name != WITHOUT_TIES])
+@pytest.mark.parametrize("method", EVERY)
 @pytest.mark.parametrize("box", [((0.1, 1.0), (0.1, 1.0)), ((5.0, 6.0), (5.0, 6.0))], ids=["apart", "overlapping"])
 def test_no_curve_in_the_box(method: Method, box: Any) -> None:
     assert answered(method, CUBE, CUBE.shifted((4, 0, 0)), box).points.shape == (0, 2)
@@ -152,7 +149,7 @@ def test_our_methods_are_right_to_the_last_digits(shape: str, separation: str) -
     references = [exact_curve_in_box(drawn.pair, question) for question in questions]
     named = 0
     for method in METHODS:
-        if not method.ours or (method.name == WITHOUT_TIES and shape == "aligned"):
+        if not method.ours:
             continue
         for answer, reference in zip(finest(method, drawn.pair)(questions), references, strict=True):
             assert curve_error(answer, reference) <= 1e-14
@@ -161,10 +158,12 @@ def test_our_methods_are_right_to_the_last_digits(shape: str, separation: str) -
     assert named >= 10
 
 
-def test_what_the_kernel_cannot_prove_is_no_answer() -> None:
+def test_what_the_kernel_cannot_prove_is_exact() -> None:
     drawn = DrawnPair.of(5, 8, "aligned")
-    (kernel,) = (method for method in METHODS if method.name == WITHOUT_TIES)
-    assert isinstance(finest(kernel, drawn.pair)([drawn.curve(0)])[0], Failure)
+    question = drawn.curve(0)
+    (kernel,) = (method for method in METHODS if method.name == "kernel")
+    (answer,) = finest(kernel, drawn.pair)([question])
+    np.testing.assert_array_equal(answer.points, exact_curve_in_box(drawn.pair, question).rounded)
 
 
 def test_pairs_that_no_method_takes() -> None:

@@ -8,7 +8,7 @@ Both take many scale pairs and poses at once.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import accumulate, product
 from typing import Any, NamedTuple
@@ -77,7 +77,9 @@ class ScaledPair:
     general position they are right to rounding, at touch too. Between parallel edges that are less than about 1e-4 of
     the size apart it often reports 0; and some settings return +-1.8e308. Every answer near touch is therefore
     confirmed by its witness points, which must lie in the hulls and be that far apart. Where they are not, coal is
-    asked once more with the way between the parts as initial guess; if that fails too, the answer is nan.
+    asked once more with the way between the parts as initial guess; if that fails too, the answer is nan. coal takes no
+    hull whose vertices have more than 255 neighbours, such as a cone of many sides: its distances are worked out from
+    explicit vertices, nan for pairs of very large parts.
     """
 
     def __init__(self, movable: Body, static: Body) -> None:
@@ -194,6 +196,8 @@ class ScaledPair:
 
     def _asked(self, one: _Hull, two: _Hull, frames: Array) -> Array:
         """Return coal's signed distance of two hulls, asked again with a hint where it cannot be believed; units."""
+        if one.shape is None or two.shape is None:
+            return np.array([_explicit(one, two, _Frame.of(frame)) for frame in frames])
         found, believed = self._distances(one, two, frames, self._request)
         for k in np.flatnonzero(~believed).tolist():
             found[k] = np.nan
@@ -289,12 +293,11 @@ class _Frame(NamedTuple):
 class _Hull:
     """One part: points from the seed, (normal, level) of faces, edges and a ball, see `judging.solid`; and coal's.
 
-    `placed` are coal's own points, to be overwritten, and `order` the part's points in their order.
+    `placed` are coal's own points, to be overwritten, and `order` the part's points in their order. `shape` is None where
+    coal takes no such hull.
     """
 
     def __init__(self, part: ConvexPart) -> None:
-        import coal
-
         from fcdm_opt.geometry.judging import solid
 
         self.part = part
@@ -306,12 +309,36 @@ class _Hull:
         )
         # coal's Qhull breaks down on thin parts (a slab of 1e-9 ends the process). A hull's faces do not change under
         # affine maps: build it with equal extents, then put the true points in place.
-        vectors = coal.StdVec_Vec3s()
-        vectors.extend(list(even))
-        self.shape = coal.Convex.convexHull(vectors, True, "Qt")
+        self.shape = _shaped(even, loops)
+        if self.shape is None:
+            return
         self.placed = self.shape.points()
         rows = {tuple(point): k for k, point in enumerate(even.tolist())}
         self.order = self.points[[rows[tuple(point)] for point in self.placed.tolist()]]
+
+
+def _shaped(points: Array, loops: tuple[tuple[int, ...], ...]) -> Any:
+    """Return coal's hull of points; None where a vertex has more neighbours than coal can count."""
+    import coal
+
+    vectors = coal.StdVec_Vec3s()
+    vectors.extend(list(points))
+    try:
+        return coal.Convex.convexHull(vectors, True, "Qt")
+    except RuntimeError:  # Qhull cuts a face into a fan about one vertex
+        triangles = coal.StdVec_Triangle()
+        triangles.extend([coal.Triangle(*corners) for loop in loops for corners in _ears(loop)])
+    try:
+        return coal.Convex(vectors, triangles)
+    except RuntimeError:
+        return None
+
+
+def _ears(loop: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    """Yield triangles of a face, of which few meet in any corner: every second one is cut off, round by round."""
+    while len(loop) > 2:
+        yield from zip(loop[0::2], loop[1::2], (*loop[2::2], loop[0]), strict=False)
+        loop = loop[::2]
 
 
 def _packed(hulls: list[_Hull]) -> tuple[Array | Ints, ...]:
@@ -319,8 +346,8 @@ def _packed(hulls: list[_Hull]) -> tuple[Array | Ints, ...]:
     counts = [(0, 0, 0), *((len(hull.points), len(hull.planes), len(hull.edges)) for hull in hulls)]
     rows = [[getattr(hull, name) for hull in hulls] for name in ("points", "planes", "edges")]
     points, planes, edges = (own[0] if len(own) == 1 else np.concatenate(own) for own in rows)
-    places, origins = np.cumsum(counts, axis=0, dtype=np.int64), np.concatenate([h.part.edges[:, 0] for h in hulls])
-    return points, planes, edges, places, np.array([hull.ball for hull in hulls]), origins
+    places, beside = np.cumsum(counts, axis=0, dtype=np.int64), np.vstack([h.part.edges[:, [0, 2, 3]] for h in hulls])
+    return points, planes, edges, places, np.array([hull.ball for hull in hulls]), beside
 
 
 def _directions(one: _Hull, two: _Hull, R: Array) -> Array:
@@ -362,6 +389,17 @@ def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
     way = system[:3] @ weights
     length = float(np.linalg.norm(way))
     return way / length if length > 0 else n[best]
+
+
+def _explicit(one: _Hull, two: _Hull, frame: _Frame) -> float:
+    """Return the signed distance of two hulls from their vertices, in units; nan for very large parts."""
+    gaps, _ = _gaps(one, two, frame)
+    best = float(np.fmax.reduce(gaps))
+    if not best > 0:
+        return best
+    way = _towards(one, two, frame)
+    first = frame.offset + frame.scales[0] * one.points @ frame.R.T
+    return float(frame.scales[1] * (two.points @ way).min() - (first @ way).max())
 
 
 def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:

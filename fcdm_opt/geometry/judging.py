@@ -20,6 +20,7 @@ from fcdm_opt.tolerances import DEFAULT
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
 PARALLEL, TIE, NEAR = DEFAULT.line, DEFAULT.tie, DEFAULT.side
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
+ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
 _INF = np.inf
 
 
@@ -89,31 +90,36 @@ def _larger(a, b):
 def solid(vertices, seed, corners, starts, edges):
     """Return what a part is made of, from the seed, and its points with equal extents along all directions.
 
-    Faces are `corners` from their `starts` on, edges (origin, end, ...). Points (n, 3); (unit normal, level) of each
-    face; edges as vectors; the ball about all: centre and radius; and an affine image of the points whose coordinates
-    are orthonormal columns, of the same orientation.
+    Faces are `corners` from their `starts` on, edges (origin, end, ...). Points (n, 3); (unit normal, level, how far
+    the normal may be off) of each face; edges as vectors; the ball about all: centre and radius; and an affine image of
+    the points whose coordinates are orthonormal columns, of the same orientation.
     """
-    count = len(vertices)
-    points, planes, sides = np.empty((count, 3)), np.empty((len(starts) - 1, 4)), np.empty((len(edges), 3))
+    count, reach = len(vertices), 0.0
+    points, planes, sides = np.empty((count, 3)), np.empty((len(starts) - 1, 5)), np.empty((len(edges), 3))
     ball, even = np.zeros(4), np.empty((count, 3))
     for m in range(count):
         for j in range(3):
             points[m, j] = vertices[m, j] - seed[j]
             ball[j] += points[m, j] / count
+        reach = max(reach, np.sqrt(_dot(_at(points, m), _at(points, m))))
     for m in range(count):
         for j in range(3):
             even[m, j] = points[m, j] - ball[j]
         ball[3] = max(ball[3], np.sqrt(even[m, 0] ** 2 + even[m, 1] ** 2 + even[m, 2] ** 2))
     for m in range(len(starts) - 1):
-        base, n = _at(points, corners[starts[m]]), (0.0, 0.0, 0.0)
+        base, n, around = _at(points, corners[starts[m]]), (0.0, 0.0, 0.0), 0.0
         for k in range(starts[m] + 1, starts[m + 1] - 1):
-            across = _cross(_minus(_at(points, corners[k]), base), _minus(_at(points, corners[k + 1]), base))
-            n = _plus(n, 1.0, across)
+            u, v = _minus(_at(points, corners[k]), base), _minus(_at(points, corners[k + 1]), base)
+            n = _plus(n, 1.0, _cross(u, v))
+            around += np.sqrt(_dot(u, u)) + np.sqrt(_dot(v, v))
         length, level = np.sqrt(_dot(n, n)), -_INF
         n = (n[0] / length, n[1] / length, n[2] / length)
-        for k in range(count):
+        doubt = ROUNDING * reach * around / length
+        for k in range(starts[m], starts[m + 1]):
+            level = max(level, _dot(n, _at(points, corners[k])))
+        for k in range(count if doubt > TIE else 0):  # a sliver's plane may leave other vertices outside
             level = max(level, _dot(n, _at(points, k)))
-        planes[m, 0], planes[m, 1], planes[m, 2], planes[m, 3] = n[0], n[1], n[2], level
+        planes[m, 0], planes[m, 1], planes[m, 2], planes[m, 3], planes[m, 4] = n[0], n[1], n[2], level, doubt
     for m in range(len(edges)):
         sides[m, 0], sides[m, 1], sides[m, 2] = _minus(_at(points, edges[m, 1]), _at(points, edges[m, 0]))
     for j in range(3):  # Gram and Schmidt, twice: thin parts too come out orthonormal
@@ -204,8 +210,9 @@ def believed(planes, others, frames, values, firsts, seconds):
     return found
 
 
-# A packed body: its parts' vertices from the seed (n, 3), planes (f, 4), edges (m, 3), where each part's begin in them
-# (parts + 1, 3), balls about the parts (parts, 4): centre and radius, and vertices of their part that edges leave (m).
+# A packed body: its parts' vertices from the seed (n, 3), planes (f, 5), edges (m, 3), where each part's begin in them
+# (parts + 1, 3), balls about the parts (parts, 4): centre and radius, and of each edge (m, 3) the vertex of its part
+# that it leaves and the faces of its part on its two sides.
 
 
 @kernel
@@ -217,14 +224,14 @@ def nearness(one, two, frames):
     count, others = len(one[3]) - 1, len(two[3]) - 1
     found = np.empty((len(frames), count, others))
     X, Y = np.empty_like(one[0]), np.empty_like(two[0])
-    planes, sides = np.empty((len(one[1]), 3)), np.empty((0, 3))
+    planes, sides, hands = np.empty((len(one[1]), 3)), np.empty((0, 3)), np.empty(0, np.int8)
     for k in range(len(frames)):
         _place(one, two, frames[k], X, Y, planes, sides)
         for i in range(count):
             for j in range(others):
                 bound = _ball_gap(one, two, i, j, frames[k])
                 if bound <= 0.0:
-                    bound = max(bound, _largest(one, two, i, j, X, Y, planes, sides))
+                    bound = max(bound, _largest(one, two, i, j, X, Y, planes, sides, hands))
                 found[k, i, j] = bound
     return found
 
@@ -233,12 +240,12 @@ def nearness(one, two, frames):
 def least_gaps(one, two, most, frames):
     """Return the least over the part pairs of the largest gap along any direction that can separate most, (k,), units.
 
-    These are all face normals and edge x edge directions; nan where a part pair that may be the nearest has more than
-    `most` of the latter. Pairs whose spheres are further apart than the least so far are passed over.
+    These are all face normals and the edge x edge directions that are normals of facets of the parts' difference; nan
+    where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further apart than the least so far are passed over.
     """
     found, count, others = np.empty(len(frames)), len(one[3]) - 1, len(two[3]) - 1
     X, Y = np.empty_like(one[0]), np.empty_like(two[0])
-    planes, sides = np.empty((len(one[1]), 3)), np.empty((len(one[2]), 3))
+    planes, sides, hands = np.empty((len(one[1]), 3)), np.empty((len(one[2]), 3)), np.empty(len(two[1]), np.int8)
     for k in range(len(frames)):
         _place(one, two, frames[k], X, Y, planes, sides)
         least = unknown = _INF
@@ -254,7 +261,7 @@ def least_gaps(one, two, most, frames):
             if (one[3][i + 1, 2] - one[3][i, 2]) * (two[3][j + 1, 2] - two[3][j, 2]) > most:
                 unknown = min(unknown, bound)
             elif bound <= least:
-                least = min(least, _largest(one, two, i, j, X, Y, planes, sides))
+                least = min(least, _largest(one, two, i, j, X, Y, planes, sides, hands))
         known = frames[k, UNIT] == frames[k, UNIT] and unknown > least
         found[k] = least if known else np.nan
     return found
@@ -285,36 +292,62 @@ def _ball_gap(one, two, i, j, frame):
 
 
 @step
-def _largest(one, two, i, j, X, Y, planes, sides):
+def _largest(one, two, i, j, X, Y, planes, sides, hands):
     """Return the largest gap of two parts over their face normals and, where `sides` holds edges, edge x edge.
 
-    Every vertex is projected on every direction that is not worse by two of them already: first by the extreme ones of
-    the direction before.
+    Two edges make a facet of the parts' difference only where the arcs between the normals of the faces beside them
+    cross: where the faces of either lie on different sides of the other. Others are left out, unless rounding may have
+    chosen the side; `hands`, one a face of body 2, is written over. Every vertex is projected on every direction that
+    is not worse by two of them already: first by the extreme ones of the direction before.
     """
     X = X[one[3][i, 0] : one[3][i + 1, 0]]
     Y = Y[two[3][j, 0] : two[3][j + 1, 0]]
+    first, second = one[3][i, 1], two[3][j, 1]
     best, far, near = -_INF, 0, 0
-    for m in range(one[3][i, 1], one[3][i + 1, 1]):
+    for m in range(first, one[3][i + 1, 1]):
         best, far, near = _wider(best, far, near, _at(planes, m), X, Y)
-    for m in range(two[3][j, 1], two[3][j + 1, 1]):
+    for m in range(second, two[3][j + 1, 1]):
         n = _at(two[1], m)
         best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
     if len(sides) == 0:
         return best
+    reaches = ROUNDING * _reach(one[4][i]), ROUNDING * _reach(two[4][j])
     for m in range(one[3][i, 2], one[3][i + 1, 2]):
-        u, start = _at(sides, m), _at(X, one[5][m])
+        u, start = _at(sides, m), _at(X, one[5][m, 0])
+        a, b = first + one[5][m, 1], first + one[5][m, 2]
+        own, p, q = np.sqrt(_dot(u, u)), _at(planes, a), _at(planes, b)
+        for face in range(second, two[3][j + 1, 1]):
+            height, doubt = _dot(u, _at(two[1], face)), own * (TIE + two[1][face, 4]) + reaches[0]
+            hands[face] = (height > doubt) - (height < -doubt)
         for other in range(two[3][j, 2], two[3][j + 1, 2]):
+            c, d = second + two[5][other, 1], second + two[5][other, 2]
+            if hands[c] * hands[d] > 0:
+                continue
             v = _at(two[2], other)
-            n = _cross(u, v)
-            square = _dot(n, n)
-            if square > PARALLEL * PARALLEL * _dot(u, u) * _dot(v, v):
-                length = np.sqrt(square)
-                between = _dot(n, _minus(_at(Y, two[5][other]), start))  # no gap along n is wider, none along -n
-                if between > best * length:
-                    best, far, near = _wider(best, far, near, (n[0] / length, n[1] / length, n[2] / length), X, Y)
-                if -between > best * length:
-                    best, far, near = _wider(best, far, near, (-n[0] / length, -n[1] / length, -n[2] / length), X, Y)
+            length = np.sqrt(_dot(v, v))
+            if _one_sided(_dot(v, p), _dot(v, q), length * (TIE + max(one[1][a, 4], one[1][b, 4])) + reaches[1]):
+                continue
+            n, doubt = _cross(u, v), own * length
+            length = np.sqrt(_dot(n, n))
+            if length > PARALLEL * doubt:
+                n = (n[0] / length, n[1] / length, n[2] / length)
+                between = _dot(n, _minus(_at(Y, two[5][other, 0]), start))  # no gap along n is wider, none along -n
+                if between > best:
+                    best, far, near = _wider(best, far, near, n, X, Y)
+                if -between > best:
+                    best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
     return best
+
+
+@step
+def _reach(ball):
+    return np.sqrt(ball[0] ** 2 + ball[1] ** 2 + ball[2] ** 2) + ball[3]
+
+
+@step
+def _one_sided(a, b, doubt):
+    """Tell whether two heights have the same sign beyond doubt."""
+    return (a > doubt and b > doubt) or (a < -doubt and b < -doubt)
 
 
 @step

@@ -97,7 +97,7 @@ def _pace(tables: Sequence[tuple[Mapping[str, Row], Mapping[str, Row]]]) -> floa
         after[label]["seconds"] / before[label]["seconds"]
         for before, after in tables
         for label in before.keys() & after.keys()
-        if before[label].get("seconds") and after[label].get("seconds")
+        if (before[label].get("seconds") or 0.0) > 0 and (after[label].get("seconds") or 0.0) > 0
     ]
     return float(np.median(ratios)) if ratios else 1.0
 
@@ -110,7 +110,7 @@ def _differences(old: Row, new: Row, pace: float) -> list[tuple[str, str, str]]:
         for key, factor in (("error", FACTOR), ("amount", SAME))
         if _numbers(old, new, key) and _grew(old[key], new[key], factor)
     ]
-    if all(_numbers(old, new, key) for key in ("seconds", "low", "high")):
+    if all(_numbers(old, new, key) for key in ("seconds", "low", "high")) and old["seconds"] > 0:
         slower, faster = new["low"] / pace > APART * old["high"], new["high"] / pace * APART < old["low"]
         if slower or faster:
             ratio = new["seconds"] / pace / old["seconds"]

@@ -6,6 +6,7 @@ Subject `Pair`, question `CurveQuestion`, answer `CurveAnswer`. All methods need
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.measure.curve_rivals import bisection, clarabel, cold_highs, distances, growth, linprog, warm_highs
-from fcdm_opt.measure.method import Ask, CurveAnswer, CurveQuestion, Failure, Method, Pair, Touching, one_by_one
+from fcdm_opt.measure.method import Ask, CurveAnswer, CurveQuestion, Method, Pair, Touching, one_by_one
 from fcdm_opt.measure.rays import Solid
 from fcdm_opt.measure.references import exact_curve_in_box
 from fcdm_opt.tolerances import DEFAULT
@@ -40,7 +41,7 @@ def batch(pair: Pair, setting: None) -> Ask:
 
 
 def kernel(pair: Pair, setting: None) -> Ask:
-    """Call the compiled walk for all questions at once; what it does not prove is left out."""
+    """Call the compiled walk for all questions at once; what it does not prove goes the exact path."""
     from fcdm_opt.curve import kernels
 
     packed, seeds = _packed(pair), np.array([pair.movable.seed, pair.static.seed])
@@ -52,8 +53,8 @@ def kernel(pair: Pair, setting: None) -> Ask:
         )
         return counts, ends, sites, states == UNDECIDED
 
-    def settled(question: CurveQuestion, points: Array) -> Failure:
-        return Failure("a sign within its rounding error: left to rational arithmetic")
+    def settled(question: CurveQuestion, points: Array) -> CurveAnswer:
+        return _exact(pair, question)
 
     return _batched(pair, walk, settled)
 
@@ -66,12 +67,12 @@ def _packed(pair: Pair) -> tuple[Array | Ints, ...]:
 def _batched(
     pair: Pair,
     walk: Callable[[Array, Array], Batch],
-    settled: Callable[[CurveQuestion, Array], CurveAnswer | Failure],
+    settled: Callable[[CurveQuestion, Array], CurveAnswer],
 ) -> Ask:
     """Return the function that answers by arrays; `settled` answers for what no float has proved."""
     elements = _elements(pair.movable.parts[0], pair.static.parts[0])
 
-    def ask(questions: Sequence[CurveQuestion]) -> list[CurveAnswer | Failure]:
+    def ask(questions: Sequence[CurveQuestion]) -> list[CurveAnswer]:
         boxes = np.array([question.box for question in questions])
         if (boxes != boxes[:1]).any():
             return [answer for question in questions for answer in ask([question])]
@@ -84,7 +85,7 @@ def _batched(
         some = np.flatnonzero(counts)
         points[offsets[1:][some] + some] = ends[offsets[1:][some] - 1, 1]
         names = [(elements[kind][0][i], elements[kind][1][j]) for kind, i, j in features.tolist()]
-        answers: list[CurveAnswer | Failure] = []
+        answers: list[CurveAnswer] = []
         places = zip(questions, offsets.tolist(), offsets[1:].tolist(), doubtful.tolist(), strict=False)
         for k, (question, start, stop, unproved) in enumerate(places):
             own = points[start + k : stop + k + 1] if stop > start else points[:0]
@@ -126,12 +127,12 @@ def single(pair: Pair, setting: None) -> Ask:
 
 def exact_path(pair: Pair, setting: None) -> Ask:
     """Work in rational arithmetic throughout and round at the end."""
+    return one_by_one(partial(_exact, pair))
 
-    def answer(question: CurveQuestion) -> CurveAnswer:
-        curve = exact_curve_in_box(pair, question, proofs=0)
-        return CurveAnswer(curve.rounded, curve.touching)
 
-    return one_by_one(answer)
+def _exact(pair: Pair, question: CurveQuestion) -> CurveAnswer:
+    curve = exact_curve_in_box(pair, question, proofs=0)
+    return CurveAnswer(curve.rounded, curve.touching)
 
 
 # ------------------------------------------------------------------------------------------------------- who is asked

@@ -290,9 +290,7 @@ QUICK = (
     Drawn("rotation", "touch", 8, "long"),
     Drawn("screw", "beyond", 12, "round"),
     Drawn("translation, rotation", "touch", 100, "long"),
-    Drawn("translation, rotation", "beyond", 12, "round"),
     Drawn("three translations", "clear", 100, "round"),
-    Drawn("free", "touch", 12, "round", "apart"),
     Drawn("free", "clear", 8, "long"),
 )
 

@@ -25,6 +25,7 @@ import os
 import platform
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -35,6 +36,9 @@ from fcdm_opt.errors import InputError
 SCHEMA = 1
 PACKAGES = ("fcdm_opt", "numpy", "numba", "scipy", "casadi", "coal", "highspy", "cvxpy", "clarabel", "python-flint",
             "trimesh", "coacd", "manifold3d")  # fmt: skip
+NUMBERS = ("seconds", "low", "high", "error", "amount")
+"""Columns that runs are compared by."""
+
 Row = dict[str, Any]
 DISTURBED = 0.1
 """Share of the machine that other programs may take before a run says so."""
@@ -140,12 +144,7 @@ class Run:
         InputError
             For a file that is none, naming what is wrong.
         """
-        try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as reason:
-            raise InputError("cannot be read", file=path, found=reason.strerror) from reason
-        except (UnicodeDecodeError, json.JSONDecodeError) as reason:
-            raise InputError(f"not JSON: {reason}", file=path) from reason
+        data = json_of(path)
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             found = data.get("schema") if isinstance(data, dict) else type(data).__name__
             raise InputError(
@@ -160,6 +159,12 @@ class Run:
         for name, rows in data["tables"].items():
             if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
                 raise InputError("not a list of rows", file=path, key=f"tables.{name}")
+            for row, column in ((row, column) for row in rows for column in NUMBERS):
+                if not _measurable(row.get(column)):
+                    raise InputError(
+                        "not a number", file=path, key=f"tables.{name}.{column}", found=row[column],
+                        allowed="a finite number, or null",
+                    )  # fmt: skip
         try:
             load = Load(**data["load"])
         except TypeError as reason:
@@ -182,12 +187,29 @@ class Run:
         return f"{self.machine.get('processor')}, {self.machine.get('cores')} cores, {self.machine.get('system')}"
 
 
+def json_of(path: Path) -> Any:
+    """Return what a JSON file holds.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, or is no JSON; for one nested deeper, or with more digits, than Python takes.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as reason:
+        raise InputError("cannot be read", file=path, found=reason.strerror) from reason
+    except (ValueError, RecursionError) as reason:  # among them: no Unicode, no JSON, no path
+        raise InputError(f"not JSON: {reason}", file=path) from reason
+
+
 def machine() -> Row:
     """Return processor, number of cores and system."""
     model = platform.processor() or platform.machine()
     if sys.platform == "linux":
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), model)
+        with suppress(OSError):  # not every container shows it
+            lines = Path("/proc/cpuinfo").read_text().splitlines()
+            model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), model)
     return {"processor": model, "cores": os.cpu_count(), "system": platform.system()}
 
 
@@ -206,6 +228,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) 
     """Return a Markdown table, all columns but the first `left` to the right."""
     lines = [head, [*["---"] * left, *["---:"] * (len(head) - left)], *rows]
     return "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines)
+
+
+def _measurable(value: Any) -> bool:
+    """Tell whether a value is a finite number that fits in a double, or None."""
+    if value is None:
+        return True
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _plain(value: Any) -> Any:

@@ -53,9 +53,10 @@ QUESTIONS = {
     "motion": "What is the smallest motion?",
 }
 WIDTH, SMALL_DPI = 9.0, 100  # inches; 900 pixels for a README
-LABELS, RIGHT = 2.5, 0.75  # inches left and right of the cells
+LABELS, RIGHT = 2.5, 0.1  # inches left of the cells; right of the last method's name
 ROW, GAP, FOOT, LINE = 0.21, 0.25, 0.85, 0.14  # inches: a row, space above a panel, the legend, a line below that
-CHARACTER, SLOPE = 0.058, 35  # inches of a method's name; its slope in degrees
+CHARACTER, SLOPE = 0.058, 55  # inches of a method's name; its slope in degrees
+NARROW, TEXT, SMALL_TEXT = 0.45, 6.5, 5.4  # inches of a cell whose text is small; points
 LONGEST_LINE = 150  # characters of the caption
 STRIP = 0.2  # of a cell's height
 WIDEST = 0.95  # inches of a cell
@@ -117,9 +118,11 @@ def stability_figure(results: Sequence[Result], *, title: str = "", caption: str
     for panel, head in zip(panels, heads, strict=True):
         top -= head
         tall = ROW * len(panel.families)
-        cell = min(WIDEST, (WIDTH - LABELS - RIGHT) / len(panel.methods))
+        over = RIGHT + CHARACTER * math.cos(math.radians(SLOPE)) * len(panel.methods[-1])  # of the last name
+        count = len(panel.methods)
+        cell = min(WIDEST, (WIDTH - LABELS - over) / (count - 0.5), (WIDTH - LABELS - RIGHT) / count)
         area = (LABELS / WIDTH, (top - tall) / height, cell * len(panel.methods) / WIDTH, tall / height)
-        _draw(figure.add_axes(area), panel)
+        _draw(figure.add_axes(area), panel, SMALL_TEXT if cell < NARROW else TEXT)
         top -= tall
     handles = [
         Patch(facecolor=look.fill, edgecolor=GREY, linewidth=0.5, label=f"{look.mark}  {look.words}".strip())
@@ -151,7 +154,7 @@ def write_picture(results: Sequence[Result], base: Path, *, title: str = "", cap
     return *large, small
 
 
-def _draw(axes: Any, panel: Grid) -> None:
+def _draw(axes: Any, panel: Grid, points: float) -> None:
     from matplotlib.patches import Rectangle
 
     wide, tall = len(panel.methods), len(panel.families)
@@ -174,7 +177,7 @@ def _draw(axes: Any, panel: Grid) -> None:
             text = f"{total}" if worst == "right" else f"{look.mark} {counts[worst]}/{total}"
             middle = 0.5 if worst == "right" else 0.5 - STRIP / 2
             weight = "bold" if worst == "wrong" else "normal"
-            style = {"ha": "center", "va": "center", "fontsize": 6.5, "color": look.text, "weight": weight}
+            style = {"ha": "center", "va": "center", "fontsize": points, "color": look.text, "weight": weight}
             axes.text(x + 0.5, y + middle, text, **style)
     axes.axvline(panel.ours, color=BLACK, linewidth=1.2)
     for x in range(panel.ours + 1, wide):

@@ -22,15 +22,38 @@ from fcdm_opt.tolerance.stages.relaxation import choices
 from fcdm_opt.tolerance.task import Answer, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_NODES, MOST_WAYS = 2000, 200  # nodes looked at, and directions of one pair, before the task is left to stage 4
+# Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done after
+# a node for any number of directions, which are tried the nearest first.
+MOST_NODES, MOST_WAYS = 2000, 200
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
 
 class Wall(NamedTuple):
-    """Half-spaces normals . x <= levels of the scaled parameters x, in each of which a part pair is apart as asked."""
+    """Half-spaces normals . x <= levels of the scaled parameters x, in each of which a part pair is apart as asked.
+
+    `lengths` are their distances from zero, increasing.
+    """
 
     normals: Array
     levels: Array
+    lengths: Array
+
+    @classmethod
+    def of(cls, normals: Array, levels: Array) -> Wall:
+        lengths = np.maximum(-levels / np.sqrt(np.einsum("ij,ij->i", normals, normals)), 0.0)
+        order = np.argsort(lengths, kind="stable")
+        return cls(normals[order], levels[order], lengths[order])
+
+
+class Branch(NamedTuple):
+    """The half-spaces of a wall from `first` on, to be tried `count` at a time among the x with G x >= h."""
+
+    G: Array
+    h: Array
+    wall: Wall
+    pairs: tuple[Parts, ...]
+    first: int = 0
+    count: int = 1
 
 
 def translations(task: Task) -> Answer | None:
@@ -47,7 +70,7 @@ def translations(task: Task) -> Answer | None:
         if answer is not None and (answer.q is None or task.meets(answer.q, DEFAULT.requirement)):
             return answer
     walls, closings = _walls(task), _closings(task)
-    if max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
+    if task.part_pairs > 1 and max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
         return None
     stage, exact = "1: translations, best first over the ways apart", not task.needs.max() > 0
     found = _least(task, walls, closings)
@@ -89,28 +112,38 @@ def _walls(task: Task) -> dict[Parts, Wall]:
             flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
             levels = separations - need / task.size
             if not (levels[flat] >= -DEFAULT.cut).any():
-                found[parts] = Wall(normals[~flat], levels[~flat])
+                found[parts] = Wall.of(normals[~flat], levels[~flat])
     return found
 
 
 def _closings(task: Task) -> list[tuple[Parts | None, Array, Array]]:
-    """Return for each pair that may be the one to touch the half-spaces G x >= h in which it does not stay apart."""
+    """Return for each pair that may be the one to touch the half-spaces G x >= h in which it does not stay apart.
+
+    A single pair that overlaps at rest touches as soon as it is not overlapping: it needs none.
+    """
     if not task.must_touch:
         return [(None, np.empty((0, len(task.weights))), np.empty(0))]
     closings: list[tuple[Parts | None, Array, Array]] = []
     for parts in np.ndindex(len(task.movable.parts), len(task.static.parts)):
         normals, separations = _lines(task, parts)
         flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
-        if (separations[flat] <= DEFAULT.cut).all():
+        if task.part_pairs == 1 and separations.max() <= 0.0 and task.allows(task.rest):
+            closings.append((parts, normals[:0], separations[:0]))
+        elif (separations[flat] <= DEFAULT.cut).all():
             closings.append((parts, normals[~flat], separations[~flat]))
     return closings
 
 
 def _lines(task: Task, parts: Parts) -> tuple[Array, Array]:
-    """Return a pair's distinct directions as rows over the scaled parameters, and separations at rest, in sizes."""
+    """Return a pair's directions as rows over the scaled parameters, and separations at rest, in sizes.
+
+    Where there are several pairs each direction once: all ways of one pair are combined with those of the others.
+    """
     shifts = np.array([(task.transform(step) - task.transform(task.rest))[:3, 3] for step in np.eye(len(task.weights))])
     _, rows, separations = task.separations(parts, task.pose(task.rest))
     lines = np.column_stack([rows[:, :3] @ shifts.T / task.weights, separations / task.size])
+    if task.part_pairs == 1:
+        return lines[:, :-1], lines[:, -1]
     _, first = np.unique(np.round(lines / DEFAULT.tie), axis=0, return_index=True)
     return lines[first, :-1], lines[first, -1]
 
@@ -124,29 +157,39 @@ def _least(
     """
     box = _limits(task)
     number = count()
-    heap: list[tuple[float, int, Array, Array, Array, tuple[Parts, ...]]] = []
+    heap: list[tuple[float, int, Branch | tuple[Array, Branch, Array, float]]] = []
 
-    def push(G: Array, h: Array, wall: Wall, pairs: tuple[Parts, ...]) -> None:
-        """Add the least x of each half-space of a wall, among those that G x >= h leaves."""
-        found = compiled.least_distance(G, h, *wall)
-        for x, length, normal, level in zip(found, np.linalg.norm(found, axis=1).tolist(), *wall, strict=True):
-            if length < 1.0 / NOWHERE:  # nan where there is none
-                heapq.heappush(heap, (length, next(number), x, np.vstack([G, -normal]), np.append(h, -level), pairs))
+    def push(branch: Branch, least: float) -> None:
+        """Add what is left of a branch, all of it at least that far off."""
+        if branch.first < len(branch.wall.lengths):
+            least = max(least, float(branch.wall.lengths[branch.first]))
+            heapq.heappush(heap, (least, next(number), branch))
 
-    everywhere = Wall(np.eye(1, len(task.weights)), np.array([1.0 / NOWHERE]))
+    everywhere = Wall.of(np.eye(1, len(task.weights)), np.array([1.0 / NOWHERE]))
     for closing, G, h in closings:
         sides = np.vstack([box[0], G]), np.concatenate([box[1], h])
-        push(*sides, everywhere, () if closing is None else (closing,))
-    for _ in range(MOST_NODES):
-        if not heap:
-            return None, [], 0
-        _, _, x, G, h, pairs = heapq.heappop(heap)
+        push(Branch(*sides, everywhere, () if closing is None else (closing,)), 0.0)
+    nodes = 0
+    while heap and nodes < MOST_NODES:
+        length, _, item = heapq.heappop(heap)
+        if isinstance(item, Branch):  # the next half-spaces of a wall
+            some = slice(item.first, item.first + item.count)
+            normals, levels = item.wall.normals[some], item.wall.levels[some]
+            found = compiled.least_distance(item.G, item.h, normals, levels)
+            for x, own, normal, level in zip(found, np.linalg.norm(found, axis=1).tolist(), normals, levels, strict=True):
+                if own < 1.0 / NOWHERE:  # nan where there is none
+                    heapq.heappush(heap, (own, next(number), (x, item, normal, level)))
+            push(item._replace(first=some.stop, count=2 * item.count), length)
+            continue
+        nodes += 1
+        x, branch, normal, level = item
+        G, h = np.vstack([branch.G, -normal]), np.append(branch.h, -level)
         gaps = {parts: float((wall.levels - wall.normals @ x).max()) for parts, wall in walls.items()}
         worst = min(gaps, key=gaps.__getitem__, default=None)
         if worst is None or gaps[worst] >= -DEFAULT.cut:
-            return x, sorted(set(pairs)), len(h) - len(box[1]) - 1  # of which one forbids nothing
-        push(G, h, walls[worst], (*pairs, worst))
-    return None
+            return x, sorted(set(branch.pairs)), len(h) - len(box[1]) - 1  # of which one forbids nothing
+        push(Branch(G, h, walls[worst], (*branch.pairs, worst)), length)
+    return None if heap else (None, [], 0)
 
 
 def _limits(task: Task) -> tuple[Array, Array]:
