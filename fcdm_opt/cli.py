@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryFile
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -46,7 +47,7 @@ Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Problem fi
 AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document to stdout.")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The short form.")]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all that is drawn at random.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of all that is drawn at random.")]
 Compare = Annotated[
     Path | None, typer.Option("--compare", metavar="OLD", help="Tell what changed since this earlier results file.")
 ]
@@ -206,7 +207,7 @@ def bench_command(
     from fcdm_opt.measure import bench, results
 
     with _refusals():
-        old = _earlier(compare)
+        old = _earlier(compare, "bench", out)
         run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, say=_say)
         _recorded(run, old, out, partial(results.write, run))
         typer.echo(results.summary(run))
@@ -241,18 +242,27 @@ def stability_command(
             typer.echo(again.text)
             raise typer.Exit(SOLVED if again.now.outcome == "right" else NOT_VERIFIED)
         assert out is not None
-        old = _earlier(compare)
+        old = _earlier(compare, "stability", out)
         found = grid(quick=quick, seed=seed, say=_say)
         _recorded(found.run, old, out, found.write)
     typer.echo(found.text)
     raise typer.Exit(NOT_VERIFIED if found.faults else SOLVED)
 
 
-def _earlier(path: Path | None) -> Run | None:
-    """Return the run that a new one is compared with; read before anything is measured."""
+def _earlier(path: Path | None, command: str, out: Path) -> Run | None:
+    """Return the run that a new one is compared with; what cannot be compared or written is refused beforehand."""
     from fcdm_opt.measure.record import Run
 
-    return None if path is None else Run.read(path)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=out):
+            pass
+    except OSError as reason:
+        raise InputError(f"cannot be written ({reason.strerror})", key="--out", found=str(out)) from reason
+    old = None if path is None else Run.read(path)
+    if old is not None and old.command != command:
+        raise InputError("a run of another command", key="--compare", found=old.command, allowed=command)
+    return old
 
 
 def _recorded(run: Run, old: Run | None, out: Path, write: Callable[[Path], list[Path]]) -> None:

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure import bench
+from fcdm_opt.measure import bench, results
 from fcdm_opt.measure.charts import FAILED, chart_figure, overview_figure
 from fcdm_opt.measure.comparing import compared
 from fcdm_opt.measure.method import Failure, Method
@@ -289,3 +290,29 @@ def test_the_overview_has_a_panel_for_each_task():
     figure = overview_figure(run(chart=rows))
     assert len(figure.axes) == 3
     assert all(len(axes.lines) >= 2 for axes in figure.axes)
+
+
+# --------------------------------------------------------------------------------- planted: a kernel wrong now and then
+
+
+def test_a_kernel_that_names_a_wrong_feature_once_in_a_thousand_is_caught(monkeypatch):
+    """The compiled walk itself is made to lie about one feature in 1000; the run must say so and be called wrong."""
+    true, calls = kernels.walk_many, []
+
+    def lying(*arguments):
+        states, counts, sites, lines, ends = true(*arguments)
+        sites = sites.copy()
+        for row in range(len(calls) % 1000, len(sites), 1000):
+            kind, i, j = sites[row]
+            sites[row] = kind, (i + 1) % 4, j
+        calls.append(len(sites))
+        return states, counts, sites, lines, ends
+
+    assert bench.curve_faults(10, 1) == (40, [])
+    monkeypatch.setattr(kernels, "walk_many", lying)
+    compared, faults = bench.curve_faults(250, 1)
+    assert compared == 1000
+    assert faults
+    assert {fault["what"] for fault in faults} == {"feature"}
+    assert bench.wrong(run(chart=[], faults=faults))
+    assert "DIFFER" in results.summary(replace(run(chart=[], faults=faults), settings={"curves_compared": compared}))

@@ -125,7 +125,7 @@ def bench(*, quick: bool = False, seed: int = 1, only: Collection[str] = PARTS, 
     compared, faults = 0, list[Row]()
     if "curve" in only:
         say("decision curves against exact ones, feature by feature")
-        compared, faults = curve_faults(quick, seed)
+        compared, faults = curve_faults(500 if quick else 5000, seed)
     tables = {
         "chart": chart,
         "faults": faults,
@@ -204,12 +204,12 @@ def _compared(vertices: int, quick: bool) -> int:
     return max(3, (8 if quick else 40) * 20 // max(vertices, 20))
 
 
-def curve_faults(quick: bool, seed: int) -> tuple[int, list[Row]]:
-    """Compare many curves of the batch with exact ones; return their number and what differs."""
+def curve_faults(poses: int, seed: int) -> tuple[int, list[Row]]:
+    """Compare curves of the batch with exact ones, of four pairs in so many poses; return their number and faults."""
     compared, faults = 0, list[Row]()
     for vertices, shape in ((8, "round"), (8, "aligned"), (12, "long"), (20, "prism")):
         drawn = DrawnPair.of(seed, vertices, shape)
-        transforms = drawn.transforms(500 if quick else 5000)
+        transforms = drawn.transforms(poses)
         found = decision_curves(*drawn.pair, transforms, box=drawn.box.tolist())
         wrongs = feature_faults(drawn.pair, transforms, found)
         faults += [{"vertices": vertices, "shape": shape, **wrong._asdict()} for wrong in wrongs]

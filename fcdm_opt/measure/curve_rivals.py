@@ -28,13 +28,14 @@ from fcdm_opt.measure.rays import ROUNDING, Solid, Touch, breakpoints, clipped, 
 
 SIDES = 1e-11  # relative: lines of support are no better known from nearest points of hulls of 10,000 vertices
 NEWTON = 60  # steps along one ray at most: each finds a new feature or ends it
+PRIMAL = 4  # of HiGHS: its primal simplex method
 SLACK = 10.0  # what an interior point method leaves of its answers, in units of its tolerance
 Tracer = Callable[[Array, Array], Array]  # of a transform and a box: points by increasing rho_1
 
-Placed = Callable[[Array], tuple[Array, Array]]  # of a transform: vertices of part 1 about its seed, turned, and d
+Place = Callable[[Array], tuple[Array, Array]]  # of a transform: vertices of part 1 about its seed, turned, and d
 
 
-def solids(pair: Pair) -> tuple[Solid, Solid, Placed]:
+def solids(pair: Pair) -> tuple[Solid, Solid, Place]:
     """Return both parts, and the function from a transform to (p_i, d)."""
     one, two = Solid.of(pair.movable), Solid.of(pair.static)
 
@@ -202,11 +203,7 @@ def growth(pair: Pair, slack: float) -> Ask:
 
 def warm_highs(pair: Pair, tolerance: float) -> Ask:
     """Solve the linear program with HiGHS, changing only the costs: each solution starts from the basis of the last."""
-    options = {
-        "presolve": "off",
-        "solver": "simplex",
-        "simplex_strategy": 4,
-    }  # primal: the last basis is still feasible
+    options = {"presolve": "off", "solver": "simplex", "simplex_strategy": PRIMAL}  # the last basis is still feasible
     return _highs(pair, tolerance, options, warm=True)
 
 

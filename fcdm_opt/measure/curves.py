@@ -159,7 +159,6 @@ def up_to(vertices: int, seconds: str) -> Callable[[Pair], str | None]:
 
 
 PROVED = {"default": None}
-RAYS = ((9, "1e-3"), (33, "1e-6"), (33, "1e-12"), (129, "1e-12"))
 METHODS: tuple[Method, ...] = (
     Method("decision_curves", "ours", PROVED, batch, seeds_inside),
     Method("kernel", "ours", PROVED, kernel, seeds_inside),

@@ -127,6 +127,9 @@ def _line(x: Array, y: Array) -> tuple[float, float, float]:
 
 
 def _row(axis: _Axis, x: int, scene: Scene, own: Measured) -> Row:
+    if own.refused is not None:
+        return {"axis": axis.name, "method": _key(scene, own.method), "family": own.method.family, "x": x,
+                "seconds": None, "reason": own.refused}  # fmt: skip
     low, median, high = own.quartiles
     failures = [answer.reason for answer in own.answers if isinstance(answer, Failure)]
     return {"axis": axis.name, "method": _key(scene, own.method), "family": own.method.family, "setting": own.setting,

@@ -25,11 +25,8 @@ LARGER = 1.02  # times the scales at which the bodies touch: the parts made
 GAP = 1.2  # times the reach of both hulls: how far apart they are drawn
 HALVINGS = 60
 BOX = ((0.2, 6.0), (0.2, 6.0))
-BLOCK, AROUND, CLEARANCE = (
-    0.15,
-    1.3,
-    0.02,
-)  # half a keep-out's width and its distance from the seed, in reaches; its gap
+BLOCK, AROUND = 0.15, 1.3  # half a keep-out's width, and its least distance from the seed, in reaches of body 1
+CLEARANCE = 0.02  # of a keep-out, in reaches of body 1
 CASES = {
     **{f"example 1, {case}": ("example1", case) for case in "ABCD"},
     **{f"example 2, {case}": ("example2", case) for case in "ABCD"},

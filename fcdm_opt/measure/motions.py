@@ -21,7 +21,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure.asked import Asked, AskedOfCoal
-from fcdm_opt.measure.method import Ask, Failure, Method, MotionAnswer, one_by_one
+from fcdm_opt.measure.method import Ask, Failure, Method, MotionAnswer, anything, one_by_one
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
@@ -349,10 +349,6 @@ def ipopt_in_full(task: Task, tolerance: float) -> Array | None:
 # ---------------------------------------------------------------------------------------------- what each can take
 
 
-def _anything(task: Problem) -> str | None:
-    return None
-
-
 def _without_equations(problem: Problem) -> str | None:
     if problem.goal in ("at", "seat") or "touch" in (problem.goal, problem.pair):
         return "the nodes of a grid meet no equation: goals beyond and clear only"
@@ -423,7 +419,7 @@ def _rival(
     family: str,
     search: Search,
     settings: Mapping[str, Any],
-    refuses: Callable[[Problem], str | None] = _anything,
+    refuses: Callable[[Problem], str | None] = anything,
 ) -> Method:
     return Method(name, family, settings, partial(_searched, search, refuses), partial(_refused, refuses))
 

@@ -14,7 +14,7 @@ The file is one JSON object:
     load        see `Load`
     tables      name -> list of rows; a row is an object with the table's columns, null where nothing was measured
 
-The columns of each table are described where its rows are made: `bench`, `growth`, `models` and `stability.run`.
+The columns of each table are described where its rows are made: `bench`, `growth`, `models` and `stability.grid`.
 """
 
 from __future__ import annotations
@@ -227,7 +227,7 @@ def versions() -> dict[str, str]:
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> str:
     """Return a Markdown table, all columns but the first `left` to the right."""
     lines = [head, [*["---"] * left, *["---:"] * (len(head) - left)], *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines)
+    return "\n".join(f"| {' | '.join(cell.replace('|', r'\|') for cell in line)} |" for line in lines)
 
 
 def _measurable(value: Any) -> bool:

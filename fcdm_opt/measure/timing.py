@@ -22,6 +22,9 @@ LATE = 4.0
 """A first answer that takes this many times the slowest later one, and `NOTICEABLE` seconds more, held set-up."""
 NOTICEABLE = 1e-4
 SLOW = 3.0
+"""A first answer may take this many times a method's patience before it is the only one."""
+LEAST = 1e-9
+"""Seconds that an answer is taken to last at least, where their number a call is chosen."""
 YARDSTICK = 60
 """Unknowns of the linear system that is solved once a round, to see whether the machine drifts."""
 
@@ -134,7 +137,7 @@ class _Asked:
         count = int(np.clip(plan.call / self.pace, 1, plan.most))
         took, answers = timed(self.ask, [scene.question(k) for k in range(done, done + count)])
         self.spent += took
-        self.pace = max(took / count, 1e-9)
+        self.pace = max(took / count, LEAST)
         measured.seconds.append(took / count)
         measured.answers += answers
 
@@ -196,7 +199,7 @@ def _started(own: Measured, scene: Scene, value: Any) -> _Asked | None:
         return None
     own.first, answers = timed(answered, ask, [scene.question(0)])
     own.answers += answers
-    return _Asked(own, lambda questions: answered(ask, questions), own.first, max(own.first, 1e-9))
+    return _Asked(own, lambda questions: answered(ask, questions), own.first, max(own.first, LEAST))
 
 
 def _prepared(method: Method, subject: Any, value: Any) -> Ask | FcdmError:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.measure.record import json_of
 from fcdm_opt.measure.stability.case import Case, Verdict
 from fcdm_opt.measure.stability.run import LIMITS, MODULES, NOT_RUN, Result, asked_alone
 
@@ -120,26 +121,32 @@ def replay(path: Path, *, limit: float = LIMITS[False], modules: Sequence[str] =
 def _read(path: Path, modules: Sequence[str]) -> Result:
     from importlib import import_module
 
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as reason:
-        raise InputError("cannot be read", file=path, found=reason.strerror) from reason
-    except (UnicodeDecodeError, json.JSONDecodeError) as reason:
-        raise InputError(f"not JSON: {reason}", file=path) from reason
+    data = json_of(path)
     try:
         case, verdict = Case(**data["case"]), Verdict(**data["verdict"])
         case = replace(case, data=_decoded(case.data), truth=_decoded(case.truth))
         verdict = replace(verdict, error=_decoded(verdict.error))
         module, method, seconds = (data[key] for key in ("module", "method", "seconds"))
         answer = _decoded(data["answer"])
-    except (KeyError, TypeError) as reason:
+    except (KeyError, TypeError, RecursionError) as reason:
         raise InputError(f"not a saved failure: {type(reason).__name__} {reason}", file=path) from reason
+    words = {"case.family": case.family, "case.name": case.name, "case.question": case.question, "method": method}
+    words |= {"module": module, "verdict.outcome": verdict.outcome, "verdict.reason": verdict.reason}
+    objects = {"case.data": case.data, "case.truth": case.truth}
+    numbers = {"seconds": seconds} | ({} if verdict.error is None else {"verdict.error": verdict.error})
+    for kind, values in ((str, words), (dict, objects), (int | float, numbers)):
+        for key, value in values.items():
+            if not isinstance(value, kind):
+                raise InputError("of a wrong kind", file=path, key=key, found=value, allowed=_KINDS[kind])
     if module not in modules:
         raise InputError("unknown module", file=path, key="module", found=module, allowed=", ".join(modules))
     home = import_module(module)
     if method not in home.METHODS:
         raise InputError("unknown method", file=path, key="method", found=method, allowed=", ".join(home.METHODS))
     return Result(case, module, method, method in home.OURS, verdict, answer, seconds)
+
+
+_KINDS: dict[Any, str] = {str: "a text", dict: "an object", int | float: "a number"}
 
 
 def _encoded(value: Any) -> Any:

@@ -28,6 +28,7 @@ from threading import Lock
 from time import monotonic
 from typing import Any
 
+from fcdm_opt.measure.record import Row
 from fcdm_opt.measure.stability.case import Case, Verdict
 from fcdm_opt.measure.stability.process import CrashedError, HungError, Process
 
@@ -42,7 +43,6 @@ SHARE, SHORTEST = 1.0, 4.0
 """A method lets those go on that have used less after so much of an equal part of the budget, or these seconds."""
 
 NOT_RUN = "not run"
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)

@@ -252,7 +252,7 @@ def _clouds(data: Data) -> tuple[list[Array], list[Array]]:
     T = np.array(data["transform"])
     one, two = (
         [np.array(data[key]["seed"]) + rho * (cloud - np.array(data[key]["seed"])) for cloud in _drawn(data[key])]
-        for rho, key in zip(data["rho"], ("one", "two"), strict=True)
+        for rho, key in zip(data["rho"], BODIES, strict=True)
     )
     return [cloud @ T[:3, :3].T + T[:3, 3] for cloud in one], two
 
@@ -262,12 +262,9 @@ def _clouds(data: Data) -> tuple[list[Array], list[Array]]:
 # Weights of the vertices that give a common point: P lambda - Q mu = d, sum lambda = rho_1, all of them >= 0. The
 # scales rho_2 = sum mu of all common points are an interval; an end of it inside the box is a contact scale.
 
-Solver = Callable[[Array, Array, Array], float | None]
-
-
 def linear_program(data: Data, solver: Callable[..., float | None], **settings: Any) -> Answer:
     """Solve for the least, then for the largest rho_2 at which the bodies meet; the first one in the box it is."""
-    (P,), (Q,) = ([cloud - np.array(data[key]["seed"]) for cloud in _drawn(data[key])] for key in ("one", "two"))
+    (P,), (Q,) = ([cloud - np.array(data[key]["seed"]) for cloud in _drawn(data[key])] for key in BODIES)
     T = np.array(data["transform"])
     P = P @ T[:3, :3].T
     d = np.array(data["two"]["seed"]) - (T[:3, :3] @ data["one"]["seed"] + T[:3, 3])
