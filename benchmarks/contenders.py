@@ -15,6 +15,7 @@ import numpy as np
 
 import fcdm_opt as fo
 from fcdm_opt.measure.curves import METHODS
+from fcdm_opt.measure.library import coal_hull
 from fcdm_opt.measure.pairs import BOX, SIZES, DrawnPair
 from fcdm_opt.tolerances import DEFAULT
 
@@ -41,15 +42,6 @@ class Contender:
     poses: Literal["many", "one"] = "many"
     target: Callable[[int], float | None] = lambda vertices: None
     rounds: int = 40
-
-
-def coal_hull(points: np.ndarray) -> Any:
-    """Return a convex shape of coal."""
-    import coal
-
-    vectors = coal.StdVec_Vec3s()
-    vectors.extend(list(points))
-    return coal.Convex.convexHull(vectors, True, "Qt")
 
 
 def coal_requests(tolerance: float | None) -> tuple[Any, Any]:

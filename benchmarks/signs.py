@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from contenders import coal_hull, coal_requests
+from contenders import coal_requests
 
 import fcdm_opt as fo
+from fcdm_opt.measure.library import coal_hull
 from fcdm_opt.measure.pairs import random_hull, random_pose
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))

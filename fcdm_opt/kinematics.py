@@ -44,8 +44,8 @@ class Compiled(threading.local):
 
     def __init__(self, function: Any, *fixed: Array) -> None:
         self._buffer, self._evaluate = function.buffer()
-        left = [np.zeros(function.nnz_in(k)) for k in range(function.n_in() - len(fixed))]
-        self._given = (*left, *(np.array(values, dtype=np.float64) for values in fixed))
+        self._first = [np.zeros(function.nnz_in(k)) for k in range(function.n_in() - len(fixed))]
+        self._given = (*self._first, *(np.array(values, dtype=np.float64) for values in fixed))
         self._results = tuple(np.zeros(function.nnz_out(k)) for k in range(function.n_out()))
         for k, values in enumerate(self._given):
             self._buffer.set_arg(k, values.data)
@@ -54,7 +54,7 @@ class Compiled(threading.local):
 
     def __call__(self, *given: Sequence[float] | Array) -> tuple[Array, ...]:
         """Return the results, each flat and column by column; they are overwritten by this thread's next call."""
-        for own, values in zip(self._given, given, strict=False):
+        for own, values in zip(self._first, given, strict=True):
             own[:] = values
         self._evaluate()
         return self._results

@@ -227,7 +227,7 @@ def test_a_vertex_of_very_many_neighbours(tip: bool) -> None:
     angles = np.arange(300) * (2 * np.pi / 300)
     ring = [(np.cos(t), np.sin(t), 0.0) for t in angles]
     body = Body.convex([*ring, (0, 0, 1)] if tip else [*ring, *((x, y, 1.0) for x, y, _ in ring)], seed=[0, 0, 0])
-    block = Body.convex(CUBE + [0, 0, 4], seed=[0, 0, 4])
+    block = Body.convex(CUBE + np.array([0, 0, 4]), seed=[0, 0, 4])
     scaled, top = ScaledPair(body, block), 4.0 + CUBE[:, 2].min()
     assert (scaled._hulls[0][0].shape is None) == tip
     assert abs(scaled.signed_distance((1.0, 1.0), HERE) - (top - 1.0)) <= 1e-14

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from fcdm_opt import decision_curve
+from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.measure import growth
-from fcdm_opt.measure.growth import exponents, growth_figure
+from fcdm_opt.measure.growth import exponents
+from fcdm_opt.measure.growth_picture import growth_figure
 from fcdm_opt.measure.method import CurveQuestion, Failure, Method, Pair, one_by_one
 from fcdm_opt.measure.record import Load, Run
-from fcdm_opt.measure.timing import Plan, Scene
+from fcdm_opt.measure.timing import Plan, Scene, measured
 from fcdm_opt.measure.union_pairs import FAMILIES, UnionPair, coal_surface
 
 
@@ -90,6 +92,21 @@ def test_a_method_too_slow_is_said_to_be_so_and_not_asked_again(monkeypatch):
     assert set(asked) == {1}
     assert all(row["seconds"] is None and row["reason"].startswith("took") for row in later)
     assert len(later) == 4
+
+
+def test_a_method_without_its_library_has_no_time():
+    """It is not asked: no time of nothing, which no logarithm takes."""
+
+    def prepare(subject, setting):
+        raise FcdmError("needs a library")
+
+    method = Method("gone", "b", {"default": None}, prepare)
+    axis = growth._Axis("vertices", {}, [method], Plan(1, 0.0, 1, 1.0), 1.0)
+    about = Scene("one", {}, None, lambda k: k)
+    (own,) = measured(about, [method], axis.plan, np.random.default_rng(0), [])
+    row = growth._row(axis, 1, about, own)
+    assert (row["seconds"], row["reason"]) == (None, "needs a library")
+    assert exponents([row | {"x": x} for x in (1, 2, 4)]) == []
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -36,7 +36,7 @@ BOUNDS = {
     "CasADi clp": {"1e-4": 1e-3, "1e-7": 1e-6, "1e-10": 1e-9},
     "CasADi ipqp": {"1e-8": 1e-6},
     "kernel": {"doubles": DIGITS},
-    "batch": {"doubles": DIGITS},
+    "decision_curves": {"doubles": DIGITS},
     "decision_curve": {"doubles": DIGITS},
     "exact path": {"rationals": 2.0**-53},  # rounded once
 }
@@ -124,7 +124,7 @@ def test_steps_come_from_below_and_nearer(name: str) -> None:
     assert any(one < float(truth) * (1 - 1e-6) for one, truth in zip(few, own.rho2, strict=True))
 
 
-@pytest.mark.parametrize("name", ["kernel", "batch", "exact path"])
+@pytest.mark.parametrize("name", ["kernel", "decision_curves", "exact path"])
 def test_ours_name_what_touches(name: str) -> None:
     own = case("round")
     (label,) = BY_NAME[name].settings
@@ -151,7 +151,7 @@ def test_at_a_corner_the_exact_path_names_what_both_segments_share() -> None:
 
 def test_a_batch_names_no_contact_in_more_than_a_point_by_part_of_it() -> None:
     own = case("aligned")
-    assert {a.touching for a in asked(BY_NAME["batch"], "doubles", own.pair, own.questions)} == {None}
+    assert {a.touching for a in asked(BY_NAME["decision_curves"], "doubles", own.pair, own.questions)} == {None}
 
 
 @pytest.mark.parametrize("name", rows())

@@ -25,7 +25,7 @@ from fcdm_opt.tolerances import DEFAULT
 LIBRARIES = {"coal": "coal", "HiGHS": "highspy", "Clarabel": "cvxpy"}
 SAMPLED = "coal bisection"
 # what the finest setting leaves along rays; samples are on the curve, nothing is claimed in between
-CLAIMED = {"Clarabel": DEFAULT.snap, "coal": 1e-9, "growth distances": DEFAULT.nominal, "HiGHS": DEFAULT.nominal}
+CLAIMED = {"Clarabel": DEFAULT.snap, "coal": 1e-9, "growth distance": DEFAULT.nominal, "HiGHS": DEFAULT.nominal}
 
 
 def marked(methods: Any) -> list[Any]:

@@ -18,7 +18,7 @@ from fcdm_opt.measure import bench, results
 from fcdm_opt.measure.charts import FAILED, chart_figure, overview_figure
 from fcdm_opt.measure.comparing import compared
 from fcdm_opt.measure.method import Failure, Method
-from fcdm_opt.measure.record import Load, Run, Watch
+from fcdm_opt.measure.record import Load, Run, Watch, table
 from fcdm_opt.measure.timing import Plan, Scene, measured, warmed
 
 PLAN = Plan(rounds=6, call=0.0, most=3, patience=10.0)
@@ -65,7 +65,7 @@ def test_a_rival_that_puts_its_setup_off_is_found_out():
     late, own = run_of(method(lazy, "late"), method(honest, "honest"))
     assert late.setup < 0.01
     assert late.late_setup > 0.04
-    assert late.whole_setup == pytest.approx(own.whole_setup, rel=0.8)
+    assert late.setup + late.late_setup == pytest.approx(own.setup, rel=0.8)
     assert own.late_setup == 0.0
     row = bench.row(task_of([late.method]), scene(), late)
     assert row["setup"] + row["late_setup"] > 0.04
@@ -259,6 +259,18 @@ def test_a_slower_machine_is_no_change_and_a_slower_method_is():
     found = {(c.row.split(", ")[-2], c.column) for c in compared(old, run(chart=changed)).changes}
     assert found == {("exact path", "seconds"), ("batch", "error"), ("bisection", "outcome"), ("linear program", "row")}
     assert "exact path" in compared(old, run(chart=changed)).text
+
+
+def test_every_new_fault_is_told():
+    fault = {"vertices": 8, "shape": "round", "segment": 1, "what": "feature", "found": None, "exact": None}
+    faults = [fault | {"pose": pose} for pose in (3, 7)]
+    changes = compared(run(faults=faults[:1]), run(faults=faults)).changes
+    assert [(change.table, change.new, "7" in change.row) for change in changes] == [("faults", "is new", True)]
+
+
+def test_a_bar_in_a_cell_is_no_new_column():
+    assert table(["method", "reason"], [["a", "x | y"]]).splitlines() == [
+        "| method | reason |", "| --- | ---: |", r"| a | x \| y |"]  # fmt: skip
 
 
 def test_runs_of_different_commands_are_not_compared():

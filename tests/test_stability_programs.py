@@ -137,18 +137,17 @@ def region(problem: Problem, least: float, rng: np.random.Generator) -> np.ndarr
     return q[np.linalg.norm(q * problem.weights, axis=1) < least * (1 - 1e-4)][:SAMPLES]
 
 
-ELSEWHERE = (
+UNASKED = (  # goals, amounts and keep-outs of which a distance does not tell
     "beyond the coherent range",
     "flush contacts",
     "keep-outs",
     "largest displacement",
     "requirement already met",
     "tolerance 0 to 100 %",
-    "quadratic programs",
 )
 
 
-@pytest.mark.parametrize("family", motions.FAMILIES)
+@pytest.mark.parametrize("family", [family for family in motions.FAMILIES if family not in UNASKED])
 def test_smaller_motions_do_not_do_by_another_librarys_distances(family):
     """The pair does not come to touch anywhere: its distance keeps its sign; nor is it clear."""
     rng, asked = np.random.default_rng(3), 0
@@ -173,7 +172,7 @@ def test_smaller_motions_do_not_do_by_another_librarys_distances(family):
             assert (gaps < problem.clearance + room).all()
         else:
             assert (gaps > -room).all() or (gaps < room).all()
-    assert asked > 10 or family in ELSEWHERE
+    assert asked > 10
 
 
 # -------------------------------------------------------------------------------------------------------- ours is right

@@ -85,7 +85,11 @@ def test_every_case_and_method_has_one_result_in_order(results, told):
         ("nan", "wrong", "not a number"),
         ("off, by little", "wrong", ""),
         ("rambles", "wrong", "not an answer: KeyError: 'twice'"),
-        ("unwell", "not run", "not installed: No module named 'a_library_that_nobody_has'"),
+        (
+            "unwell",
+            "not run",
+            "not installed: No module named 'a_library_that_nobody_has': pip install a_library_that_nobody_has",
+        ),
     ],
 )
 def test_each_planted_method_gets_its_outcome(results, method, outcome, reason):

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
 from strategies import generators, runs
 
 import fcdm_opt as fo
@@ -121,9 +123,56 @@ def test_a_clearance_round_a_corner_is_a_distance():
 
 def test_too_many_ways_are_left_to_the_program(monkeypatch):
     monkeypatch.setattr(translations, "MOST_WAYS", 3)
-    cube, post = corners((-1, -1, -1), (1, 1, 1)), corners((0.5, -9, 0.2), (9, 9, 9))
-    motion = fo.Translation("x") >> fo.Translation("z")
-    asked = fo.Problem(fo.Body.convex(cube), fo.Body.convex(post), target=(1.0, 1.0), goal="clear", motion=motion)
+    post, other = corners((0.5, -9, 0.2), (9, 9, 9)), corners((0.5, 9, 0.2), (9, 10, 9))
+    asked = fo.Problem(
+        fo.Body.convex(corners((-1, -1, -1), (1, 1, 1))),
+        fo.Body.from_parts([post, other]),
+        target=(1.0, 1.0),
+        goal="clear",
+        motion=fo.Translation("x") >> fo.Translation("z"),
+    )
     solution = fo.solve(asked)
     assert solution.stage.startswith("4")
     assert solution.amount == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_one_pair_of_many_faces_is_settled(number):
+    """Against the hull of all differences of vertices: nearest facet from inside, nearest point from outside."""
+    rng = np.random.default_rng(number)
+    apart, low = number == 2, -0.01 if number == 3 else -np.inf
+    one, two = (own / np.linalg.norm(own, axis=1)[:, None] for own in rng.normal(size=(2, 60, 3)))
+    two = two + np.array([0.9, 1.1, -0.6]) * (2.0 if apart else 1.0)
+    weights = np.array([1.0, 2.0, 0.5])
+    planes = ConvexHull((two[:, None] - one[None]).reshape(-1, 3) * weights).equations
+    assert (planes[:, 3].max() > 0) == apart
+    if apart:  # the nearest point y of a convex set n.y <= -d
+        system = np.vstack([-planes[:, :3].T, planes[:, 3]])
+        residual = np.append(np.zeros(3), 1.0) - system @ nnls(system, np.array([0.0, 0.0, 0.0, 1.0]))[0]
+        least = float(np.linalg.norm(residual[:3] / residual[3]))
+    else:
+        x = -planes[:, 3:] * planes[:, :3]
+        held = x[:, 0] < low  # the nearest point of the facet's plane on the limit
+        across = np.linalg.norm(planes[:, 1:3], axis=1)
+        beside = np.hypot(low, (-planes[:, 3] - planes[:, 0] * low) / across) if held.any() else np.inf
+        least = float(np.where(held, beside, np.linalg.norm(x, axis=1)).min())
+    solutions = [
+        fo.solve(
+            fo.Problem(
+                fo.Body.convex(one),
+                fo.Body.convex(two),
+                target=(1.0, 1.0),
+                goal=goal,
+                motion=fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"),
+                weights=dict(zip(("TX", "TY", "TZ"), weights.tolist(), strict=True)),
+                limits={"TX": (low, np.inf)},
+            ),
+            certify=True,
+        )
+        for goal in (("touch",) if apart else ("touch", "clear"))
+    ]
+    for solution in solutions:
+        assert solution.usable
+        assert solution.stage.startswith("1")
+        assert solution.amount == pytest.approx(least, rel=1e-12)
+        assert solution.lower_bound == solution.amount

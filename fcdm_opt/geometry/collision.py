@@ -293,8 +293,8 @@ class _Frame(NamedTuple):
 class _Hull:
     """One part: points from the seed, (normal, level) of faces, edges and a ball, see `judging.solid`; and coal's.
 
-    `placed` are coal's own points, to be overwritten, and `order` the part's points in their order. `shape` is None where
-    coal takes no such hull.
+    `placed` are coal's own points, to be overwritten, and `order` the part's points in their order. `shape` is None
+    where coal takes no such hull.
     """
 
     def __init__(self, part: ConvexPart) -> None:

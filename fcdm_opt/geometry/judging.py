@@ -224,14 +224,14 @@ def nearness(one, two, frames):
     count, others = len(one[3]) - 1, len(two[3]) - 1
     found = np.empty((len(frames), count, others))
     X, Y = np.empty_like(one[0]), np.empty_like(two[0])
-    planes, sides, hands = np.empty((len(one[1]), 3)), np.empty((0, 3)), np.empty(0, np.int8)
+    planes, none, edges = np.empty((len(one[1]), 3)), np.empty((0, 3)), np.empty((0, 2), np.int32)
     for k in range(len(frames)):
-        _place(one, two, frames[k], X, Y, planes, sides)
+        _place(one, two, frames[k], X, Y, planes, none)
         for i in range(count):
             for j in range(others):
                 bound = _ball_gap(one, two, i, j, frames[k])
                 if bound <= 0.0:
-                    bound = max(bound, _largest(one, two, i, j, X, Y, planes, sides, hands))
+                    bound = max(bound, _largest(one, two, i, j, X, Y, planes, none, edges))
                 found[k, i, j] = bound
     return found
 
@@ -241,13 +241,18 @@ def least_gaps(one, two, most, frames):
     """Return the least over the part pairs of the largest gap along any direction that can separate most, (k,), units.
 
     These are all face normals and the edge x edge directions that are normals of facets of the parts' difference; nan
-    where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further apart than the least so far are passed over.
+    where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further apart
+    than the least so far are passed over.
     """
     found, count, others = np.empty(len(frames)), len(one[3]) - 1, len(two[3]) - 1
     X, Y = np.empty_like(one[0]), np.empty_like(two[0])
     planes, sides, hands = np.empty((len(one[1]), 3)), np.empty((len(one[2]), 3)), np.empty(len(two[1]), np.int8)
+    edges, kept, last = np.empty((min(most, len(one[2]) * len(two[2])), 2), np.int32), 0, -1
     for k in range(len(frames)):
         _place(one, two, frames[k], X, Y, planes, sides)
+        for i in range(TURN, FRAME):
+            if k > 0 and frames[k, i] != frames[k - 1, i]:
+                last = -1
         least = unknown = _INF
         nearest, start = _INF, 0
         for pair in range(count * others):
@@ -261,7 +266,9 @@ def least_gaps(one, two, most, frames):
             if (one[3][i + 1, 2] - one[3][i, 2]) * (two[3][j + 1, 2] - two[3][j, 2]) > most:
                 unknown = min(unknown, bound)
             elif bound <= least:
-                least = min(least, _largest(one, two, i, j, X, Y, planes, sides, hands))
+                if pair != last:  # which edges make facets depends on the rotation alone
+                    kept, last = _facets(one, two, i, j, planes, sides, hands, edges), pair
+                least = min(least, _largest(one, two, i, j, X, Y, planes, sides, edges[:kept]))
         known = frames[k, UNIT] == frames[k, UNIT] and unknown > least
         found[k] = least if known else np.nan
     return found
@@ -292,51 +299,61 @@ def _ball_gap(one, two, i, j, frame):
 
 
 @step
-def _largest(one, two, i, j, X, Y, planes, sides, hands):
-    """Return the largest gap of two parts over their face normals and, where `sides` holds edges, edge x edge.
+def _largest(one, two, i, j, X, Y, planes, sides, edges):
+    """Return the largest gap of two parts over their face normals and the directions of pairs of `edges`.
 
-    Two edges make a facet of the parts' difference only where the arcs between the normals of the faces beside them
-    cross: where the faces of either lie on different sides of the other. Others are left out, unless rounding may have
-    chosen the side; `hands`, one a face of body 2, is written over. Every vertex is projected on every direction that
-    is not worse by two of them already: first by the extreme ones of the direction before.
+    Every vertex is projected on every direction that is not worse by two of them already: first by the extreme ones of
+    the direction before.
     """
     X = X[one[3][i, 0] : one[3][i + 1, 0]]
     Y = Y[two[3][j, 0] : two[3][j + 1, 0]]
-    first, second = one[3][i, 1], two[3][j, 1]
     best, far, near = -_INF, 0, 0
-    for m in range(first, one[3][i + 1, 1]):
+    for m in range(one[3][i, 1], one[3][i + 1, 1]):
         best, far, near = _wider(best, far, near, _at(planes, m), X, Y)
-    for m in range(second, two[3][j + 1, 1]):
+    for m in range(two[3][j, 1], two[3][j + 1, 1]):
         n = _at(two[1], m)
         best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
-    if len(sides) == 0:
-        return best
+    for k in range(len(edges)):
+        m, other = edges[k, 0], edges[k, 1]
+        n = _cross(_at(sides, m), _at(two[2], other))
+        length = np.sqrt(_dot(n, n))
+        n = (n[0] / length, n[1] / length, n[2] / length)
+        between = _dot(n, _minus(_at(Y, two[5][other, 0]), _at(X, one[5][m, 0])))  # no gap along n is wider
+        if between > best:
+            best, far, near = _wider(best, far, near, n, X, Y)
+        if -between > best:
+            best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
+    return best
+
+
+@step
+def _facets(one, two, i, j, planes, sides, hands, edges):
+    """Write pairs of edges of two parts into `edges` that may make a facet of their difference; return how many.
+
+    They do only where the arcs between the normals of the faces beside them cross: where the faces of either lie on
+    different sides of the other. Others are left out, unless rounding may have chosen the side; and parallel ones.
+    `hands`, one a face of body 2, is written over.
+    """
+    first, second, kept = one[3][i, 1], two[3][j, 1], 0
     reaches = ROUNDING * _reach(one[4][i]), ROUNDING * _reach(two[4][j])
     for m in range(one[3][i, 2], one[3][i + 1, 2]):
-        u, start = _at(sides, m), _at(X, one[5][m, 0])
-        a, b = first + one[5][m, 1], first + one[5][m, 2]
-        own, p, q = np.sqrt(_dot(u, u)), _at(planes, a), _at(planes, b)
+        u, a, b = _at(sides, m), first + one[5][m, 1], first + one[5][m, 2]
+        own, p, q, off = np.sqrt(_dot(u, u)), _at(planes, a), _at(planes, b), TIE + max(one[1][a, 4], one[1][b, 4])
         for face in range(second, two[3][j + 1, 1]):
             height, doubt = _dot(u, _at(two[1], face)), own * (TIE + two[1][face, 4]) + reaches[0]
             hands[face] = (height > doubt) - (height < -doubt)
         for other in range(two[3][j, 2], two[3][j + 1, 2]):
-            c, d = second + two[5][other, 1], second + two[5][other, 2]
-            if hands[c] * hands[d] > 0:
+            if hands[second + two[5][other, 1]] * hands[second + two[5][other, 2]] > 0:
                 continue
             v = _at(two[2], other)
             length = np.sqrt(_dot(v, v))
-            if _one_sided(_dot(v, p), _dot(v, q), length * (TIE + max(one[1][a, 4], one[1][b, 4])) + reaches[1]):
+            if _one_sided(_dot(v, p), _dot(v, q), length * off + reaches[1]):
                 continue
-            n, doubt = _cross(u, v), own * length
-            length = np.sqrt(_dot(n, n))
-            if length > PARALLEL * doubt:
-                n = (n[0] / length, n[1] / length, n[2] / length)
-                between = _dot(n, _minus(_at(Y, two[5][other, 0]), start))  # no gap along n is wider, none along -n
-                if between > best:
-                    best, far, near = _wider(best, far, near, n, X, Y)
-                if -between > best:
-                    best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
-    return best
+            n = _cross(u, v)
+            if np.sqrt(_dot(n, n)) > PARALLEL * own * length:
+                edges[kept] = m, other
+                kept += 1
+    return kept
 
 
 @step

@@ -7,9 +7,11 @@ What is measured, and how
     bench        speed against accuracy on three tasks; `results`, `charts` write and draw it
 
 One contact, and the whole curve
-    pairs        hulls by number of vertices, shape and separation, and questions about them; `union_pairs` of many parts
+    pairs        hulls by number of vertices, shape and separation, and questions about them
+    union_pairs  bodies of many parts
     contacts     one contact: our ways to it, and rivals'
     curves       the whole decision curve of a convex pair: our ways to it, and rivals'
+    library      rivals' libraries, imported where they are installed
     curve_rivals bisection, distances, linear programs and growth distances that lead to the curve
     rays         where rays of the scale plane meet it, by single growth distances
     references   exact contacts and curves, how far answers are from them, faults of whole batches

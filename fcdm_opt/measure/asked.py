@@ -17,6 +17,7 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.measure.library import coal_hull
 from fcdm_opt.tolerance.stages.seat import independent, tilts
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -264,12 +265,8 @@ _KEPT: tuple[Kept, Kept] = (WeakKeyDictionary(), WeakKeyDictionary())
 
 def _shape(part: ConvexPart, scale: float, kept: Kept) -> Any:
     """Return a part at a scale as a convex shape of coal: its hull is built once, its points are set."""
-    import coal
-
     if part not in kept:
-        vectors = coal.StdVec_Vec3s()
-        vectors.extend(list(part.vertices))
-        shape = coal.Convex.convexHull(vectors, True, "Qt")
+        shape = coal_hull(part.vertices)
         kept[part] = shape, shape.points() - part.seed
     shape, base = kept[part]
     shape.points()[:] = part.seed + scale * base

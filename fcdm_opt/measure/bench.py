@@ -15,6 +15,7 @@ Table "chart", one row for each scene, method and setting:
                 seconds of the set-up for the subject, of the first answer, and of set-up put off until then
     error, error_low, error_high, worst
                 median, quartiles and largest relative error of the answers that are none of the failed
+    judging     of "motion": median seconds that the judge takes for an answer, which a rival's time does not hold
 
 Table "faults": what differs between the batch of decision curves and the exact curves, pose by pose; empty is right.
 Tables "growth" and "models": see there.
@@ -50,7 +51,7 @@ from fcdm_opt.measure.references import (
     feature_faults,
     touching_right,
 )
-from fcdm_opt.measure.timing import Measured, Plan, Scene, measured, warmed
+from fcdm_opt.measure.timing import Measured, Plan, Scene, measured, timed, warmed
 
 Say = Callable[[str], None]
 TASKS = {"contact": "one contact", "curve": "the whole decision curve", "motion": "the smallest motion"}
@@ -61,11 +62,24 @@ ROUNDING = 1e-15
 
 @dataclass(frozen=True)
 class Worth:
-    """What an answer is worth: its relative error, or why it is none; whether it names the right features."""
+    """What an answer is worth.
+
+    Attributes
+    ----------
+    error : float or None
+        Relative, against the exact reference.
+    failure : str
+        Why it is none.
+    misnamed : bool
+        Whether it names another feature.
+    judging : float or None
+        Seconds that the judge took for it, where there is one.
+    """
 
     error: float | None = None
     failure: str = ""
     misnamed: bool = False
+    judging: float | None = None
 
 
 @dataclass(frozen=True)
@@ -179,7 +193,8 @@ def _pair_task(
         columns = {"vertices": own.vertices, "shape": own.shape, "separation": own.separation}
         label = f"{own.shape}, {own.vertices} vertices, {own.separation}"
         scenes.append(Scene(label, columns, own.pair, partial(question, own)))
-        assert all(part.packed for body in own.pair for part in body.parts)  # bodies are whole before anyone is timed
+        for body in own.pair:
+            body.parts[0].packed  # noqa: B018 - bodies are whole before anyone is timed
     references: dict[tuple[str, int], Any] = {}
 
     def worth(scene: Scene, k: int, answer: Any) -> Worth:
@@ -223,10 +238,10 @@ def motion_task(quick: bool, seed: int) -> Task:
     scenes = [Scene(case.name, case.labels, case.problem, case.question) for case in cases.values()]
 
     def worth(scene: Scene, k: int, answer: MotionAnswer) -> Worth:
-        judgement = judged(cases[scene.name].problem, answer.q)
+        seconds, judgement = timed(judged, scene.question(k), answer.q)
         if not judgement.usable:
             return Worth(failure=f"rejected by the judge: {judgement.status.value}")
-        return Worth(abs(judgement.amount / cases[scene.name].least.amount - 1.0))
+        return Worth(abs(judgement.amount / cases[scene.name].least.amount - 1.0), judging=seconds)
 
     plan = Plan(3, 1e-4, 1, patience=0.1, longest=0.25) if quick else Plan(9, 1e-4, 1, patience=1.5, longest=5.0)
     return Task("motion", motions.METHODS, scenes, worth, plan, lambda scene: 2)
@@ -256,10 +271,7 @@ def row(task: Task, scene: Scene, own: Measured) -> Row:
     if own.refused is not None:
         return {**made, "outcome": "not asked", "reason": own.refused}
     answers = own.answers[: task.compared(scene)]
-    worths = [
-        Worth(failure=answer.reason) if isinstance(answer, Failure) else task.worth(scene, k, answer)
-        for k, answer in enumerate(answers)
-    ]
+    worths = [_worth(task, scene, k, answer) for k, answer in enumerate(answers)]
     errors = [worth.error for worth in worths if worth.error is not None and not worth.failure]
     failures = [worth.failure for worth in worths if worth.failure]
     low, median, high = own.quartiles
@@ -272,7 +284,19 @@ def row(task: Task, scene: Scene, own: Measured) -> Row:
     if errors:
         quartiles = [float(x) for x in np.percentile(errors, (50, 25, 75))]
         made |= dict(zip(("error", "error_low", "error_high"), quartiles, strict=True)) | {"worst": max(errors)}
+    if judging := [worth.judging for worth in worths if worth.judging is not None]:
+        made["judging"] = float(np.median(judging))
     return made
+
+
+def _worth(task: Task, scene: Scene, k: int, answer: Any) -> Worth:
+    """Return what an answer is worth; one of a kind that was not asked for is none, and does not end the run."""
+    if isinstance(answer, Failure):
+        return Worth(failure=answer.reason)
+    try:
+        return task.worth(scene, k, answer)
+    except (AttributeError, TypeError, ValueError) as reason:
+        return Worth(failure=f"not an answer: {type(reason).__name__}: {reason}")
 
 
 def wrong(run: Run) -> bool:
@@ -281,7 +305,7 @@ def wrong(run: Run) -> bool:
     return bool(run.tables["faults"]) or any(row["failed"] or row["misnamed"] for row in mine)
 
 
-def ahead(rows: Sequence[Row], task: str, slack: float = ROUNDING) -> list[Row]:
+def ahead(rows: Sequence[Row], task: str, slack: float = ROUNDING, *, judged: bool = False) -> list[Row]:
     """Return rivals' rows that lie beyond ours in their scene: left of and below, or beside one of ours.
 
     That is a rival as fast and as accurate as one of ours, while none of ours is as fast and as accurate as the rival.
@@ -293,9 +317,16 @@ def ahead(rows: Sequence[Row], task: str, slack: float = ROUNDING) -> list[Row]:
     task : str
     slack : float
         Relative errors up to this count as none: rounding, or what "reaches our amount" means.
+    judged : bool
+        Add to a rival's time what the judge takes for its answer, which ours holds.
     """
     found = []
     answered = [row for row in rows if row["task"] == task and row["outcome"] == "answered"]
+    if judged:
+        answered = [
+            row if row["family"] == "ours" else {**row, "seconds": row["seconds"] + row.get("judging", 0.0)}
+            for row in answered
+        ]
 
     def as_good(one: Row, other: Row) -> bool:
         return bool(one["seconds"] <= other["seconds"] and one["error"] <= max(other["error"], slack))

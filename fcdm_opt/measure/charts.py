@@ -13,7 +13,17 @@ from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = {"ours": VERMILLION, "coal": BLUE, "HiGHS": GREEN, "Clarabel": PURPLE, "CasADi": ORANGE, "scipy": GREY}
+SKY = "#56B4E9"  # of the same palette
+COLOURS = {
+    "ours": VERMILLION,
+    "coal": BLUE,
+    "HiGHS": GREEN,
+    "Clarabel": PURPLE,
+    "CasADi": ORANGE,
+    "scipy": GREY,
+    "growth distance": BLACK,
+    "the paper's": SKY,
+}
 MARKS = "osD^vPX*<>hdp8"
 EXACT, FAILED = 1e-18, 1e2
 """Errors at which exact answers, and failed ones, are drawn."""
@@ -80,7 +90,7 @@ def _caption(run: Run) -> str:
 
 def _styles(rows: Sequence[Row]) -> dict[str, tuple[str, str, str]]:
     """Return colour, marker and line of each method: one colour a family, ours first."""
-    spare = [BLACK, "#56B4E9"]
+    spare = [SKY, GREY]
     families = list(dict.fromkeys(row["family"] for row in rows))
     colours = {family: COLOURS.get(family) or spare[k % len(spare)] for k, family in enumerate(families)}
     methods = dict.fromkeys((row["method"], row["family"]) for row in rows)
@@ -152,7 +162,7 @@ def _legend(figure: Figure, styles: dict[str, tuple[str, str, str]], columns: in
             mec="white",
             mew=0.5,
             label=f"ours: {method}" if line == "-" else method,
-        )  # fmt: skip
+        )
         for method, (colour, mark, line) in styles.items()
     ]
     figure.legend(

@@ -73,6 +73,11 @@ def compared(old: Run, new: Run) -> Comparison:
         if was != now
     ]
     tables = {name: (_by_label(old.tables.get(name, ())), _by_label(rows)) for name, rows in new.tables.items()}
+    parts = new.settings.get("parts")
+    if parts is not None:  # what was not measured this time is not gone
+        tables = {name: (_measured(before, name, parts), after) for name, (before, after) in tables.items()}
+        if (earlier := old.settings.get("parts", parts)) != parts:
+            notes.append(f"parts: {earlier} then, {parts} now; only what is in both is compared.")
     pace = _pace(list(tables.values()))
     changes = []
     for name, (before, after) in tables.items():
@@ -88,7 +93,15 @@ def compared(old: Run, new: Run) -> Comparison:
 
 
 def _by_label(rows: Sequence[Row]) -> dict[str, Row]:
-    return {", ".join(str(row[key]) for key in LABELS if row.get(key) is not None): row for row in rows}
+    """Return rows by their labels; one without labels, a fault, is told by all that it holds."""
+    labels = ({key: row[key] for key in LABELS if row.get(key) is not None} or row for row in rows)
+    return {", ".join(map(str, own.values())): row for own, row in zip(labels, rows, strict=True)}
+
+
+def _measured(rows: Mapping[str, Row], name: str, parts: Sequence[str]) -> dict[str, Row]:
+    """Return the rows of a table whose part of the command, the task or the table itself, is among some."""
+    home = {"chart": None, "faults": "curve"}.get(name, name)
+    return {label: row for label, row in rows.items() if (home or row.get("task")) in parts}
 
 
 def _pace(tables: Sequence[tuple[Mapping[str, Row], Mapping[str, Row]]]) -> float:

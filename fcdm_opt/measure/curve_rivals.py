@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.measure.library import coal_hull, library
 from fcdm_opt.measure.method import Ask, CurveAnswer, CurveQuestion, Pair, one_by_one
 from fcdm_opt.measure.rays import ROUNDING, Solid, Touch, breakpoints, clipped, growth_distance
 
@@ -46,14 +46,6 @@ def solids(pair: Pair) -> tuple[Solid, Solid, Place]:
     return one, two, place
 
 
-def library(name: str) -> Any:
-    """Import an optional library; raise `FcdmError` that says what to install."""
-    try:
-        return import_module(name)
-    except ImportError as reason:
-        raise FcdmError(f"this rival method needs {name}: pip install 'fcdm_opt[bench]' ({reason})") from reason
-
-
 def _asked(trace: Tracer) -> Ask:
     def answer(question: CurveQuestion) -> CurveAnswer:
         return CurveAnswer(trace(question.transform, question.box))
@@ -75,12 +67,8 @@ class _Coal:
         self.solids = one, two = Solid.of(pair.movable), Solid.of(pair.static)
         self.size = max(one.outer, two.outer)
         self.seeds = pair.movable.seed, pair.static.seed
-        self.shapes, self._bases = [], []
-        for solid in (one, two):
-            vectors = self.coal.StdVec_Vec3s()
-            vectors.extend(list(solid.vertices / self.size))
-            self.shapes.append(self.coal.Convex.convexHull(vectors, True, "Qt"))
-            self._bases.append(self.shapes[-1].points().copy())
+        self.shapes = [coal_hull(solid.vertices / self.size) for solid in (one, two)]
+        self._bases = [shape.points().copy() for shape in self.shapes]
         self.poses = self.coal.Transform3s(), self.coal.Transform3s()
         self.collision, self.distance = self.coal.CollisionRequest(), self.coal.DistanceRequest()
         for request in (self.collision, self.distance):

@@ -158,12 +158,12 @@ def up_to(vertices: int, seconds: str) -> Callable[[Pair], str | None]:
     return refuses
 
 
-PROVED = {"default": None}
+DOUBLES = {"doubles": None}
 METHODS: tuple[Method, ...] = (
-    Method("decision_curves", "ours", PROVED, batch, seeds_inside),
-    Method("kernel", "ours", PROVED, kernel, seeds_inside),
-    Method("decision_curve", "ours", PROVED, single, seeds_inside),
-    Method("exact path", "ours", {"rational": None}, exact_path, seeds_inside),
+    Method("decision_curves", "ours", DOUBLES, batch, seeds_inside),
+    Method("kernel", "ours", DOUBLES, kernel, seeds_inside),
+    Method("decision_curve", "ours", DOUBLES, single, seeds_inside),
+    Method("exact path", "ours", {"rationals": None}, exact_path, seeds_inside),
     Method(
         "coal bisection",
         "coal",
@@ -177,7 +177,7 @@ METHODS: tuple[Method, ...] = (
         seeds_inside,
     ),
     Method("coal distance + Newton", "coal", {"1e-6": 1e-6, "1e-12": 1e-12}, distances, seeds_inside),
-    Method("growth distances", "growth distances", {"1e-6": 1e-6, "1e-12": 1e-12}, growth, seeds_inside),
+    Method("growth distances", "growth distance", {"1e-6": 1e-6, "1e-12": 1e-12}, growth, seeds_inside),
     Method("HiGHS, cold", "HiGHS", {"1e-7": 1e-7, "1e-10": 1e-10}, cold_highs, seeds_inside),
     Method("HiGHS, warm", "HiGHS", {"1e-7": 1e-7, "1e-10": 1e-10}, warm_highs, seeds_inside),
     Method("scipy linprog", "HiGHS", {"1e-7": 1e-7, "1e-10": 1e-10}, linprog, up_to(1000, "up to 5 s")),

@@ -29,15 +29,13 @@ import numpy as np
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure import curves, motions
-from fcdm_opt.measure.growth_picture import growth_figure
+from fcdm_opt.measure.library import coal_hull
 from fcdm_opt.measure.method import Ask, CurveQuestion, Failure, Method, Pair, one_by_one
 from fcdm_opt.measure.model_scenes import hull_pair, overlapping
 from fcdm_opt.measure.pairs import DrawnPair
 from fcdm_opt.measure.record import Row
 from fcdm_opt.measure.timing import Measured, Plan, Scene, measured, warmed
 from fcdm_opt.measure.union_pairs import FAMILIES, UnionPair, coal_surface
-
-__all__ = ["exponents", "growth", "growth_figure"]
 
 Say = Callable[[str], None]
 SHAPE = "long"  # of hulls: their curves have more segments the more vertices they have
@@ -172,14 +170,7 @@ def _vertices(quick: bool, seed: int) -> _Axis:
 
 def _hulls_apart(pair: Pair, setting: None) -> Ask:
     """Ask coal for the distance of two hulls in each pose."""
-    import coal
-
-    hulls = []
-    for body in pair:
-        vectors = coal.StdVec_Vec3s()
-        vectors.extend(list(body.vertices))
-        hulls.append(coal.Convex.convexHull(vectors, True, "Qt"))
-    return _distances(*hulls)
+    return _distances(*(coal_hull(body.vertices) for body in pair))
 
 
 def _distances(one: Any, two: Any) -> Ask:

@@ -36,13 +36,10 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.measure.model_scenes import names, scene
-from fcdm_opt.measure.models_picture import models_figure
 from fcdm_opt.measure.record import Row
 from fcdm_opt.measure.stability.process import CrashedError, HungError, Process
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solver import STAGES, solve
-
-__all__ = ["METHODS", "MODELS", "cost", "costs", "differing", "models_figure"]
 
 MODELS = ("auto", *STAGES)
 ANSWERED = ("settled", "no motion")

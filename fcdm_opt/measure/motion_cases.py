@@ -115,7 +115,7 @@ MOTIONS: dict[str, Callable[[np.random.Generator], Motion]] = {
     "three steps": lambda rng: _sequence(rng, SINGLE, 3),
     "plane": lambda rng: Translation("x") >> Translation("y") >> Rotation("z"),
     "six steps": _six,
-    "free": lambda rng: fo.Free() if "Free" in dir(fo) else _six(rng),
+    "free": lambda rng: fo.Free(),
 }
 
 
@@ -315,7 +315,7 @@ class ChartCase:
     least: Least
 
     def question(self, k: int) -> fo.Problem:
-        """Return the problem made anew: of what was worked out before only what belongs to the bodies is left."""
+        """Return the problem made anew: only what belongs to the bodies is left, and their decision curve as drawn."""
         return self.problem.changed()
 
 

@@ -224,10 +224,12 @@ def versions() -> dict[str, str]:
     return found
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> str:
-    """Return a Markdown table, all columns but the first `left` to the right."""
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int | None = 1) -> str:
+    """Return a Markdown table, all columns but the first `left` to the right; none where it is None."""
+    left = len(head) if left is None else left
     lines = [head, [*["---"] * left, *["---:"] * (len(head) - left)], *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', r'\|') for cell in line)} |" for line in lines)
+    cells = ([cell.replace("|", r"\|") for cell in line] for line in lines)
+    return "\n".join(f"| {' | '.join(own)} |" for own in cells)
 
 
 def _measurable(value: Any) -> bool:

@@ -115,11 +115,6 @@ class Measured:
             return 0.0
         return self.first - self.quartiles[1]
 
-    @property
-    def whole_setup(self) -> float:
-        """Seconds of all its set-up."""
-        return self.setup + self.late_setup
-
 
 @dataclass(eq=False)
 class _Asked:

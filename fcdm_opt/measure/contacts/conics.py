@@ -19,7 +19,7 @@ from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure.contacts.placed import Placed, answered, columns, up_to
 from fcdm_opt.measure.contacts.programs import Program, gain
-from fcdm_opt.measure.curve_rivals import library
+from fcdm_opt.measure.library import library
 from fcdm_opt.measure.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
 
 BUFFERED = 1  # the memory of a function's first buffer: 0 is that of its plain calls

@@ -150,7 +150,7 @@ def _above(placed: Placed, transforms: Array) -> float:
 DOUBLES = {"doubles": None}
 METHODS = (
     Method("kernel", "ours", DOUBLES, walked),
-    Method("batch", "ours", DOUBLES, batch),
+    Method("decision_curves", "ours", DOUBLES, batch),
     Method("decision_curve", "ours", DOUBLES, curve),
     Method("exact path", "ours", {"rationals": None}, exact),
 )

@@ -19,7 +19,7 @@ import numpy as np
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.measure.contacts.placed import Placed, answered, columns
-from fcdm_opt.measure.curve_rivals import library
+from fcdm_opt.measure.library import library
 from fcdm_opt.measure.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
 
 DUAL, PRIMAL = 1, 4  # of HiGHS: its simplex methods

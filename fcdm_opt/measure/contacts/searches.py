@@ -14,7 +14,7 @@ import numpy as np
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure.contacts.placed import Placed, answered
-from fcdm_opt.measure.curve_rivals import library
+from fcdm_opt.measure.library import coal_hull, library
 from fcdm_opt.measure.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
 from fcdm_opt.measure.rays import growth_distance
 
@@ -131,13 +131,8 @@ class _Shapes:
     def __init__(self, placed: Placed) -> None:
         self.coal = library("coal")
         self.placed = placed
-        self._shapes, self._bases = [], []
-        for solid in (placed.one, placed.two):
-            vectors = self.coal.StdVec_Vec3s()
-            vectors.extend(list(solid.vertices))
-            shape = self.coal.Convex.convexHull(vectors, True, "Qt")
-            self._shapes.append(shape)
-            self._bases.append(shape.points().copy())
+        self._shapes = [coal_hull(solid.vertices) for solid in (placed.one, placed.two)]
+        self._bases = [shape.points().copy() for shape in self._shapes]
         self._poses = self.coal.Transform3s(), self.coal.Transform3s()
         self.pair = self._shapes[0], self._poses[0], self._shapes[1], self._poses[1]
 

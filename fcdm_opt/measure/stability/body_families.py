@@ -15,7 +15,7 @@ from fcdm_opt.measure.stability.case import Case
 
 Blocks = frozenset[tuple[int, int, int]]
 Surface = tuple[Array, list[list[int]]]  # vertices, triangles counter-clockwise seen from outside
-Row = dict[str, Any]
+Plain = dict[str, Any]
 FAR = (1e6, -1e6, 1e6)
 CUBE = (8, 12, 6)  # vertices, edges, faces
 OVERLAPS = "overlap lost in few digits"
@@ -110,7 +110,7 @@ def _overlaps(turn: Array) -> Iterable[Case]:
                 yield Case(OVERLAPS, f"{name}, turned", "body", _overlap_data(one @ turn.T, two @ turn.T), truth)
 
 
-def _overlap_data(one: Array, two: Array) -> Row:
+def _overlap_data(one: Array, two: Array) -> Plain:
     order = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     faces = [own for quad in order for own in (quad[:3], [quad[0], *quad[2:]])]
     return {"ask": "overlap", "one": one.tolist(), "two": two.tolist(), "faces": faces, "area": 0.25}
@@ -175,7 +175,7 @@ def _hull_case(
     turned: bool = False,
     source: str = "closed form",
 ) -> Case:
-    truth: Row = {"refused": True, "source": "exact: the points lie in one plane"}
+    truth: Plain = {"refused": True, "source": "exact: the points lie in one plane"}
     if turned and counts is not None:
         truth = {"vertices": counts[0], "source": f"{source}; faces are planar within rounding only: not counted"}
     elif counts is not None:
@@ -186,7 +186,7 @@ def _hull_case(
 def _volume_case(family: str, name: str, surface: Surface, good: Surface | None) -> Case:
     vertices, faces = surface
     data = {"ask": "volume", "vertices": np.asarray(vertices).tolist(), "faces": faces}
-    truth: Row = {"refused": True, "source": "nothing is enclosed, or not by a closed surface"}
+    truth: Plain = {"refused": True, "source": "nothing is enclosed, or not by a closed surface"}
     if good is not None:
         truth = {"volume": float(exact_volume(*good)), "source": "signed tetrahedra in rationals"}
     return Case(family, name, "body", data, truth)

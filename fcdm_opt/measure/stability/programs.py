@@ -7,7 +7,7 @@ motion. The truth is a closed form.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -15,13 +15,13 @@ from typing import Any
 
 from fcdm_opt.measure.stability import scenes
 from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt.measure.stability.program_families import FAMILIES
 from fcdm_opt.measure.stability.scenes import CUBE, FREE, LEVER, RZ, SLANT, TIP, X, Y, Z
 from fcdm_opt.measure.stability.solvers import NONLINEAR, QUADRATIC, Rows, Statement
 from fcdm_opt.tolerances import DEFAULT
 
 Numbers = Mapping[str, Any]
-Row = list[float]
-Members = Iterator[dict[str, Any]]  # keywords of `_case`
+Vector = list[float]
 FLOOR = DEFAULT.touch / WRONG_BEYOND  # least |x| that errors are taken relative to: nearer than `touch` is the same
 
 # ---------------------------------------------------------------------------------------------------- the programs
@@ -42,11 +42,11 @@ class Program:
     """
 
     rows: Rows
-    solved: Callable[..., tuple[Any, Row]]
+    solved: Callable[..., tuple[Any, Vector]]
     quadratic: bool = False
 
 
-def _solved(plain: scenes.Plain, **keywords: Any) -> tuple[Any, Row]:
+def _solved(plain: scenes.Plain, **keywords: Any) -> tuple[Any, Vector]:
     """Return the solution of a problem, and all its parameters."""
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solver import solve
@@ -73,7 +73,7 @@ def _turn(q: Any) -> Any:
     return T
 
 
-def _lever(data: Mapping[str, Any], body: scenes.Plain, wall: scenes.Plain, **keywords: Any) -> tuple[Any, Row]:
+def _lever(data: Mapping[str, Any], body: scenes.Plain, wall: scenes.Plain, **keywords: Any) -> tuple[Any, Vector]:
     """Return the turn of a body against a wall, by `Rotation` or as a motion of the user's own."""
     from fcdm_opt.own_motion import OwnMotion
     from fcdm_opt.tolerance.problem import Problem
@@ -91,7 +91,7 @@ def tangent_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0], [m.tan(x[0] / 2) - n["c"]], []
 
 
-def tangent_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def tangent_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Swing a lever to a wall of slope c."""
     return _lever(data, LEVER, scenes.ramp(data["numbers"]["c"]), **keywords)
 
@@ -101,13 +101,13 @@ def cosine_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0], [m.cos(x[0]) - n["c"]], []
 
 
-def cosine_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def cosine_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Swing a tip that points at its pivot to a thin wall at c, nearer than the tip; or beyond its reach."""
     c = data["numbers"]["c"]
     return _lever(data, scenes.claw() if c <= 1 else LEVER, scenes.about(_wall(c), 0.05, 2, 2), **keywords)
 
 
-def _wall(c: float) -> Row:
+def _wall(c: float) -> Vector:
     return [c - 0.05 if c <= 1 else c + 0.05, 0.0, 0.0]
 
 
@@ -118,7 +118,7 @@ def rodrigues_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0] + x[1] * x[1] + x[2] * x[2], [y - n["s"]], []
 
 
-def rodrigues_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def rodrigues_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Turn a lever about its seed until its tip is at the wall y = s."""
     wall = scenes.box((-4, data["numbers"]["s"], -4), (4, 3, 4))
     held = scenes.limits(TX=(0, 0), TY=(0, 0), TZ=(0, 0))
@@ -131,7 +131,7 @@ def slot_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0], [], [x[0] - (1 + n["more"]), 1 - x[0]]
 
 
-def slot_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def slot_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Get a cube, 1 wide, clear of a block and before a keep-out, between which there is too little."""
     block = scenes.box((-9, -2, -2), (0.5 + data["numbers"]["more"], 2, 2))
     beyond = {**scenes.box((1.5, -2, -2), (9, 2, 2)), "name": "beyond"}
@@ -145,7 +145,7 @@ def tips_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0] + x[1] * x[1] + x[2] * x[2], [], over
 
 
-def tips_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def tips_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Bring a tip to a tip."""
     away = scenes.mapped(TIP, lambda point: [point[0] + (1 + data["numbers"]["off"]), *point[1:]])
     return _solved(scenes.problem(TIP, away, [X, Y, Z], limits=_bounds(data, ["TX", "TY", "TZ"])), **keywords)
@@ -156,7 +156,7 @@ def repeated_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0], [x[0] + n["off"]] * 8, []
 
 
-def repeated_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def repeated_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Keep tip on tip, eight contacts in one, while both bodies grow."""
     away = scenes.mapped(TIP, lambda point: [point[0] + 1, *point[1:]])
     off = data["numbers"]["off"]
@@ -169,7 +169,7 @@ def corners_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0] + x[1] * x[1] + x[2] * x[2], [], [x[k] - n["off"] for k in range(3)]
 
 
-def corners_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def corners_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Bring a cube's corner to a cube's corner."""
     away = scenes.about([1 + data["numbers"]["off"]] * 3, 0.5)
     return _solved(scenes.problem(CUBE, away, [X, Y, Z], limits=_bounds(data, ["TX", "TY", "TZ"])), **keywords)
@@ -180,7 +180,7 @@ def tiny_rows(x: Any, n: Numbers, m: Any) -> Any:
     return x[0] * x[0], [], [n["e"] * x[0] - n["e"] / 2]
 
 
-def tiny_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def tiny_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Bring a cube of width e to a plate e / 2 away: the contact line's numbers are of that size."""
     e = data["numbers"]["e"]
     cube, plate = (scenes.mapped(body, lambda point: [e * x for x in point]) for body in (CUBE, scenes.PLATE))
@@ -194,7 +194,7 @@ def blend_rows(x: Any, n: Numbers, m: Any) -> Any:
     return p / 2 * x[0] * x[0] + r / 2 * x[1] * x[1] + linear * x[0], [x[0] + x[1] - 1], []
 
 
-def blend_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Row]:
+def blend_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Bring a cube's edge to the slant x + y = 1 beyond it, by weights or, with l, by an amount of one's own."""
     (p, r), linear = data["numbers"]["p"], data["numbers"]["l"]
     own = scenes.problem(CUBE, SLANT, [X, Y], limits=_bounds(data, ["TX", "TY"]),
@@ -244,8 +244,8 @@ def cases(quick: bool, seed: int) -> list[Case]:
     return made
 
 
-def _case(family: str, *, name: str, program: str, numbers: Numbers, source: str, best: Sequence[Row] = (),
-          start: Row | None = None, low: Sequence[float | None] | None = None,
+def _case(family: str, *, name: str, program: str, numbers: Numbers, source: str, best: Sequence[Vector] = (),
+          start: Vector | None = None, low: Sequence[float | None] | None = None,
           high: Sequence[float | None] | None = None, size: int = 1) -> Case:  # fmt: skip
     """Return a case; `best` are all the least x, none where no x will do."""
     data = {
@@ -258,118 +258,6 @@ def _case(family: str, *, name: str, program: str, numbers: Numbers, source: str
     truth = {"x": [list(map(float, x)) for x in best]} if best else {"none": True}
     return Case(family, name, "program", data, {**truth, "source": source})
 
-
-def wrong_roots() -> Members:
-    """Of the many roots of tan(t/2) = c the one nearest to 0, from several starts and within several bounds."""
-    source = "2 atan c, and whole turns more"
-    for c, own in product((5.0, 0.5, 1.0, 20.0, 100.0), (False, True)):
-        yield {"name": f"c = {c:g}{', own motion' * own}", "program": "tangent", "numbers": {"c": c, "own": own},
-               "best": [[2 * math.atan(c)]], "source": source}  # fmt: skip
-    for start in (-1.0, 1.0, 3.0, -20.0, 27.0):
-        yield {"name": f"c = 5 from {start:g}", "program": "tangent", "numbers": {"c": 5.0}, "start": [start],
-               "best": [[2 * math.atan(5)]], "source": source}  # fmt: skip
-    for low, high, turns in ((3.2, 40.0, 1), (20.0, 40.0, 3), (27.0, 40.0, 4), (-40.0, -3.2, -1)):
-        yield {"name": f"c = 5 within {low:g}, {high:g}", "program": "tangent", "numbers": {"c": 5.0}, "low": [low],
-               "high": [high], "start": [low if low > 0 else high], "best": [[2 * math.atan(5) + 2 * math.pi * turns]],
-               "source": source}  # fmt: skip
-
-
-def stationary_starts() -> Members:
-    """Of cos t = c, from where its slope is 0 or next to it."""
-    for c, own in product((0.9, 0.5, 0.7, 0.99, 0.999), (False, True)):
-        yield {"name": f"c = {c:g}{', own motion' * own}", "program": "cosine", "numbers": {"c": c, "own": own},
-               "best": [[math.acos(c)], [-math.acos(c)]], "source": "acos c"}  # fmt: skip
-    for start in (1e-9, 1e-3, -1e-3, math.pi):
-        yield {"name": f"c = 0.9 from {start:g}", "program": "cosine", "numbers": {"c": 0.9}, "start": [start],
-               "best": [[math.acos(0.9)], [-math.acos(0.9)]], "source": "acos c"}  # fmt: skip
-    yield {"name": "c = 1: met at the start", "program": "cosine", "numbers": {"c": 1.0}, "best": [[0.0]],
-           "source": "acos c"}  # fmt: skip
-
-
-def without_solution() -> Members:
-    """No x will do, and not by little."""
-    for c in (1.2, 1.01, 1.5, 3.0):
-        yield {"name": f"cos t = {c:g}", "program": "cosine", "numbers": {"c": c}, "source": "|cos t| <= 1"}
-    for low, high in ((-3.1, 2.7), (3.2, 9.0), (-3.0, 2.0)):
-        yield {"name": f"tan(t/2) = 5 within {low:g}, {high:g}", "program": "tangent", "numbers": {"c": 5.0},
-               "low": [low], "high": [high], "start": [min(max(0.0, low), high)],
-               "source": "between roots 2 atan 5 + 2 pi k"}  # fmt: skip
-    for most in ((0.3, 0.5), (0.3, 0.6999), (-1.0, 1.9)):
-        yield {"name": f"x + y = 1 within {most[0]:g}, {most[1]:g}", "program": "blend", "size": 2,
-               "numbers": {"p": [2.0, 4.0], "l": 0.0}, "high": most, "low": (-9.0, -9.0),
-               "source": "the upper bounds' sum is less than 1"}  # fmt: skip
-    for off in (1.0, 1e-3):
-        yield {"name": f"a tip {off:g} away within half of that", "program": "tips", "numbers": {"off": off}, "size": 3,
-               "low": (-off / 2,) * 3, "high": (off / 2,) * 3, "source": "x >= off in all that will do"}  # fmt: skip
-
-
-def next_to_nothing() -> Members:
-    """Two inequalities that miss each other, or overlap, by less than solvers let pass."""
-    for more in (5e-8, -5e-8, 5e-7, -5e-7, 1e-6, -1e-6, 5e-6, -5e-6, 1e-4, -1e-4):
-        yield {"name": f"x <= 1 and x >= 1 + {more:g}", "program": "slot", "numbers": {"more": more}, "low": [0.0],
-               "high": [3.0], "best": [] if more > 0 else [[1 + more]],
-               "source": "the sign of the difference"}  # fmt: skip
-    for more in (5e-8, -5e-8, 1e-6, -1e-6):
-        yield {"name": f"x + y = 1 within 0.3, 0.7 - {more:g}", "program": "blend", "size": 2,
-               "numbers": {"p": [2.0, 2.0], "l": 0.0}, "low": (-9.0, -9.0), "high": (0.3, 0.7 - more),
-               "best": [] if more > 0 else [[0.3, 0.7]], "source": "the sum of the bounds"}  # fmt: skip
-
-
-def dependent_gradients() -> Members:
-    """Vertex on vertex: more conditions in the only point that will do than variables, almost met at the start."""
-    for off in (1.0, 1e-2, 1e-4, 1e-6, 1e-7):
-        yield {"name": f"four planes, {off:g} away", "program": "tips", "numbers": {"off": off}, "size": 3,
-               "best": [[off, 0, 0]], "source": "the planes' common point"}  # fmt: skip
-        yield {"name": f"an equation eight times, {off:g} away", "program": "repeated", "numbers": {"off": off},
-               "best": [[-off]], "source": "linear"}  # fmt: skip
-        yield {"name": f"three planes, {off:g} away", "program": "corners", "numbers": {"off": off}, "size": 3,
-               "best": [[off] * 3], "source": "the corner"}  # fmt: skip
-
-
-def tiny_coefficients() -> Members:
-    """State a row that solvers drop, or take as met by their absolute tolerance."""
-    for e in (1e-9, 1e-10, 1e-6, 1e-7, 1e-8, 1e-12, 1e-3):
-        yield {"name": f"e = {e:g}", "program": "tiny", "numbers": {"e": e}, "best": [[0.5]], "source": "linear"}
-
-
-def quadratic_programs() -> Members:
-    """Least p_1 x^2 / 2 + p_2 y^2 / 2 + l x with x + y = 1: the line's lowest point, or a bound."""
-    source = "on the line x + y = 1 a parabola in x, clipped by the bounds"
-    own = [([2.0, 4.0], -2.0, (0.0, None)), ([2.0, 4.0], 0.0, (None, None)), ([2.0, 4.0], 0.0, (None, 0.6)),
-           ([2.0, 4.0], 0.0, (0.75, None)), ([2.0, 4.0], -2.0, (None, None)), ([2.0, 4.0], -2.0, (None, 0.9)),
-           ([2.0, 2e6], 0.0, (None, None)), ([2.0, 2e-6], 0.0, (None, None)), ([2.0, 2e10], 0.0, (None, None)),
-           ([2e-8, 2e-8], 0.0, (None, None)), ([2.0, 2.0], -1.0, (None, None))]  # fmt: skip
-    for (p, r), linear, (low, high) in own:
-        x = (r - linear) / (p + r)
-        x = min(max(x, -math.inf if low is None else low), math.inf if high is None else high)
-        yield {"name": f"P = {p:g}, {r:g}, l = {linear:g}, x within {low}, {high}", "program": "blend", "size": 2,
-               "numbers": {"p": [p, r], "l": linear}, "low": (low, None), "high": (high, None), "best": [[x, 1 - x]],
-               "source": source}  # fmt: skip
-    both = {"name": "P = 2, 4, l = -2, x >= 0 and y >= 0", "program": "blend", "size": 2,
-            "numbers": {"p": [2.0, 4.0], "l": -2.0}, "low": (0.0, 0.0), "best": [[1, 0]], "source": source}  # fmt: skip
-    yield both
-
-
-def at_the_identity() -> Members:
-    """Rodrigues' formula as it is usually written has 0 / 0 where every search begins."""
-    for s, start in product((0.5, 0.3, 0.9), (0.0, 1e-9, 1e-3)):
-        yield {"name": f"y = {s:g} from {start:g}", "program": "rodrigues", "numbers": {"s": s}, "size": 3,
-               "start": [0.0, 0.0, start], "best": [[0, 0, math.asin(s)]],
-               "source": "the angle between (1, 0, 0) and the circle y = s on the sphere"}  # fmt: skip
-    yield {"name": "y = 1.1", "program": "rodrigues", "numbers": {"s": 1.1}, "size": 3, "start": [0.0, 0.0, 1e-3],
-           "source": "no point of the unit sphere is at y = 1.1"}  # fmt: skip
-
-
-FAMILIES: dict[str, Callable[[], Members]] = {
-    "the wrong one of many roots": wrong_roots,
-    "stationary at the start": stationary_starts,
-    "no solution": without_solution,
-    "feasible or not by next to nothing": next_to_nothing,
-    "dependent gradients": dependent_gradients,
-    "tiny coefficients": tiny_coefficients,
-    "quadratic programs": quadratic_programs,
-    "Rodrigues at the identity": at_the_identity,
-}
 
 # ------------------------------------------------------------------------------------------------------- the methods
 

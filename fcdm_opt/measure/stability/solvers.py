@@ -55,13 +55,6 @@ class Statement:
         return x, f, casadi.vertcat(*e, *g), np.zeros(len(e) + len(g)), np.array([0.0] * len(e) + [np.inf] * len(g))
 
     @cached_property
-    def count(self) -> int:
-        """Number of equations."""
-        import casadi
-
-        return len(self.rows(casadi.SX.sym("x", len(self.start)), self.numbers, casadi)[1])
-
-    @cached_property
     def derivatives(self) -> tuple[Any, Any, Any, Any]:
         """Functions of an array: f, its gradient, the column and its Jacobian."""
         import casadi

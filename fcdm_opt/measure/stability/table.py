@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from fcdm_opt.measure.record import table
 from fcdm_opt.measure.stability.failures import FOLDER, file_name
 from fcdm_opt.measure.stability.picture import LOOKS, QUESTIONS, WORST, Grid, grids
 from fcdm_opt.measure.stability.run import NOT_RUN, Result
@@ -46,7 +47,7 @@ def summary(results: Sequence[Result]) -> str:
             total = sum((own for (_, name), own in grid.counts.items() if name == method), Counter[str]())
             name = f"**{method}**" if k < grid.ours else method
             rows.append([grid.question, name, *(str(total[outcome] or "") for outcome in ORDER)])
-    return _table(["question", "method", *ORDER], rows)
+    return table(["question", "method", *ORDER], rows, left=None)
 
 
 def grid_table(grid: Grid) -> str:
@@ -63,7 +64,7 @@ def grid_table(grid: Grid) -> str:
             cells.append(f"{counts.total()}" if worst == "right" else f"{worst} {counts[worst]}/{counts.total()}")
         rows.append(cells)
     names = [f"**{name}**" if k < grid.ours else name for k, name in enumerate(grid.methods)]
-    return _table(["family", *names], rows)
+    return table(["family", *names], rows, left=None)
 
 
 def listed(results: Iterable[Result]) -> str:
@@ -71,7 +72,7 @@ def listed(results: Iterable[Result]) -> str:
     order = {outcome: k for k, outcome in enumerate(WORST)}
     bad = sorted((own for own in results if own.outcome != "right"), key=lambda own: order[own.outcome])
     rows = [[own.outcome, own.method, own.case.family, own.case.name, _short(own.reason), _link(own)] for own in bad]
-    return _table(["outcome", "method", "family", "case", "reason", "file"], rows) if rows else "None."
+    return table(["outcome", "method", "family", "case", "reason", "file"], rows, left=None) if rows else "None."
 
 
 def examples(results: Sequence[Result]) -> str:
@@ -85,14 +86,14 @@ def examples(results: Sequence[Result]) -> str:
         worst = max(group, key=lambda one: (one.verdict and one.verdict.error) or 0.0)
         example = f"{worst.case.name}: {_short(worst.reason)}"
         rows.append([method, family, outcome, str(len(group)), example, _link(worst)])
-    return _table(["method", "family", "outcome", "cases", "for example", "file"], rows) if rows else "None."
+    return table(["method", "family", "outcome", "cases", "for example", "file"], rows, left=None) if rows else "None."
 
 
 def not_run(results: Sequence[Result]) -> str:
     """Return how many cases were not run, by method and reason."""
     counts = Counter((own.case.question, own.method, own.reason) for own in results if own.outcome == NOT_RUN)
     rows = [[question, method, str(count), reason] for (question, method, reason), count in sorted(counts.items())]
-    return _table(["question", "method", "cases", "reason"], rows) if rows else "None: every case was run."
+    return table(["question", "method", "cases", "reason"], rows, left=None) if rows else "None: every case was run."
 
 
 def _link(result: Result) -> str:
@@ -105,8 +106,3 @@ def _link(result: Result) -> str:
 def _short(text: str) -> str:
     line = " ".join(text.split())
     return line if len(line) <= LONGEST else line[: LONGEST - 3] + "..."
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -5,7 +5,7 @@ It reads cases as JSON, one a line, and writes as many lines: first `{"ready": t
     {"answer": {...}, "seconds": s}    what the method gave
     {"flag": text, "seconds": s}       what it raised
     {"crash": text, "seconds": s}      the memory ran out
-    {"missing": text}                  a library that the method needs is not installed
+    {"missing": text}                  a library that the method needs is not installed, and how to install it
 
 Whatever libraries print stays out of that: they find no standard input, and their standard output leads nowhere.
 """
@@ -30,6 +30,8 @@ PATIENCE = 30.0
 """Seconds beyond twice a case's limit after which a worker ends by itself: nobody is there any more to stop it."""
 
 LONGEST = 500  # characters of a message
+INSTALLED_BY = {"coacd": "'fcdm_opt[coacd]'", **dict.fromkeys(("highspy", "clarabel", "cvxpy"), "'fcdm_opt[bench]'")}
+"""Extras of the package that bring a library; others are installed by their names."""
 
 
 def main(module: str, method: str, limit: float) -> None:
@@ -76,7 +78,7 @@ def _reply(answer: Callable[[Any], Any], data: Any) -> dict[str, Any]:
     except ModuleNotFoundError as reason:
         if (reason.name or "").partition(".")[0] == "fcdm_opt":
             raise
-        return {"missing": str(reason)}
+        return {"missing": f"{reason}: pip install {INSTALLED_BY.get(reason.name or '', reason.name)}"}
     except MemoryError as reason:
         reply = {"crash": f"MemoryError: {reason}"[:LONGEST]}
     except Exception as reason:  # a library may raise anything: in its words it says that it has no answer

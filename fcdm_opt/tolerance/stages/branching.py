@@ -53,13 +53,18 @@ def confirmed(task: Task, answer: Answer) -> Answer:
     That is so among keep-outs and several part pairs, and where the motion is large; of one and two parameters all
     motions are looked at then, with translations in all directions all rotations.
     """
-    if not task.weighted or answer.q is None or answer.lower_bound >= task.amount(answer.q) * (1.0 - FINE_GAP):
+    if not task.weighted or answer.q is None or _closed(task, answer):
         return answer
     if len(task.weights) > MOST_PARAMETERS:
         return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 else answer
     if not _doubtful(task, answer):
         return answer
     return bounded(task, answer, gap=CONFIRMED_GAP, effort=CONFIRMING)[0]
+
+
+def _closed(task: Task, answer: Answer) -> bool:
+    """Tell whether a motion's bound is its amount already."""
+    return answer.lower_bound >= _amount(task, answer) * (1.0 - FINE_GAP)
 
 
 def _doubtful(task: Task, answer: Answer) -> bool:
@@ -73,6 +78,8 @@ def certified(task: Task, answer: Answer) -> tuple[Answer, Evidence | None]:
     if answer.q is not None and task.amount(answer.q) == 0.0:
         return answer, None
     if len(task.weights) > MOST_PARAMETERS:
+        if answer.q is not None and _closed(task, answer) and task.tested_vertices * CELLS[MOST_CHECKED] > CONFIRMING:
+            return answer, None  # cells would show less than the stage has proved, at a high price
         answer, closed = _turned(task, answer, GAP)
         return (answer, None) if closed else bounded(task, answer, gap=GAP)
     doubtful = task.weighted and _doubtful(task, answer)

@@ -22,8 +22,8 @@ from fcdm_opt.tolerance.stages.relaxation import choices
 from fcdm_opt.tolerance.task import Answer, Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
-# Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done after
-# a node for any number of directions, which are tried the nearest first.
+# Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
+# after one node for any number of directions: they are tried the nearest first.
 MOST_NODES, MOST_WAYS = 2000, 200
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
@@ -40,20 +40,21 @@ class Wall(NamedTuple):
 
     @classmethod
     def of(cls, normals: Array, levels: Array) -> Wall:
+        """Return half-spaces with the nearest first."""
         lengths = np.maximum(-levels / np.sqrt(np.einsum("ij,ij->i", normals, normals)), 0.0)
         order = np.argsort(lengths, kind="stable")
         return cls(normals[order], levels[order], lengths[order])
 
 
 class Branch(NamedTuple):
-    """The half-spaces of a wall from `first` on, to be tried `count` at a time among the x with G x >= h."""
+    """The half-spaces of a wall from `first` on, `many` to be tried next among the x with G x >= h."""
 
     G: Array
     h: Array
     wall: Wall
     pairs: tuple[Parts, ...]
     first: int = 0
-    count: int = 1
+    many: int = 1
 
 
 def translations(task: Task) -> Answer | None:
@@ -173,13 +174,14 @@ def _least(
     while heap and nodes < MOST_NODES:
         length, _, item = heapq.heappop(heap)
         if isinstance(item, Branch):  # the next half-spaces of a wall
-            some = slice(item.first, item.first + item.count)
+            some = slice(item.first, item.first + item.many)
             normals, levels = item.wall.normals[some], item.wall.levels[some]
             found = compiled.least_distance(item.G, item.h, normals, levels)
-            for x, own, normal, level in zip(found, np.linalg.norm(found, axis=1).tolist(), normals, levels, strict=True):
+            lengths = np.linalg.norm(found, axis=1).tolist()
+            for x, own, normal, level in zip(found, lengths, normals, levels, strict=True):
                 if own < 1.0 / NOWHERE:  # nan where there is none
                     heapq.heappush(heap, (own, next(number), (x, item, normal, level)))
-            push(item._replace(first=some.stop, count=2 * item.count), length)
+            push(item._replace(first=some.stop, many=2 * item.many), length)
             continue
         nodes += 1
         x, branch, normal, level = item

@@ -29,7 +29,7 @@ import numpy as np
 
 from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case, Verdict
 from fcdm_opt.measure.stability.contacts import geometry, libraries
-from fcdm_opt.measure.stability.contacts.methods import LARGEST, METHODS, OURS, PROGRAMS, installed
+from fcdm_opt.measure.stability.contacts.methods import LARGEST, METHODS, OURS, PROGRAMS
 from fcdm_opt.measure.stability.contacts.scenes import Scene
 from fcdm_opt.measure.stability.contacts.truth import contact_scales, truth_of
 
@@ -71,9 +71,7 @@ def _case(family: str, scene: Scene) -> Case:
 
 
 def applies(name: str, case: Case) -> bool:
-    """Whether a method takes such bodies at all; one that is not installed takes none."""
-    if not installed(name):
-        return False
+    """Whether a method takes such bodies at all."""
     bodies = case.data["one"], case.data["two"]
     if name in PROGRAMS:
         few = sum(len(body["vertices"]) for body in bodies) <= LARGEST

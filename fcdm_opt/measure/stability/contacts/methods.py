@@ -16,13 +16,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib import import_module
-from importlib.util import find_spec
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.measure.library import coal_hull
 from fcdm_opt.measure.stability.case import WRONG_BEYOND
 from fcdm_opt.tolerances import DEFAULT
 
@@ -181,7 +181,7 @@ class _CoalScene:
             offset = (T[:3, :3] @ seeds[0] + offset - seeds[1]) / self.unit
             seeds = [np.zeros(3), np.zeros(3)]
         self._seeds = seeds
-        self._shapes = [[_coal_hull(coal, cloud) for cloud in own] for own in clouds]
+        self._shapes = [[coal_hull(cloud) for cloud in own] for own in clouds]
         self._bases = [[shape.points().copy() for shape in own] for own in self._shapes]
         pose, fixed = coal.Transform3s(T[:3, :3], offset), coal.Transform3s()
         self.pairs = [(one, pose, two, fixed) for one, two in product(*self._shapes)]
@@ -236,12 +236,6 @@ def _coal_request(request: Any, tolerance: float | None) -> Any:
     return request
 
 
-def _coal_hull(coal: Any, cloud: Array) -> Any:
-    points = coal.StdVec_Vec3s()
-    points.extend(list(cloud))
-    return coal.Convex.convexHull(points, True, "Qt")
-
-
 def _drawn(body: Mapping[str, Any]) -> list[Array]:
     points = np.array(body["vertices"], dtype=np.float64)
     return [points] if not body["parts"] else [points[own] for own in body["parts"]]
@@ -261,6 +255,7 @@ def _clouds(data: Data) -> tuple[list[Array], list[Array]]:
 
 # Weights of the vertices that give a common point: P lambda - Q mu = d, sum lambda = rho_1, all of them >= 0. The
 # scales rho_2 = sum mu of all common points are an interval; an end of it inside the box is a contact scale.
+
 
 def linear_program(data: Data, solver: Callable[..., float | None], **settings: Any) -> Answer:
     """Solve for the least, then for the largest rho_2 at which the bodies meet; the first one in the box it is."""
@@ -382,12 +377,5 @@ METHODS: dict[str, Callable[[Data], Answer]] = {
     "Clarabel": partial(linear_program, solver=clarabel),
     "CasADi IPOPT": partial(linear_program, solver=ipopt),
 }
-LIBRARIES = {"coal": "coal", "manifold3d": "manifold3d", "HiGHS": "highspy", "Clarabel": "clarabel", "CasADi": "casadi"}
 OURS = ("decision_curve", "decision_curves", "exact path")
 PROGRAMS = ("HiGHS", "HiGHS 1e-10", "Clarabel", "CasADi IPOPT")
-
-
-def installed(name: str) -> bool:
-    """Whether the library that a method stands on is there."""
-    library = LIBRARIES.get(name.split()[0])
-    return library is None or find_spec(library) is not None
