@@ -51,7 +51,9 @@ def chart_figure(run: Run, task: str) -> Figure:
     width = 2.4 + 2.6 * len(sizes)
     figure = new_figure(width, 6.0)
     panels = figure.subplots(1, len(sizes), sharey=True, squeeze=False)[0]
-    styles = _styles(rows)
+    every = _styles(run.tables["chart"])
+    named = {row["method"] for row in rows}
+    styles = {method: style for method, style in every.items() if method in named}
     for axes, size in zip(panels, sizes, strict=True):
         _panel(axes, [row for row in rows if row[column] == size], styles)
         axes.set_title(f"{size} {column if size != 1 else column.removesuffix('s')}", fontsize=9)
@@ -83,7 +85,7 @@ def overview_figure(run: Run) -> Figure:
 def _caption(run: Run) -> str:
     form = "quick form" if run.quick else "full form"
     return (
-        f"A line joins a method's own settings; bars: quartiles. At the top: answers that failed, with their share. "
+        f"A line joins a method's settings; medians and quartiles of what it was asked. Top: answers failed, in %. "
         f"{run.started[:10]}, {form}, seed {run.seed}, {run.where}."
     )
 

@@ -159,8 +159,8 @@ def _vertices(quick: bool, seed: int) -> _Axis:
 
     by_name = {method.name: method for method in curves.METHODS}
     methods = (
-        _at(by_name["decision_curves"], "default"),
-        _at(by_name["exact path"], "rational"),
+        _at(by_name["decision_curves"], "doubles"),
+        _at(by_name["exact path"], "rationals"),
         _at(by_name["HiGHS, warm"], "1e-10"),
         _at(by_name["coal bisection"], "33 rays, 1e-12"),
         Method("coal, one distance", "coal", {"default": None}, _hulls_apart),

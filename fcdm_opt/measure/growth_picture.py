@@ -22,6 +22,7 @@ TITLES = {
 OURS, OTHERS = (VERMILLION, BLACK, ORANGE), (BLUE, GREEN, PURPLE, GREY)
 MARKS = "osD^vP"
 MOST_TICKS = 8  # numbers that are written, else powers of ten
+UNSURE = 0.3  # standard error of an exponent that says nothing
 
 
 def growth_figure(run: Run) -> Figure:
@@ -61,7 +62,7 @@ def growth_figure(run: Run) -> Figure:
     figure.text(
         0.5,
         0.008,
-        f"Medians, bars: quartiles; exponents fitted over all numbers drawn, with their standard errors. Hollow: some "
+        f"Medians, bars: quartiles; exponents where their standard error is below 0.3. Hollow: some "
         f"answers failed.\n{run.started[:10]}, {form}, seed {run.seed}, {run.where}.",
         ha="center",
         va="bottom",
@@ -73,7 +74,9 @@ def growth_figure(run: Run) -> Figure:
 
 
 def _label(method: str, fit: Any) -> str:
-    return method if fit is None else f"{method}:  exponent {fit['exponent']:.2f} ± {fit['error']:.2f}"
+    if fit is None or fit["error"] > UNSURE:
+        return f"{method}:  no exponent" if fit else method
+    return f"{method}:  exponent {fit['exponent']:.2f} ± {fit['error']:.2f}"
 
 
 def _line(axes: Any, rows: list[Any], colour: str, mark: str, label: str) -> None:

@@ -47,12 +47,12 @@ def models_figure(run: Run) -> Figure:
     height = HEAD + FOOT + LINE * len(scenes)
     figure = new_figure(9.0, height)
     panels = figure.subplots(1, 4, sharey=True, width_ratios=(1.1, 1.1, 0.8, 1.0))
-    figure.subplots_adjust(LEFT, FOOT / height, RIGHT, 1.0 - HEAD / height, wspace=0.06)
+    figure.subplots_adjust(LEFT, FOOT / height, RIGHT, 1.0 - HEAD / height, wspace=0.12)
     texts = "unknowns + constraints", "seconds of a solve", "part pairs kept of all", "features kept of all"
     for axes, text, value in zip(panels, texts, (_size, _seconds, _pairs, _features), strict=True):
         _marks(axes, rows, places, value)
         axes.set_xlabel(text, fontsize=8.5)
-        axes.tick_params(labelsize=7.5)
+        axes.tick_params(labelsize=6.5)
         axes.grid(axis="x", color=GREY, alpha=0.25, linewidth=0.6)
         for k in range(0, len(scenes), 2):
             axes.axhspan(k - 0.5, k + 0.5, color=GREY, alpha=0.08, linewidth=0)

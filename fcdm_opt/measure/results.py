@@ -66,6 +66,11 @@ def summary(run: Run) -> str:
             lines += _losses(rows, judged, f"{title}: {{}} reaches our amount faster, verified by the same judge")
         else:
             lines += _losses(rows, ahead(rows, task), f"{title}: {{}} is as fast and as accurate as we are")
+        lines += [
+            f"  - REFERENCE WRONG in {row['scene']}: {row['method']} ({row['setting']}) has a smaller verified motion."
+            for row in rows
+            if row.get("below")
+        ]
         ours = [row for row in rows if row["family"] == "ours"]
         lines += [
             f"  - ours ({row['method']}, {row['setting']}) failed in {row['scene']}: {row['failed']} of "

@@ -177,14 +177,13 @@ def measured(
 
 
 def warmed(scenes: Sequence[Scene], methods: Sequence[Method]) -> None:
-    """Set up every method for the scenes it takes, and ask: libraries are loaded and kernels compiled."""
+    """Set up every method, at one setting, for the scenes it takes, and ask: libraries load and kernels compile."""
     for scene in scenes:
         for method in methods:
             if method.refuses(scene.subject) is None:
-                for value in method.settings.values():
-                    ask = _prepared(method, scene.subject, value)
-                    if not isinstance(ask, FcdmError):
-                        answered(ask, [scene.question(0)])
+                ask = _prepared(method, scene.subject, next(iter(method.settings.values())))
+                if not isinstance(ask, FcdmError):
+                    answered(ask, [scene.question(0)])
 
 
 def _started(own: Measured, scene: Scene, value: Any) -> _Asked | None:
