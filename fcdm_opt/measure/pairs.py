@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import FcdmError, InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.measure.method import ContactQuestion, CurveQuestion, Pair
@@ -165,7 +165,7 @@ def _posed(
 ) -> tuple[Array, Array, Array]:
     """Return a transform, the vertices of body 1 turned, and the way between the seeds."""
     movable, static = bodies
-    one, two = solids
+    one, _ = solids
     R = quarter_turns(rng) if parallel else random_rotation(rng)
     P = one.vertices @ R.T
     way = rng.normal(size=3)
@@ -173,13 +173,34 @@ def _posed(
         way = rng.integers(-WAYS, WAYS, 3, endpoint=True).astype(np.float64)
         if way.any():
             break
-    touch = growth_distance(P, two.vertices, way, np.ones(2), (one.inner + two.inner) / 2)
-    factor = rng.uniform(separation.low, separation.high) / touch.point[0]
+    factor = rng.uniform(separation.low, separation.high) / _met(P, solids, way, np.ones(2))
     d = way * (round(factor / PARALLEL) * PARALLEL if parallel else factor)
     T = np.eye(4)
     T[:3, :3] = R
     T[:3, 3] = static.seed - d - R @ movable.seed
     return T, P, d
+
+
+def _met(P: Array, solids: tuple[Solid, Solid], d: Array, ray: Array) -> float:
+    """Return which multiple of a scale pair touches; P: vertices of body 1 turned, d: way between the seeds."""
+    one, two = solids
+    try:
+        return float(
+            growth_distance(P, two.vertices, d, ray, float(ray @ [one.inner, two.inner]) / 2).point[0] / ray[0]
+        )
+    except FcdmError:  # it may go round in circles where many columns tie: a general solver then
+        from scipy.optimize import linprog
+
+        columns = np.vstack([P, -two.vertices]).T
+        sums = np.array(
+            [[*np.ones(len(P)), *np.zeros(len(two.vertices))], [*np.zeros(len(P)), *np.ones(len(two.vertices))]]
+        )
+        equations = np.column_stack([np.vstack([columns, sums]), np.append(np.zeros(3), -ray)])
+        costs = np.append(np.zeros(columns.shape[1]), 1.0)
+        found = linprog(costs, A_eq=equations, b_eq=np.append(d, np.zeros(2)), method="highs")
+        if not found.success:
+            raise FcdmError(f"no touch along a ray: {found.message}") from None
+        return float(found.x[-1])
 
 
 # -------------------------------------------------------------------------------------------------- pairs and questions
@@ -257,11 +278,9 @@ class DrawnPair:
             labels = list(SHAPES).index(self.shape), list(SEPARATIONS).index(self.separation)
             rng = np.random.default_rng([self.seed, self.vertices, *labels, k])
             separation, parallel = SEPARATIONS[self.separation], SHAPES[self.shape].parallel
-            one, two = self._solids
             T, P, d = _posed(rng, (self.pair.movable, self.pair.static), self._solids, separation, parallel=parallel)
             (low, high), _ = BOX
             angle = rng.uniform(math.atan2(low, high), math.atan2(high, low))
             ray = np.array([math.cos(angle), math.sin(angle)])
-            touch = growth_distance(P, two.vertices, d, ray, float(ray @ [one.inner, two.inner]) / 2)
-            self._asked[k] = T, float(touch.point[0])
+            self._asked[k] = T, float(_met(P, self._solids, d, ray) * ray[0])
         return self._asked[k]

@@ -16,6 +16,9 @@ from fcdm_opt.measure.record import Row, Run, table
 from fcdm_opt.show import save
 from fcdm_opt.tolerances import DEFAULT
 
+SHOWN = ("speed-accuracy", "growth", "models")
+"""Pictures for a README: written small too."""
+
 REACHED = 1e-6
 """Relative: a motion this much larger than the least has reached its amount."""
 
@@ -34,7 +37,7 @@ def write(run: Run, folder: Path) -> list[Path]:
     if run.tables["models"]:
         figures["models"] = models_figure(run)
     for name, figure in figures.items():
-        made += save(figure, folder / name)
+        made += save(figure, folder / name, small=name in SHOWN)
     return made
 
 

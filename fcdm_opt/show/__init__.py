@@ -23,7 +23,10 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: str | Path) -> tuple[Path, Path]:
+SMALL = 100  # dots per inch of pictures for a README
+
+
+def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path, ...]:
     """Write a figure as PNG and SVG; the same figure gives the same bytes.
 
     Parameters
@@ -31,11 +34,13 @@ def save(figure: Figure, path: str | Path) -> tuple[Path, Path]:
     figure : matplotlib Figure
     path : path
         Without suffix; missing directories are made.
+    small : bool
+        Write a smaller PNG too, with "-small" after its name.
 
     Returns
     -------
     tuple of Path
-        The PNG and the SVG file.
+        The PNG and the SVG file, and the small one.
     """
     from matplotlib import rc_context
 
@@ -46,4 +51,8 @@ def save(figure: Figure, path: str | Path) -> tuple[Path, Path]:
     with rc_context({"svg.hashsalt": "fcdm_opt", "svg.fonttype": "none"}):
         figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
         figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
-    return png, svg
+        if not small:
+            return png, svg
+        less = base.with_name(f"{base.name}-small.png")
+        figure.savefig(less, format="png", dpi=SMALL, metadata={"Software": None})
+        return png, svg, less

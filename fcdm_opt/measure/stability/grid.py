@@ -14,9 +14,10 @@ from time import perf_counter
 
 from fcdm_opt.measure.record import Run, Watch
 from fcdm_opt.measure.stability.failures import save
-from fcdm_opt.measure.stability.picture import write_picture
+from fcdm_opt.measure.stability.picture import stability_figure
 from fcdm_opt.measure.stability.run import BUDGETS, LIMITS, NOT_RUN, Result, stability
 from fcdm_opt.measure.stability.table import listed, summary, write_tables
+from fcdm_opt.show import save as save_figure
 
 FAULTS = ("wrong", "hung", "crashed")
 STEP = 500  # answers between two lines that tell how far it is
@@ -47,7 +48,8 @@ class Grid:
         self.run.write(made[0])
         form = "quick form" if self.run.quick else "full form"
         caption = f"{self.run.started[:10]}, {form}, seed {self.run.seed}, {self.run.where}."
-        made += write_picture(self.results, folder / "stability", title="Where methods fail", caption=caption)
+        figure = stability_figure(self.results, title="Where methods fail", caption=caption)
+        made += save_figure(figure, folder / "stability", small=True)
         save(self.results, folder)
         return made
 

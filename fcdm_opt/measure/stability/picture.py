@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fcdm_opt.measure.stability.run import NOT_RUN, Result
-from fcdm_opt.show import BLACK, BLUE, GREY, VERMILLION, new_figure, save
+from fcdm_opt.show import BLACK, BLUE, GREY, VERMILLION, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,7 +51,7 @@ QUESTIONS = {
     "program": "What is the optimum?",
     "motion": "What is the smallest motion?",
 }
-WIDTH, SMALL_DPI = 9.0, 100  # inches; 900 pixels for a README
+WIDTH = 9.0  # inches
 LABELS, RIGHT = 2.5, 0.1  # inches left of the cells; right of the last method's name
 ROW, GAP, FOOT, LINE = 0.21, 0.25, 0.85, 0.14  # inches: a row, space above a panel, the legend, a line below that
 CHARACTER, SLOPE = 0.058, 55  # inches of a method's name; its slope in degrees
@@ -134,24 +133,6 @@ def stability_figure(results: Sequence[Result], *, title: str = "", caption: str
         figure.text(0.02, 1 - 0.12 / height, title, va="top", fontsize=11)
     figure.text(0.02, 0.1 / height, "\n".join(lines), va="bottom", fontsize=7, linespacing=1.3)
     return figure
-
-
-def write_picture(results: Sequence[Result], base: Path, *, title: str = "", caption: str = "") -> tuple[Path, ...]:
-    """Write the map as PNG and SVG, and as a smaller PNG for a README.
-
-    Parameters
-    ----------
-    results : sequence of Result
-    base : path
-        Without suffix; the smaller one has "-small" after it.
-    title, caption : str
-        See `stability_figure`.
-    """
-    figure = stability_figure(results, title=title, caption=caption)
-    large = save(figure, base)
-    small = base.with_name(f"{base.name}-small.png")
-    figure.savefig(small, format="png", dpi=SMALL_DPI, metadata={"Software": None})
-    return *large, small
 
 
 def _draw(axes: Any, panel: Grid, points: float) -> None:
