@@ -27,8 +27,8 @@ from report import describe, machine, table, versions
 
 import fcdm_opt as fo
 from fcdm_opt.measure.method import Failure
-from fcdm_opt.measure.motion_cases import Case, draw
 from fcdm_opt.measure.motions import RIVALS, answered, judged
+from fcdm_opt.measure.motions.cases import Case, draw
 
 SAME = 1e-6  # relative: amounts that count as equal
 PATIENCE = 1.0  # seconds beyond which a method runs once

@@ -204,7 +204,7 @@ def bench_command(
 
     The quick form takes about a minute, the full form about half an hour.
     """
-    from fcdm_opt.measure import bench, results
+    from fcdm_opt.measure.chart import bench, results
 
     with _refusals():
         old = _earlier(compare, "bench", out)

@@ -10,9 +10,9 @@ import pytest
 from fcdm_opt import decision_curve
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.measure import growth
-from fcdm_opt.measure.growth import exponents
-from fcdm_opt.measure.growth_picture import growth_figure
+from fcdm_opt.measure.cost import growth
+from fcdm_opt.measure.cost.growth import exponents
+from fcdm_opt.measure.cost.growth_picture import growth_figure
 from fcdm_opt.measure.method import CurveQuestion, Failure, Method, Pair, one_by_one
 from fcdm_opt.measure.record import Load, Run
 from fcdm_opt.measure.timing import Plan, Scene, measured

@@ -13,11 +13,11 @@ from cases import CUBE, Shape, box_shape, shape
 
 from fcdm_opt.curve.exact import exact_curve
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.measure.held import Holding, holders
-from fcdm_opt.measure.jets import BITS, Jet, series
-from fcdm_opt.measure.least import Least, least_amount, refined
 from fcdm_opt.measure.method import Failure
-from fcdm_opt.measure.motion_cases import QUICK, chart_cases
+from fcdm_opt.measure.motions.cases import QUICK, chart_cases
+from fcdm_opt.measure.motions.held import Holding, holders
+from fcdm_opt.measure.motions.jets import BITS, Jet, series
+from fcdm_opt.measure.motions.least import Least, least_amount, refined
 from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solver import solve

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from fcdm_opt.cli import BAD_INPUT, app
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure import bench, record
+from fcdm_opt.measure import record
+from fcdm_opt.measure.chart import bench
 from fcdm_opt.measure.comparing import compared
 from fcdm_opt.measure.method import Method, one_by_one
 from fcdm_opt.measure.record import Load, Run

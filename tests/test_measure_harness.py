@@ -14,8 +14,8 @@ import pytest
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure import bench, results
-from fcdm_opt.measure.charts import FAILED, chart_figure, overview_figure
+from fcdm_opt.measure.chart import bench, results
+from fcdm_opt.measure.chart.figures import FAILED, chart_figure, overview_figure
 from fcdm_opt.measure.comparing import compared
 from fcdm_opt.measure.method import Failure, Method
 from fcdm_opt.measure.record import Load, Run, Watch, table

@@ -9,9 +9,9 @@ import pytest
 
 from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Translation, solve
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure import models
-from fcdm_opt.measure.model_scenes import QUICK, names, overlapping, scene
-from fcdm_opt.measure.models_picture import models_figure
+from fcdm_opt.measure.cost import models
+from fcdm_opt.measure.cost.models_picture import models_figure
+from fcdm_opt.measure.cost.scenes import QUICK, names, overlapping, scene
 from fcdm_opt.measure.record import Load, Run
 from fcdm_opt.tolerance.solver import STAGES
 

@@ -13,8 +13,8 @@ import numpy as np
 from fcdm_opt.errors import FcdmError, InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.measure.curves.rays import Solid, growth_distance
 from fcdm_opt.measure.method import ContactQuestion, CurveQuestion, Pair
-from fcdm_opt.measure.rays import Solid, growth_distance
 
 BOX = ((0.8, 3.0), (0.8, 3.0))
 SIZES = (8, 12, 20, 100, 1000, 10000)

@@ -10,8 +10,8 @@ import numpy as np
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.measure.curves.rays import Solid
 from fcdm_opt.measure.method import ContactAnswer, Pair, Touching
-from fcdm_opt.measure.rays import Solid
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ import numpy as np
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure.contacts.placed import Placed, answered
+from fcdm_opt.measure.curves.rays import growth_distance
 from fcdm_opt.measure.library import coal_hull, library
 from fcdm_opt.measure.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
-from fcdm_opt.measure.rays import growth_distance
 
 MOST = 100  # Newton steps: hulls of 10,000 vertices take less than ten
 EQUAL = 4e-16  # relative: two roundings

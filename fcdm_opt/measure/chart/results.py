@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fcdm_opt.measure.bench import TASKS, ahead
-from fcdm_opt.measure.charts import chart_figure, overview_figure
-from fcdm_opt.measure.growth import exponents
-from fcdm_opt.measure.growth_picture import growth_figure
-from fcdm_opt.measure.models_picture import models_figure
+from fcdm_opt.measure.chart.bench import TASKS, ahead
+from fcdm_opt.measure.chart.figures import chart_figure, overview_figure
+from fcdm_opt.measure.cost.growth import exponents
+from fcdm_opt.measure.cost.growth_picture import growth_figure
+from fcdm_opt.measure.cost.models_picture import models_figure
 from fcdm_opt.measure.record import Row, Run, table
 from fcdm_opt.show import save
 from fcdm_opt.tolerances import DEFAULT

@@ -38,11 +38,11 @@ import numpy as np
 from fcdm_opt.curve.batch import decision_curves
 from fcdm_opt.errors import InputError
 from fcdm_opt.measure import contacts, curves, motions
-from fcdm_opt.measure.growth import growth
+from fcdm_opt.measure.cost.growth import growth
+from fcdm_opt.measure.cost.models import costs
 from fcdm_opt.measure.method import Failure, Method, MotionAnswer, Pair
-from fcdm_opt.measure.models import costs
-from fcdm_opt.measure.motion_cases import chart_cases
 from fcdm_opt.measure.motions import judged
+from fcdm_opt.measure.motions.cases import chart_cases
 from fcdm_opt.measure.pairs import SEPARATIONS, SHAPES, DrawnPair
 from fcdm_opt.measure.record import Row, Run, Watch
 from fcdm_opt.measure.references import (

@@ -29,9 +29,9 @@ import numpy as np
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure import curves, motions
+from fcdm_opt.measure.cost.scenes import hull_pair, overlapping
 from fcdm_opt.measure.library import coal_hull
 from fcdm_opt.measure.method import Ask, CurveQuestion, Failure, Method, Pair, one_by_one
-from fcdm_opt.measure.model_scenes import hull_pair, overlapping
 from fcdm_opt.measure.pairs import DrawnPair
 from fcdm_opt.measure.record import Row
 from fcdm_opt.measure.timing import Measured, Plan, Scene, measured, warmed

@@ -17,7 +17,7 @@ import numpy as np
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.measure.least import Least, least_amount
+from fcdm_opt.measure.motions.least import Least, least_amount
 from fcdm_opt.measure.pairs import DrawnPair, random_hull, random_rotation
 from fcdm_opt.motion import Motion, Rotation, Screw, Translation
 

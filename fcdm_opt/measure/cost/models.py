@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.model_scenes import names, scene
+from fcdm_opt.measure.cost.scenes import names, scene
 from fcdm_opt.measure.record import Row
 from fcdm_opt.measure.stability.process import CrashedError, HungError, Process
 from fcdm_opt.tolerance.problem import Problem

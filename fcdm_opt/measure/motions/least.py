@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.measure.held import SLACK, Holding, Scene, crossing, holders
-from fcdm_opt.measure.jets import BITS
 from fcdm_opt.measure.method import Failure
+from fcdm_opt.measure.motions.held import SLACK, Holding, Scene, crossing, holders
+from fcdm_opt.measure.motions.jets import BITS
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerance.task import Task

@@ -33,7 +33,7 @@ def growth_figure(run: Run) -> Figure:
     run : Run
         Of command "bench".
     """
-    from fcdm_opt.measure.growth import exponents
+    from fcdm_opt.measure.cost.growth import exponents
 
     rows = [row for row in run.tables["growth"] if row.get("seconds") is not None]
     fits = {(fit["axis"], fit["method"]): fit for fit in exponents(rows)}

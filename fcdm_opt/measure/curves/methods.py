@@ -16,9 +16,9 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, UNDECIDED, V1F2
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.measure.curve_rivals import bisection, clarabel, cold_highs, distances, growth, linprog, warm_highs
+from fcdm_opt.measure.curves.rays import Solid
+from fcdm_opt.measure.curves.rivals import bisection, clarabel, cold_highs, distances, growth, linprog, warm_highs
 from fcdm_opt.measure.method import Ask, CurveAnswer, CurveQuestion, Method, Pair, Touching, one_by_one
-from fcdm_opt.measure.rays import Solid
 from fcdm_opt.measure.references import exact_curve_in_box
 from fcdm_opt.tolerances import DEFAULT
 

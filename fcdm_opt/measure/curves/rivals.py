@@ -22,9 +22,9 @@ import numpy as np
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.measure.curves.rays import ROUNDING, Solid, Touch, breakpoints, clipped, growth_distance
 from fcdm_opt.measure.library import coal_hull, library
 from fcdm_opt.measure.method import Ask, CurveAnswer, CurveQuestion, Pair, one_by_one
-from fcdm_opt.measure.rays import ROUNDING, Solid, Touch, breakpoints, clipped, growth_distance
 
 SIDES = 1e-11  # relative: lines of support are no better known from nearest points of hulls of 10,000 vertices
 NEWTON = 60  # steps along one ray at most: each finds a new feature or ends it

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.measure.asked import Asked, AskedOfCoal
 from fcdm_opt.measure.method import Ask, Failure, Method, MotionAnswer, anything, one_by_one
+from fcdm_opt.measure.motions.asked import Asked, AskedOfCoal
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
