@@ -54,11 +54,11 @@ from fcdm_opt.measure.references import (
     touching_right,
 )
 from fcdm_opt.measure.timing import Measured, Plan, Scene, measured, timed, warmed
-from fcdm_opt.tolerances import DEFAULT
 
 Say = Callable[[str], None]
 TASKS = {"contact": "one contact", "curve": "the whole decision curve", "motion": "the smallest motion"}
 PARTS = (*TASKS, "growth", "models")
+SLACK = 10.0  # times what a contact may be off
 ROUNDING = 1e-15
 """Errors that doubles cannot help."""
 
@@ -247,8 +247,9 @@ def motion_task(quick: bool, seed: int) -> Task:
         seconds, judgement = timed(judged, scene.question(k), answer.q)
         if not judgement.usable:
             return Worth(failure=f"rejected by the judge: {judgement.status.value}")
-        error = judgement.amount / cases[scene.name].least.amount - 1.0
-        return Worth(abs(error), judging=seconds, below=error < -DEFAULT.requirement)
+        least, problem = cases[scene.name].least.amount, cases[scene.name].problem
+        below = judgement.amount < least - SLACK * problem.contact_slack  # the judge lets a contact be so far off
+        return Worth(abs(judgement.amount / least - 1.0), judging=seconds, below=below)
 
     plan = Plan(3, 1e-4, 1, patience=0.1, longest=0.15) if quick else Plan(9, 1e-4, 1, patience=0.25, longest=1.0)
     return Task("motion", motions.METHODS, scenes, worth, plan, lambda scene: 2, scenes[:1])

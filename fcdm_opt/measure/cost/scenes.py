@@ -18,7 +18,7 @@ from fcdm_opt.tolerance.files import load_problems
 from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import Problem
 
-FILES = Path(__file__).parents[2] / "problems"
+FILES = Path(__file__).parents[3] / "problems"
 """The repository's example problems: their scenes are left out where the package stands alone."""
 
 LARGER = 1.02  # times the scales at which the bodies touch: the parts made
