@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.solution import Solution
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
+LISTED = 3  # scenes in which a rival is ahead
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
 
 app = typer.Typer(
@@ -210,7 +211,7 @@ def bench_command(
         old = _earlier(compare, "bench", out)
         run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, say=_say)
         _recorded(run, old, out, partial(results.write, run))
-        typer.echo(results.summary(run))
+        typer.echo(results.summary(run, most=LISTED))
     raise typer.Exit(NOT_VERIFIED if bench.wrong(run) else SOLVED)
 
 

@@ -23,7 +23,7 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-SMALL = 100  # dots per inch of pictures for a README
+SMALL, COLOURS = 100, 128  # dots per inch, and colours, of pictures for a README
 
 
 def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path, ...]:
@@ -43,6 +43,7 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
         The PNG and the SVG file, and the small one.
     """
     from matplotlib import rc_context
+    from PIL import Image
 
     base = Path(path)
     base.parent.mkdir(parents=True, exist_ok=True)
@@ -55,4 +56,6 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
             return png, svg
         less = base.with_name(f"{base.name}-small.png")
         figure.savefig(less, format="png", dpi=SMALL, metadata={"Software": None})
-        return png, svg, less
+    with Image.open(less) as image:
+        image.convert("RGB").quantize(COLOURS).save(less, optimize=True)
+    return png, svg, less

@@ -138,7 +138,7 @@ def _spot(rows: Sequence[Row]) -> tuple[float, ...] | None:
     rows = [row for row in rows if row["outcome"] != "not asked"]
     if not rows:
         return None
-    times = [row["seconds"] for row in rows]
+    times = [row["seconds"] for row in rows if row.get("error") is not None] or [row["seconds"] for row in rows]
     failed, asked = sum(row["failed"] for row in rows), sum(row["asked"] for row in rows)
     errors = [max(row["error"], EXACT) for row in rows if row.get("error") is not None]
     if len(rows) == 1:

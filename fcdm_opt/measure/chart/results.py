@@ -55,8 +55,8 @@ def text(run: Run) -> str:
     return "\n\n".join(parts)
 
 
-def summary(run: Run) -> str:
-    """Say whether our curves are right, and where a rival is as fast and as accurate as one of ours."""
+def summary(run: Run, *, most: int | None = None) -> str:
+    """Say whether our curves are right, and where a rival is as fast and as accurate, in `most` scenes each."""
     lines = []
     for task in TASKS:
         rows = [row for row in run.tables["chart"] if row["task"] == task]
@@ -64,11 +64,13 @@ def summary(run: Run) -> str:
             continue
         title = TASKS[task].capitalize()
         if task == "motion":
-            lines += _losses(rows, ahead(rows, task, REACHED), f"{title}: {{}} reaches our amount faster, not verified")
+            lines += _losses(
+                rows, ahead(rows, task, REACHED), most, f"{title}: {{}} reaches our amount faster, not verified"
+            )
             judged = ahead(rows, task, REACHED, judged=True)
-            lines += _losses(rows, judged, f"{title}: {{}} reaches our amount faster, verified by the same judge")
+            lines += _losses(rows, judged, most, f"{title}: {{}} reaches our amount faster, verified by the same judge")
         else:
-            lines += _losses(rows, ahead(rows, task), f"{title}: {{}} is as fast and as accurate as we are")
+            lines += _losses(rows, ahead(rows, task), most, f"{title}: {{}} is as fast and as accurate as we are")
         lines += [
             f"  - REFERENCE WRONG in {row['scene']}: {row['method']} ({row['setting']}) has a smaller verified motion."
             for row in rows
@@ -90,18 +92,20 @@ def summary(run: Run) -> str:
     return "\n".join(lines)
 
 
-def _losses(rows: Sequence[Row], found: Sequence[Row], sentence: str) -> list[str]:
+def _losses(rows: Sequence[Row], found: Sequence[Row], most: int | None, sentence: str) -> list[str]:
     """Say in how many scenes a rival is ahead, and which one is most so in each."""
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     lost = {scene: rivals for scene in scenes if (rivals := [row for row in found if row["scene"] == scene])}
     where = f", in {len(lost)} of {len(scenes)} scenes:" if lost else "."
     lines = [f"- {sentence.format('a rival' if lost else 'no rival')}{where}"]
-    for scene, rivals in lost.items():
+    for scene, rivals in list(lost.items())[:most]:
         best = min(rivals, key=lambda row: row["seconds"])
         lines.append(
             f"  - {scene}: {best['method']} ({best['setting']}), {best['seconds']:.2g} s, error {best['error']:.1g}; "
             f"{best['ratio']:.2g} times as fast as ours ({best['beaten']})"
         )
+    if most is not None and len(lost) > most:
+        lines.append(f"  - and {len(lost) - most} more, see bench.md")
     return lines
 
 

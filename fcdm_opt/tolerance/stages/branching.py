@@ -29,6 +29,7 @@ CELLS_MORE = 60_000  # the same, for more parameters
 FEWEST = 1000  # cells that are looked at however large the scene
 CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
 SECONDS = 20.0  # for the search over rotations
+LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
@@ -56,7 +57,8 @@ def confirmed(task: Task, answer: Answer) -> Answer:
     if not task.weighted or answer.q is None or _closed(task, answer):
         return answer
     if len(task.weights) > MOST_PARAMETERS:
-        return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 else answer
+        pairs = len(task.movable.vertices) * len(task.static.vertices)
+        return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 and pairs <= LARGEST else answer
     if not _doubtful(task, answer):
         return answer
     return bounded(task, answer, gap=CONFIRMED_GAP, effort=CONFIRMING)[0]
