@@ -203,7 +203,7 @@ def bench_command(
 ) -> None:
     """Chart speed against accuracy: every method at several settings, against exact references.
 
-    The quick form takes about a minute, the full form about half an hour.
+    The quick form takes about a minute, the full form about a quarter of an hour.
     """
     from fcdm_opt.measure.chart import bench, results
 
