@@ -206,6 +206,19 @@ def test_a_rival_left_of_and_below_ours_is_found():
     assert bench.ahead([ours, faster], "curve", 1e-2)  # an amount reached to a hundredth, ten times as fast
 
 
+def test_a_rival_pays_for_the_judge_where_that_is_asked():
+    ours, rival = row("solve", "ours", 2e-3, 1e-12), row("search", "coal", 1.5e-3, 1e-9, judging=1e-3)
+    assert bench.ahead([ours, rival], "curve", 1e-6)
+    assert not bench.ahead([ours, rival], "curve", 1e-6, judged=True)
+
+
+def test_a_motion_less_than_the_reference_is_a_fault_of_ours():
+    below = row("search", "coal", 1e-3, 1e-5, below=1, task="motion", parameters=1)
+    assert bench.wrong(run(chart=[below], faults=[]))
+    assert "REFERENCE WRONG" in results.summary(run(chart=[below], faults=[]))
+    assert not bench.wrong(run(chart=[below | {"below": 0}], faults=[]))
+
+
 # ------------------------------------------------------------------------------------------------- files and comparison
 
 
