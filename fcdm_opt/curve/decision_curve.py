@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
 _SHARES = ((0.5, 0.5), (0.29, 0.63), (0.71, 0.41))  # of the box, where a curve that does not pass it is asked
+REMEMBERED = 64  # scale pairs whose place on a curve is kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +195,19 @@ class DecisionCurve:
     def locate(self, rho: ArrayLike, tolerance: float = DEFAULT.nominal) -> Segment | SwitchingPoint | None:
         """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
         point = _pair(rho)
+        asked = (*point.tolist(), tolerance)
+        if asked not in self._places:
+            if len(self._places) >= REMEMBERED:
+                del self._places[next(iter(self._places))]
+            self._places[asked] = self._located(point, tolerance)
+        return self._places[asked]
+
+    @cached_property
+    def _places(self) -> dict[tuple[float, ...], Segment | SwitchingPoint | None]:
+        """What was found at the last scale pairs: many problems ask for the same nominal one."""
+        return {}
+
+    def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:
         near = tolerance * np.abs(point).max()
         if point.min() > 0 and abs(float(self.gap(point))) > 2.0 * near * self._reach.sum():
             return None  # a change of the scales by `near` closes no such gap
@@ -384,6 +399,17 @@ def decision_curve(
     """
     checked_bodies(movable, static)
     return DecisionCurve(movable, static, rigid_transform(transform), checked_box(box))
+
+
+_DRAWN: WeakValueDictionary[tuple[Body, Body, Box], DecisionCurve] = WeakValueDictionary()
+
+
+def drawn_curve(movable: Body, static: Body, box: Box) -> DecisionCurve:
+    """Return the decision curve of two bodies as drawn, the same one for all problems about them that live."""
+    curve = _DRAWN.get((movable, static, box))
+    if curve is None:
+        curve = _DRAWN[movable, static, box] = decision_curve(movable, static, box=box)
+    return curve
 
 
 _STATUS = {kernels.CONTACT: "contact", kernels.WALKED: "apart", kernels.OVERLAPPING: "overlapping"}

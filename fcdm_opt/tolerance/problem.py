@@ -449,10 +449,10 @@ class Problem:
 
     @cached_property
     def curve(self) -> DecisionCurve:
-        """Decision curve of the bodies as drawn, in the box; computed when first asked for."""
-        from fcdm_opt.curve.decision_curve import decision_curve
+        """Decision curve of the bodies as drawn, in the box; problems about the same bodies share it."""
+        from fcdm_opt.curve.decision_curve import drawn_curve
 
-        return decision_curve(self.movable, self.static, box=self.box)
+        return drawn_curve(self.movable, self.static, self.box)
 
     @cached_property
     def nominal_contact(self) -> Segment | SwitchingPoint | None:
@@ -559,16 +559,8 @@ class Problem:
     # --------------------------------------------------------------------------------------------------- plain data
 
     def changed(self, **arguments: Any) -> Problem:
-        """Return the same question with other arguments, resolved anew; raises as the constructor does.
-
-        The decision curve is handed on where it stays the same, and with it where the nominal pair is.
-        """
-        made: Problem = object.__new__(type(self))
-        if not arguments.keys() & {"movable", "static", "box"}:
-            kept = ("curve",) if "nominal" in arguments else ("curve", "_located")
-            made.__dict__.update({key: self.__dict__[key] for key in kept if key in self.__dict__})
-        made.__init__(**{**self.request, **arguments})  # type: ignore[misc]
-        return made
+        """Return the same question with other arguments, resolved anew; raises as the constructor does."""
+        return Problem(**{**self.request, **arguments})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the question as plain data: the keys of a problem file with one case, angles in radians."""

@@ -263,6 +263,7 @@ class _Program:
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
+            "show_eval_warnings": False,
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
             "ipopt.tol": tolerance,

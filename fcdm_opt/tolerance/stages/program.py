@@ -274,7 +274,7 @@ def _compiled(
     return casadi.nlpsol("smallest_motion", method, nlp, _OPTIONS[method])
 
 
-_QUIET = {"print_time": False, "error_on_fail": False}
+_QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
 _OPTIONS: dict[str, dict[str, Any]] = {
     "sqpmethod": {
         **_QUIET,
