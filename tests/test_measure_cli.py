@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from fcdm_opt.cli import BAD_INPUT, app
+from fcdm_opt.cli import app
+from fcdm_opt.cli.common import BAD_INPUT
 from fcdm_opt.errors import InputError
 from fcdm_opt.measure import record
 from fcdm_opt.measure.chart import bench
