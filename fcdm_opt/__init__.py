@@ -13,6 +13,20 @@ if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.curve.segments import Segment, SwitchingPoint
+    from fcdm_opt.design.compensation.assembly_yield import AssemblyYield, assembly_yield
+    from fcdm_opt.design.compensation.building import compensation_map
+    from fcdm_opt.design.compensation.compensation_map import CompensationMap
+    from fcdm_opt.design.distributions import Measured, Normal, Uniform
+    from fcdm_opt.design.fixed_pose.best_pose import BestPose, best_pose
+    from fcdm_opt.design.fixed_pose.clearances import Clearances, clearances
+    from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.design.study.running import run_study
+    from fcdm_opt.design.study.study import Study
+    from fcdm_opt.design.whatif.budget import budget
+    from fcdm_opt.design.whatif.compare import compare
+    from fcdm_opt.design.whatif.conflicts import conflicts
+    from fcdm_opt.design.whatif.drop import drop
+    from fcdm_opt.design.whatif.whatif import WhatIf, whatif
     from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.geometry.conversion import as_body
@@ -30,9 +44,13 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "AssemblyYield",
+    "BestPose",
     "Body",
     "Certificate",
+    "Clearances",
     "CoherentRange",
+    "CompensationMap",
     "ContactTimes",
     "DecisionCurve",
     "DecisionCurves",
@@ -41,7 +59,9 @@ __all__ = [
     "Free",
     "InputError",
     "KeepOut",
+    "Measured",
     "Motion",
+    "Normal",
     "OwnMotion",
     "Problem",
     "Rotation",
@@ -49,24 +69,42 @@ __all__ = [
     "Segment",
     "Solution",
     "Status",
+    "Study",
+    "StudyResult",
     "SwitchingPoint",
     "Translation",
+    "Uniform",
     "UnsolvedError",
+    "WhatIf",
     "__version__",
     "as_body",
+    "assembly_yield",
+    "best_pose",
+    "budget",
+    "clearances",
     "coherent_range",
+    "compare",
+    "compensation_map",
+    "conflicts",
     "contact_times",
     "decision_curve",
     "decision_curves",
+    "drop",
     "load_problems",
+    "run_study",
     "solve",
     "verify",
+    "whatif",
 ]
 
 _HOME = {
+    "AssemblyYield": "design.compensation.assembly_yield",
+    "BestPose": "design.fixed_pose.best_pose",
     "Body": "geometry.bodies",
     "Certificate": "tolerance.solution",
+    "Clearances": "design.fixed_pose.clearances",
     "CoherentRange": "tolerance.ranges.coherent_range",
+    "CompensationMap": "design.compensation.compensation_map",
     "ContactTimes": "tolerance.ranges.contact_times",
     "DecisionCurve": "curve.decision_curve",
     "DecisionCurves": "curve.batch",
@@ -75,7 +113,9 @@ _HOME = {
     "Free": "motion",
     "InputError": "errors",
     "KeepOut": "tolerance.keep_out",
+    "Measured": "design.distributions",
     "Motion": "motion",
+    "Normal": "design.distributions",
     "OwnMotion": "own_motion",
     "Problem": "tolerance.problem",
     "Rotation": "motion",
@@ -83,17 +123,31 @@ _HOME = {
     "Segment": "curve.segments",
     "Solution": "tolerance.solution",
     "Status": "tolerance.solution",
+    "Study": "design.study.study",
+    "StudyResult": "design.study.results",
     "SwitchingPoint": "curve.segments",
     "Translation": "motion",
+    "Uniform": "design.distributions",
     "UnsolvedError": "errors",
+    "WhatIf": "design.whatif.whatif",
     "as_body": "geometry.conversion",
+    "assembly_yield": "design.compensation.assembly_yield",
+    "best_pose": "design.fixed_pose.best_pose",
+    "budget": "design.whatif.budget",
+    "clearances": "design.fixed_pose.clearances",
     "coherent_range": "tolerance.ranges.coherent_range",
+    "compare": "design.whatif.compare",
+    "compensation_map": "design.compensation.building",
+    "conflicts": "design.whatif.conflicts",
     "contact_times": "tolerance.ranges.contact_times",
     "decision_curve": "curve.decision_curve",
     "decision_curves": "curve.batch",
+    "drop": "design.whatif.drop",
     "load_problems": "tolerance.files",
+    "run_study": "design.study.running",
     "solve": "tolerance.solver",
     "verify": "tolerance.certificate",
+    "whatif": "design.whatif.whatif",
 }
 
 
