@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.curve.segments import Segment, SwitchingPoint
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield, assembly_yield
-    from fcdm_opt.design.compensation.building import compensation_map
-    from fcdm_opt.design.compensation.compensation_map import CompensationMap
+    from fcdm_opt.design.compensation.compensation_map import CompensationMap, compensation_map
     from fcdm_opt.design.distributions import Measured, Normal, Uniform
     from fcdm_opt.design.fixed_pose.best_pose import BestPose, best_pose
     from fcdm_opt.design.fixed_pose.clearances import Clearances, clearances
@@ -137,7 +136,7 @@ _HOME = {
     "clearances": "design.fixed_pose.clearances",
     "coherent_range": "tolerance.ranges.coherent_range",
     "compare": "design.whatif.compare",
-    "compensation_map": "design.compensation.building",
+    "compensation_map": "design.compensation.compensation_map",
     "conflicts": "design.whatif.conflicts",
     "contact_times": "tolerance.ranges.contact_times",
     "decision_curve": "curve.decision_curve",

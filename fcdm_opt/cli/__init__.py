@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fcdm_opt.cli import measuring, solving
+from fcdm_opt.cli import designing, measuring, solving
 
 app = typer.Typer(
     name="fcdm-opt",
@@ -44,6 +44,10 @@ for _name, _command in (
     ("curve", solving.curve_command),
     ("solve", solving.solve_command),
     ("range", solving.range_command),
+    ("study", designing.study_command),
+    ("whatif", designing.whatif_command),
+    ("map", designing.map_command),
+    ("pose", designing.pose_command),
     ("bench", measuring.bench_command),
     ("stability", measuring.stability_command),
 ):

@@ -103,7 +103,7 @@ def say(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def finish(document: list[Any] | None, codes: Iterable[int]) -> None:
+def finish(document: Any, codes: Iterable[int]) -> None:
     """Write the JSON document, if one is wanted, and exit with the most severe code."""
     if document is not None:
         typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False))

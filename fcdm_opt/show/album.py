@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
+    from fcdm_opt.design.compensation.compensation_map import CompensationMap
+    from fcdm_opt.design.study.results import StudyResult
     from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
     from fcdm_opt.tolerance.solution import Solution
 
@@ -103,6 +106,26 @@ class Album:
         title = f"{title}: case {problem.name}, coherent range"
         caption = " & ".join(feature.label for feature in found.features)
         self._write(f"{own}-range", family_figure(found, title=title, caption=caption))
+
+    def add_yield(self, stem: str, found: AssemblyYield, *, title: str = "") -> None:
+        """Add how the amounts of all part pairs are spread about the budget."""
+        from fcdm_opt.show.yields import yield_figure
+
+        self._write(self._once(stem), yield_figure(found, title=title or f"yield: {stem}"))
+
+    def add_map(self, stem: str, title: str, found: CompensationMap) -> str:
+        """Add the amount over the box of sizes, with the regions of a compensation map; return the picture's stem."""
+        from fcdm_opt.show.maps import map_figure
+
+        own = f"{self._once(stem)}-map"
+        self._write(own, map_figure(found, title=title))
+        return own
+
+    def add_study(self, stem: str, result: StudyResult) -> None:
+        """Add the amount over what a study varied."""
+        from fcdm_opt.show.studies import study_figure
+
+        self._write(f"{self._once(stem)}-study", study_figure(result))
 
     def _once(self, wanted: str) -> str:
         safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")[:LONGEST_NAME]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_rows, print_text, wrapped
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
@@ -21,8 +22,6 @@ SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a ca
 CLOSED = 1e-9  # relative gap of a closed form
 ROUNDING = 1e-6  # of the last digit shown
 NOTHING = 1e-12  # of the amount: a parameter that adds less is shown as 0
-PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
-"""Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
 
 
 @dataclass(frozen=True)
@@ -70,76 +69,19 @@ def asked_text(problem: Problem) -> str:
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
 
 
-def console(*, stderr: bool = False) -> Any:
-    """Return a rich console; wide enough for everything where it is not a terminal."""
-    from rich.console import Console
-
-    terminal = (sys.stderr if stderr else sys.stdout).isatty()
-    return Console(
-        stderr=stderr,
-        width=None if terminal else PIPED_WIDTH,
-        markup=False,
-        highlight=False,
-        emoji=False,
-        soft_wrap=not terminal,
-    )
-
-
-def _print_rows(out: Any, rows: Sequence[dict[str, str]], numbers: Sequence[str] = ()) -> None:
-    """Print rows as a table, closer set where it is too wide, and one below the other where that does not do."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
-    for column in rows[0]:
-        justify: Any = "right" if column in numbers else "left"
-        table.add_column(column, no_wrap=True, justify=justify, vertical="top")
-    for row in rows:
-        table.add_row(*row.values())
-    unlimited = out.options.update(width=PIPED_WIDTH)
-    if out.measure(table, options=unlimited).maximum > out.width:
-        table.padding = 0
-    if out.measure(table, options=unlimited).maximum <= out.width:
-        out.print(table)
-        return
-    for row in rows:
-        (_, head), *rest = row.items()
-        out.print(head, style="bold")
-        for column, cell in rest:
-            name = column.replace("-\n", "").replace("\n", " ")
-            out.print(f"  {name}: {' '.join(cell.split())}")
-
-
-def _print_text(out: Any, text: str, indent: str = "") -> None:
-    out.print(_wrapped(text, min(TEXT_WIDTH, out.width), indent))
-
-
-def _print_head(out: Any, name: str, title: str, note: str) -> None:
-    out.print(f"{name}: {title}" if title else name, style="bold")
-    if note:
-        _print_text(out, note)
-    out.print()
-
-
-def _wrapped(text: str, width: int, indent: str = "") -> str:
-    from textwrap import fill
-
-    return fill(" ".join(text.split()), width, subsequent_indent=indent)
-
-
 def print_curves(name: str, title: str, note: str, curves: Sequence[tuple[DecisionCurve, list[str]]]) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
     out = console()
-    _print_head(out, name, title, note)
+    print_head(out, name, title, note)
     for curve, names in curves:
         (low_1, high_1), (low_2, high_2) = curve.box
         text = (
             f"{curve.movable.name}, movable, and {curve.static.name}, static; cases {', '.join(names)}: "
             f"{curve.status} in the box [{low_1:g}, {high_1:g}] x [{low_2:g}, {high_2:g}]"
         )
-        _print_text(out, text)
+        print_text(out, text)
         proved, settled = curve.paths["float"], curve.paths["exact"]
-        _print_text(out, f"part pairs: {proved} proved in floats, {settled} settled in rational numbers")
+        print_text(out, f"part pairs: {proved} proved in floats, {settled} settled in rational numbers")
         out.print()
         if not curve.segments:
             continue
@@ -154,7 +96,7 @@ def print_curves(name: str, title: str, note: str, curves: Sequence[tuple[Decisi
             }
             for s in curve.segments
         ]
-        _print_rows(out, segments, numbers=("a", "b", "c", "slope"))
+        print_rows(out, segments, numbers=("a", "b", "c", "slope"))
         out.print()
         points = [
             {
@@ -167,7 +109,7 @@ def print_curves(name: str, title: str, note: str, curves: Sequence[tuple[Decisi
             for p in curve.switching_points
         ]
         if points:
-            _print_rows(out, points)
+            print_rows(out, points)
             out.print()
 
 
@@ -184,20 +126,20 @@ def _point(values: Iterable[float]) -> str:
 def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]) -> None:
     """Print one table for the cases of a file, the advice where a case needs some, and where the time went."""
     out = console()
-    _print_head(out, name, title, note)
+    print_head(out, name, title, note)
     lines = [_cells(row) for row in rows]
     columns = [column for column in lines[0] if any(line[column] for line in lines)]
     kept = [{column: line[column] for column in columns} for line in lines]
-    _print_rows(out, kept, numbers=NUMBERS)
+    print_rows(out, kept, numbers=NUMBERS)
     out.print()
     for row in rows:
         solution = row.solution
         if solution.status.name != "SOLVED":
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            _print_text(out, f"{solution.problem.name}: {solution.status.value}{checks}", indent="   ")
+            print_text(out, f"{solution.problem.name}: {solution.status.value}{checks}", indent="   ")
         for remark in _remarks(solution):
-            _print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
+            print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
     _print_notes(out, [body for row in rows for body in _bodies(row.solution.problem)])
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     total = sum(stages.values())
@@ -212,7 +154,7 @@ def _bodies(problem: Problem) -> tuple[Body, ...]:
 def _print_notes(out: Any, bodies: Iterable[Body]) -> None:
     """Print once how each body was made, where that is worth a note."""
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
-        _print_text(out, text, indent="   ")
+        print_text(out, text, indent="   ")
 
 
 def _remarks(solution: Solution) -> list[str]:
@@ -239,8 +181,8 @@ def _cells(row: SolvedCase) -> dict[str, str]:
     gap = f"\n{solution.pair_gap:+.3g}" if math.isfinite(solution.pair_gap) else ""
     judged = solution.status.found and solution.certificate is not None
     return {
-        "case": _wrapped(problem.name, CELL_WIDTH),
-        "require-\nment": _wrapped(asked_text(problem), CELL_WIDTH),
+        "case": wrapped(problem.name, CELL_WIDTH),
+        "require-\nment": wrapped(asked_text(problem), CELL_WIDTH),
         "goal": problem.goal,
         "motion found": motion_text(solution).replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
@@ -273,7 +215,7 @@ def bound_text(solution: Solution) -> str:
 def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
     """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
     out = console()
-    _print_head(out, name, title, note)
+    print_head(out, name, title, note)
     lines = []
     for found, _ in rows:
         problem = found.problem
@@ -281,7 +223,7 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
             at = problem.motion.describe(event.x * found.direction) if math.isfinite(event.x) else "-"
             lines.append(
                 {
-                    "case": _wrapped(problem.name, CELL_WIDTH) if end == "low" else "",
+                    "case": wrapped(problem.name, CELL_WIDTH) if end == "low" else "",
                     "end": end,
                     "x": f"{event.x:.12g}",
                     "motion there": at.replace(" + ", " +\n"),
@@ -291,16 +233,16 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
                     "takes over": "\n".join(map(_label, event.successors)),
                 }
             )
-    _print_rows(out, lines, numbers=("x",))
+    print_rows(out, lines, numbers=("x",))
     out.print()
     for found, times in rows:
         problem = found.problem
         tracked = " & ".join(feature.label for feature in found.features)
-        _print_text(out, f"{problem.name}: x in multiples of {problem.motion.describe(found.direction)}; {tracked}")
+        print_text(out, f"{problem.name}: x in multiples of {problem.motion.describe(found.direction)}; {tracked}")
         for end, event in zip(("low", "high"), found.events, strict=True):
-            _print_text(out, f"   {end}: {event.what}", indent="      ")
+            print_text(out, f"   {end}: {event.what}", indent="      ")
         if not found.proved:
-            _print_text(out, "   a condition touches zero at rest: what is near there is not proved")
+            print_text(out, "   a condition touches zero at rest: what is near there is not proved")
         states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
-        _print_text(out, f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
+        print_text(out, f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
     out.print()

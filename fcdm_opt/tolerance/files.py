@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial, reduce
 from operator import rshift
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationError
@@ -29,7 +29,6 @@ from fcdm_opt.tolerance.schema import (
     STEPS,
     AmountEntry,
     Bodies,
-    BodyEntry,
     Bound,
     Entry,
     KeepOutEntry,
@@ -42,6 +41,8 @@ from fcdm_opt.tolerance.schema import (
     plain,
 )
 from fcdm_opt.tolerances import DEFAULT
+
+Read = TypeVar("Read", bound=Entry)
 
 # ----------------------------------------------------------------------------------------------------------- cases
 
@@ -122,6 +123,12 @@ class Case(Defaults):
 
     def problem(self, scene: Scene, defaults: Defaults) -> Problem:
         """Return the problem; keys of the case come before those of `defaults`."""
+        given = self.arguments(defaults)
+        given["keep_out"] = _chosen(given.get("keep_out"), scene.keep_out)
+        return Problem(scene.movable, scene.static, **given)
+
+    def arguments(self, defaults: Defaults) -> dict[str, Any]:
+        """Return what is asked of any scene, as `Problem` wants it; keep-outs still by name."""
         given = {key: getattr(entry, key) for entry in (defaults, self) for key in entry.model_fields_set}
         if "motion" not in given:
             raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
@@ -140,8 +147,7 @@ class Case(Defaults):
             given["resolution"] = _steps(given["resolution"], motion)
         if given.get("published") is not None:
             given["published"] = _published_values(given["published"], steps)
-        given["keep_out"] = _chosen(given.get("keep_out"), scene.keep_out)
-        return Problem(scene.movable, scene.static, **given)
+        return given
 
 
 def _chosen(names: list[str] | None, keep_out: Mapping[str, KeepOut]) -> tuple[KeepOut, ...]:
@@ -231,55 +237,45 @@ class ProblemFile(Entry):
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> ProblemFile:
         """Return the checked contents of a file; raises `InputError` as `load_problems`."""
-        file = Path(path)
-        try:
-            data = tomllib.loads(file.read_bytes().decode("utf-8-sig"))  # some editors begin a file with a mark
-        except tomllib.TOMLDecodeError as reason:
-            raise InputError(f"not valid TOML: {reason}", file=file) from reason
-        except UnicodeDecodeError as reason:
-            raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
-        except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
-            raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
-        except OSError as reason:
-            allowed = "a readable problem file (TOML)"
-            raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
-        if not data:
-            raise InputError("the file is empty", file=file, allowed="[bodies.movable], [bodies.static] and [[case]]")
-        try:
-            return _checked(data, file)
-        except RecursionError as reason:
-            raise InputError("tables nested too deep", file=file, allowed="the keys of a problem file") from reason
+        return read_entry(cls, path, "problem file", "[bodies.movable], [bodies.static] and [[case]]")
 
     def problems(self, file: Path | None = None) -> tuple[Problem, ...]:
         """Return a problem for each case; `file` is where the contents come from."""
         scene = self._scene(file)
+        made = []
+        for key, case in self.named_cases(file).items():
+            try:
+                made.append(case.problem(scene, self.defaults))
+            except InputError as reason:
+                raise reason.within(file=file, key=key) from reason
+        return tuple(made)
+
+    def named_cases(self, file: Path | None) -> dict[str, Case]:
+        """Return the cases by their places in the file; raises where there is none, or two have one name."""
         if not self.case:
             raise InputError("there is no case", file=file, key="case", allowed="one [[case]] table or more")
-        made: dict[str, Problem] = {}
+        placed: dict[str, Case] = {}
+        names: dict[str, int] = {}
         for k, case in enumerate(self.case, 1):
             key = f"case[{k}] {case.name!r}"
             if not case.name.isprintable():
                 allowed = "letters, digits and signs that can be printed"
                 raise InputError("a name with control characters", file=file, key=key, allowed=allowed)
-            if case.name in made:
-                first = list(made).index(case.name) + 1
+            if names.setdefault(case.name, k) != k:
                 raise InputError(
-                    f"the name is that of case[{first}]",
+                    f"the name is that of case[{names[case.name]}]",
                     file=file,
                     key=f"{key}.name",
                     found=case.name,
                     allowed="a name that no other case has",
                 )
-            try:
-                made[case.name] = case.problem(scene, self.defaults)
-            except InputError as reason:
-                raise reason.within(file=file, key=key) from reason
-        return tuple(made.values())
+            placed[key] = case
+        return placed
 
     def _scene(self, file: Path | None) -> Scene:
         """Return the bodies; a mesh file's path starts where the entry stands that names it."""
-        bodies, home = self._bodies(file)
-        _same_units(bodies, self.keep_out, file)
+        bodies, home = self.both_bodies(file)
+        self.check_units(bodies, file)
         try:
             movable, static = bodies.both(home and home.parent)
         except InputError as reason:
@@ -292,7 +288,7 @@ class ProblemFile(Entry):
             raise reason.within(file=file) from reason
         return Scene(movable, static, {keep_out.name: keep_out for keep_out in others})
 
-    def _bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
+    def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
         """Return the entries of both bodies, and the file that they stand in."""
         bodies, home = self.bodies, file
         if isinstance(bodies, str):
@@ -313,12 +309,16 @@ class ProblemFile(Entry):
                 )
         return bodies, home
 
+    def check_units(self, bodies: Bodies, file: Path | None) -> None:
+        """Refuse bodies that come in different units."""
+        entries = {"bodies.movable": bodies.movable, "bodies.static": bodies.static}
+        entries |= {f"keep_out[{k}]": entry for k, entry in enumerate(self.keep_out, 1)}
+        same_units({place: entry.unit for place, entry in entries.items()}, file)
 
-def _same_units(bodies: Bodies, keep_out: Sequence[BodyEntry], file: Path | None) -> None:
-    """Refuse bodies that come in different units."""
-    entries = {"bodies.movable": bodies.movable, "bodies.static": bodies.static}
-    entries |= {f"keep_out[{k}]": entry for k, entry in enumerate(keep_out, 1)}
-    units = {place: entry.unit for place, entry in entries.items() if entry.unit is not None}
+
+def same_units(given: Mapping[str, str | None], file: Path | None) -> None:
+    """Refuse bodies, by their places, that come in different units."""
+    units = {place: unit for place, unit in given.items() if unit is not None}
     first = next(iter(units), "")
     for place, unit in units.items():
         if unit != units[first]:
@@ -347,9 +347,32 @@ def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
     return ProblemFile.read(path).problems(Path(path))
 
 
-def _checked(data: Mapping[str, Any], file: Path | None) -> ProblemFile:
+def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, needed: str) -> Read:
+    """Return the checked contents of a TOML file; `kind` and `needed` say what it is and must have."""
+    file = Path(path)
     try:
-        return ProblemFile.model_validate(data)
+        data = tomllib.loads(file.read_bytes().decode("utf-8-sig"))  # some editors begin a file with a mark
+    except tomllib.TOMLDecodeError as reason:
+        raise InputError(f"not valid TOML: {reason}", file=file) from reason
+    except UnicodeDecodeError as reason:
+        raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
+    except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
+        raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
+    except OSError as reason:
+        allowed = f"a readable {kind} (TOML)"
+        raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
+    if not data:
+        raise InputError("the file is empty", file=file, allowed=needed)
+    try:
+        return checked(model, data, file)
+    except RecursionError as reason:
+        raise InputError("tables nested too deep", file=file, allowed=f"the keys of a {kind}") from reason
+
+
+def checked(model: type[Read], data: Mapping[str, Any], file: Path | None = None) -> Read:
+    """Return plain data as an entry; raises `InputError` that names the place in it."""
+    try:
+        return model.model_validate(data)
     except ValidationError as error:
         detail = next(item for item in error.errors(include_url=False) if item["type"] == REFUSED)
         context = detail["ctx"]
@@ -379,7 +402,7 @@ def _path(place: Sequence[Any], data: Mapping[str, Any]) -> str:
 
 def problem_from_dict(data: Mapping[str, Any]) -> Problem:
     """Return the problem of plain data with the keys of a one-case file; see `Problem.from_dict`."""
-    problems = _checked(data, None).problems()
+    problems = checked(ProblemFile, data).problems()
     if len(problems) > 1:
         raise InputError("more than one case", key="case", found=len(problems), allowed="one")
     return problems[0]
@@ -402,10 +425,10 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
     if asked["published"] is not None:
         case["published"] = _published_entries(problem)
     others = [
-        {**_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
+        {**plain_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
         for keep_out in problem.keep_out
     ]
-    bodies = {"movable": _body(problem.movable), "static": _body(problem.static)}
+    bodies = {"movable": plain_body(problem.movable), "static": plain_body(problem.static)}
     return {"bodies": bodies, **({"keep_out": others} if others else {}), "case": [case]}
 
 
@@ -419,8 +442,8 @@ def _published_entries(problem: Problem) -> list[dict[str, Any]]:
     return entries
 
 
-def _body(body: Body) -> dict[str, Any]:
-    """Return a body as drawn; `parts` only where the hull of all vertices would not do."""
+def plain_body(body: Body) -> dict[str, Any]:
+    """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
     entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
     parts = [
         [

@@ -1,0 +1,327 @@
+"""`study`, `whatif`, `map`, `pose`: what if sizes, tolerances, motions or shapes were different."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fcdm_opt.cli.common import (
+    BAD_INPUT,
+    NO_MOTION,
+    NOT_VERIFIED,
+    SOLVED,
+    AsJson,
+    Cases,
+    Files,
+    OpenedFile,
+    Seed,
+    album_in,
+    finish,
+    opened_files,
+    refusals,
+    say,
+)
+from fcdm_opt.errors import InputError
+
+if TYPE_CHECKING:
+    from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.solution import Solution
+
+Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="Write results and pictures there.")]
+Jobs = Annotated[int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; default: one a core.")]
+Sizes = Annotated[
+    Path | None,
+    typer.Option("--sizes", metavar="CSV", help="Measured pairs of parts; default: the tolerance box."),
+]
+Columns = Annotated[
+    str, typer.Option("--columns", metavar="A,B", help="Its columns with the movable and the static part's sizes.")
+]
+Nominals = Annotated[
+    str, typer.Option("--nominals", metavar="X,Y", help="What these columns are divided by: the sizes as drawn.")
+]
+
+
+def study_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).", show_default=False)],
+    out: Results,
+    jobs: Jobs = None,
+    engine: Annotated[
+        str, typer.Option("--engine", metavar="NAME", help='"joblib" (this machine) or "dask" (many).')
+    ] = "joblib",
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster; without it a local one is made."),
+    ] = None,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write study.parquet besides study.csv.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Solve and verify every point of a study; a run that was stopped is taken up where it was.
+
+    Rows go to study.sqlite in DIR as they come, at the end to study.csv, with a picture.
+    """
+    from fcdm_opt.design.study.running import run_study
+    from fcdm_opt.show.design_tables import print_study
+
+    pictures = album_in(out)
+    assert pictures is not None
+    with refusals():
+        result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
+        result.to_csv(out / "study.csv")
+        say(f"wrote {out / 'study.csv'}")
+        if parquet:
+            result.to_parquet(out / "study.parquet")
+            say(f"wrote {out / 'study.parquet'}")
+    pictures.add_study("study", result)
+    if not as_json:
+        print_study(result)
+    codes = [_study_code(result), *([BAD_INPUT] if pictures.failed else [])]
+    finish({"file": str(file), **result.to_dict()} if as_json else None, codes)
+
+
+def whatif_command(
+    files: Files,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change any key of a case, or bodies.movable...: tolerance=0.03, limits.RZ_deg=[-5,5]; "
+            "may be repeated.",
+        ),
+    ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            "--budget",
+            metavar="AMOUNT",
+            help='Largest tolerance that motions up to this amount make good, per requirement; "limits": that any '
+            "motion within the case's own limits does.",
+        ),
+    ] = None,
+    conflicts: Annotated[bool, typer.Option("--conflicts", help="Why there is no motion, and what cures it.")] = False,
+    drop: Annotated[bool, typer.Option("--drop", help="What each constraint costs.")] = False,
+    compare: Annotated[bool, typer.Option("--compare", help="Which family of motions is cheapest.")] = False,
+    as_json: AsJson = False,
+    case: Cases = None,
+) -> None:
+    """Ask what would be if something were different; without options what constraints cost, or why none is met."""
+    from fcdm_opt.design.whatif.budget import budget as largest_tolerances
+    from fcdm_opt.design.whatif.compare import compare as compared
+    from fcdm_opt.design.whatif.conflicts import conflicts as clashing
+    from fcdm_opt.design.whatif.drop import drop as costs
+    from fcdm_opt.design.whatif.whatif import whatif
+    from fcdm_opt.show import design_tables as tables
+    from fcdm_opt.tolerance.solver import solve
+
+    with refusals():
+        values = dict(map(_change, changes or ()))
+        limit = None if budget is None else _amount(budget)
+    plain = not (changes or budget or conflicts or drop or compare)
+
+    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        if changes:
+            yield "whatif", whatif(problem, _changed(file.path, problem, values)), tables.print_whatif
+        if budget is not None:
+            yield "budget", largest_tolerances(problem, limit), tables.print_budgets
+        solution: Solution | None = solve(problem) if plain else None
+        if conflicts or (solution is not None and not solution.usable):
+            yield "conflicts", clashing(problem), tables.print_conflicts
+        if drop or (solution is not None and solution.usable):
+            yield "drop", costs(problem if solution is None else solution), tables.print_costs
+        if compare:
+            yield "compare", compared(problem), tables.print_comparison
+
+    _each_case(files, case, as_json, asked)
+
+
+def map_command(
+    files: Files,
+    out: Results,
+    error: Annotated[
+        float | None,
+        typer.Option(
+            "--error", metavar="LENGTH", help="Error of the amount that is allowed; default: 1e-4 of the largest."
+        ),
+    ] = None,
+    budget: Annotated[
+        float | None,
+        typer.Option("--budget", metavar="AMOUNT", help="Tell the share of pairs whose motion stays within it."),
+    ] = None,
+    sizes: Sizes = None,
+    columns: Columns = "rho_1,rho_2",
+    nominals: Nominals = "1,1",
+    seed: Seed = 1,
+    jobs: Jobs = None,
+    as_json: AsJson = False,
+    case: Cases = None,
+) -> None:
+    """Map the smallest motion over all sizes in the tolerance box, a table for the shop floor, and tell the yield."""
+    from fcdm_opt.design.compensation.assembly_yield import assembly_yield
+    from fcdm_opt.design.compensation.compensation_map import compensation_map
+    from fcdm_opt.show import design_tables as tables
+
+    pictures = album_in(out)
+    assert pictures is not None
+
+    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        found = compensation_map(problem, error=error, jobs=jobs or 1)
+        stem = pictures.add_map(f"{file.path.stem}-{problem.name}", f"{file.name}: case {problem.name}", found)
+        for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
+            write(out / f"{stem}.{ending}")
+            say(f"wrote {out / f'{stem}.{ending}'}")
+        yield "map", found, tables.print_map
+        if budget is not None:
+            pairs = _pairs(sizes, columns, nominals) if sizes is not None else _normal(found.box)
+            share = assembly_yield(found, sizes=pairs, budget=budget, seed=seed)
+            pictures.add_yield(f"{stem}-yield", share)
+            yield "yield", share, tables.print_yield
+
+    _each_case(files, case, as_json, asked, failed=lambda: pictures.failed)
+
+
+def pose_command(
+    files: Files,
+    window: Annotated[
+        str | None,
+        typer.Option(
+            "--clearance", metavar="LO,HI", help="Smallest motion after which every pair's gap is in this window."
+        ),
+    ] = None,
+    sizes: Sizes = None,
+    columns: Columns = "rho_1,rho_2",
+    nominals: Nominals = "1,1",
+    as_json: AsJson = False,
+    case: Cases = None,
+) -> None:
+    """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
+    from fcdm_opt.design.fixed_pose.best_pose import best_pose
+    from fcdm_opt.design.fixed_pose.clearances import clearances
+    from fcdm_opt.show import design_tables as tables
+
+    with refusals():
+        ends = None if window is None else _two(window, "--clearance")
+        pairs = None if sizes is None else _pairs(sizes, columns, nominals)
+
+    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        yield "as drawn", clearances(problem, sizes=pairs), tables.print_clearances
+        best = best_pose(problem, sizes=pairs, clearance=ends)
+        yield "best pose", best, tables.print_best_pose
+        if best.transform is not None:
+            yield "at the best pose", clearances(problem, sizes=pairs, pose=best.transform), tables.print_clearances
+
+    _each_case(files, case, as_json, asked)
+
+
+# ---------------------------------------------------------------------------------------------------------------- cases
+
+
+def _each_case(
+    files: Sequence[Path],
+    wanted: Sequence[str] | None,
+    as_json: bool,
+    asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]],
+    failed: Callable[[], bool] = lambda: False,
+) -> None:
+    """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
+    from fcdm_opt.show.design_tables import print_case
+
+    opened = opened_files(files, wanted or ())
+    document, codes = [], [BAD_INPUT for file in opened if file.error]
+    for file in opened:
+        cases: list[dict[str, Any]] = []
+        for problem in file.problems:
+            answers: dict[str, Any] = {"name": problem.name}
+            if not as_json:
+                print_case(file.path.name, problem)
+            try:
+                for key, answer, printed in asked(file, problem):
+                    answers[key.replace(" ", "_")] = answer.to_dict()
+                    codes.append(_code(answer))
+                    if not as_json:
+                        printed(answer)
+            except InputError as reason:
+                answers["error"] = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
+                say(f"error: {answers['error']}")
+                codes.append(BAD_INPUT)
+            cases.append(answers)
+        document.append({**file.head(), "cases": cases})
+    finish(document if as_json else None, [*codes, *([BAD_INPUT] if failed() else [])])
+
+
+def _code(answer: Any) -> int:
+    """Return the exit code that an answer stands for."""
+    after = getattr(answer, "after", None)
+    if after is not None:
+        return SOLVED if after.usable else NOT_VERIFIED if after.status.found else NO_MOTION
+    return SOLVED
+
+
+def _study_code(result: StudyResult) -> int:
+    counts = result.counts
+    if any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING")):
+        return NOT_VERIFIED
+    return BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
+
+
+# -------------------------------------------------------------------------------------------------------------- options
+
+
+def _change(text: str) -> tuple[str, Any]:
+    """Read KEY=VALUE, the value as in a problem file; a word that is no such value is text."""
+    key, sign, value = (part.strip() for part in text.partition("="))
+    if not key or not sign:
+        raise InputError("not a change", key="--set", found=text, allowed="KEY=VALUE as tolerance=0.03")
+    try:
+        return key, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key, value
+
+
+def _changed(path: Path, problem: Problem, values: dict[str, Any]) -> Problem:
+    """Return a case of a file with other values at some places."""
+    from fcdm_opt.design.question import Question
+
+    question = next(own for own in Question.read(path) if own.name == problem.name)
+    return question.changed(values).problem()
+
+
+def _amount(text: str) -> float | None:
+    if text == "limits":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError("not an amount", key="--budget", found=text, allowed='a length >= 0, or "limits"') from None
+
+
+def _two(text: str, key: str) -> tuple[float, float]:
+    try:
+        low, high = map(float, text.split(","))
+    except ValueError:
+        low = high = math.nan
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise InputError("not two numbers", key=key, found=text, allowed="two numbers with a comma between, as 0.1,0.3")
+    return low, high
+
+
+def _pairs(path: Path, columns: str, nominals: str) -> Any:
+    """Return measured pairs of sizes, (n, 2), as shares of those drawn."""
+    from fcdm_opt.design.distributions import read_columns
+
+    names = [name.strip() for name in columns.split(",")]
+    if len(names) != 2:
+        raise InputError("not two columns", key="--columns", found=columns, allowed="two names with a comma between")
+    return read_columns(path, names, _two(nominals, "--nominals"))
+
+
+def _normal(box: Any) -> Any:
+    """Return sizes that scatter about the middle of a box, its ends three standard deviations away."""
+    from fcdm_opt.design.distributions import Normal
+
+    return tuple(Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in box)

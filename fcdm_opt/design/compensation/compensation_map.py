@@ -1,0 +1,379 @@
+"""The compensation map: the smallest motion for every pair of sizes in a box, for the shop floor."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.design.compensation.building import SHORTEST, Mesh
+from fcdm_opt.design.compensation.nodes import Nodes, Way, covered
+from fcdm_opt.design.compensation.table import MapPoints, Table, _write
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.tolerance.problem import Problem
+
+BUDGET = 20_000
+_FORMAT = "fcdm_opt compensation map 1"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Region:
+    """Pairs of sizes for which the motion is held in one way.
+
+    Attributes
+    ----------
+    kind : str
+        "motion", "already satisfied", "no motion" or "not verified".
+    features : tuple of str
+        Labels of the features in contact after the motion, or as near as they may be.
+    active : tuple of str
+        What else holds the motion, and which side of contact the pair is on at rest.
+    share : float
+        Of the box's area.
+    place : (2,) array
+        A pair of sizes well inside.
+    amounts : (float, float)
+        Least and largest amount at the table's nodes, length units; nan without a motion.
+    """
+
+    kind: str
+    features: tuple[str, ...]
+    active: tuple[str, ...]
+    share: float
+    place: Array
+    amounts: tuple[float, float]
+
+    def __str__(self) -> str:
+        return "; ".join((*self.features, *self.active)) or self.kind
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {
+            "kind": self.kind,
+            "features": list(self.features),
+            "active": list(self.active),
+            "share": self.share,
+            "place": self.place.tolist(),
+            "amounts": [None if math.isnan(amount) else amount for amount in self.amounts],
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Boundary:
+    """Where one region ends and another begins.
+
+    Attributes
+    ----------
+    regions : (int, int)
+        Numbers of both, from 0.
+    points : (n, 2) array
+        Pairs of sizes on it, in order.
+    jumps : bool
+        Whether the motion, or its amount, jumps there.
+    """
+
+    regions: tuple[int, int]
+    points: Array
+    jumps: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"regions": list(self.regions), "points": self.points.tolist(), "jumps": self.jumps}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CompensationMap:
+    """The smallest motion as a function of the sizes made, over a box of sizes.
+
+    Attributes
+    ----------
+    problem : dict
+        The problem as plain data, None where it cannot be written down (an amount of one's own).
+    box : (2, 2) array
+        Least and largest rho_1, rho_2.
+    nominal : (2,) array
+        Nominal sizes.
+    table : Table
+        Triangles that interpolate amount and parameters, with bounds of their errors.
+    regions : tuple of Region
+        Largest first; `table.regions` counts them from 0.
+    boundaries : tuple of Boundary
+    error : float
+        What amount and motion were asked to be within, length units.
+    reached : float
+        Largest bound outside the strips and specks in which jumps lie, see `Table.errors` there; above `error` where
+        the budget was spent.
+    solved : int
+        Number of pairs of sizes that were solved and judged.
+    seconds : float
+        Wall time of building.
+    """
+
+    problem: Mapping[str, Any] | None
+    box: Array
+    nominal: Array
+    table: Table
+    regions: tuple[Region, ...]
+    boundaries: tuple[Boundary, ...]
+    error: float
+    reached: float
+    solved: int
+    seconds: float
+
+    def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
+        """Return the motion for pairs of sizes, with bounds of its error, see `Table.at`."""
+        return self.table.at(rho1, rho2)
+
+    def __str__(self) -> str:
+        (low_1, high_1), (low_2, high_2) = self.box
+        return (
+            f"compensation map over [{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: {len(self.regions)} "
+            f"regions, {len(self.table)} triangles, error {self.reached:.3g} (asked for {self.error:.3g}), "
+            f"{self.solved} solves in {self.seconds:.1f} s"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data from which `from_dict` rebuilds the map; nan becomes None."""
+        return {
+            "format": _FORMAT,
+            "problem": self.problem,
+            "box": self.box.tolist(),
+            "nominal": self.nominal.tolist(),
+            "error": self.error,
+            "reached": self.reached,
+            "solved": self.solved,
+            "seconds": self.seconds,
+            "regions": [region.to_dict() for region in self.regions],
+            "boundaries": [boundary.to_dict() for boundary in self.boundaries],
+            "table": self.table.to_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> CompensationMap:
+        """Rebuild a map from `to_dict`; raises `InputError` for anything else."""
+        if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
+            raise InputError("not a compensation map", allowed=f"format = {_FORMAT!r}")
+        try:
+            return cls(
+                problem=data["problem"],
+                box=frozen(data["box"]),
+                nominal=frozen(data["nominal"]),
+                table=Table.from_dict(data["table"]),
+                regions=tuple(
+                    Region(
+                        kind=own["kind"],
+                        features=tuple(own["features"]),
+                        active=tuple(own["active"]),
+                        share=float(own["share"]),
+                        place=frozen(own["place"]),
+                        amounts=(_number(own["amounts"][0]), _number(own["amounts"][1])),
+                    )
+                    for own in data["regions"]
+                ),
+                boundaries=tuple(
+                    Boundary(
+                        regions=(int(own["regions"][0]), int(own["regions"][1])),
+                        points=frozen(own["points"]),
+                        jumps=bool(own["jumps"]),
+                    )
+                    for own in data["boundaries"]
+                ),
+                error=float(data["error"]),
+                reached=float(data["reached"]),
+                solved=int(data["solved"]),
+                seconds=float(data["seconds"]),
+            )
+        except (KeyError, TypeError, ValueError, IndexError) as reason:
+            if isinstance(reason, InputError):
+                raise
+            raise InputError("not the plain data of a map", key="CompensationMap", found=str(reason)) from reason
+
+    def to_json(self, path: str | Path) -> None:
+        """Write the whole map as JSON; the file is there as a whole or not at all."""
+        _write(path, json.dumps(self.to_dict(), allow_nan=False))
+
+    @classmethod
+    def read(cls, path: str | Path) -> CompensationMap:
+        """Read what `to_json` wrote; raises `InputError` naming the file."""
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as reason:
+            raise InputError(f"the file cannot be read: {reason.strerror}", file=path) from reason
+        except ValueError as reason:
+            raise InputError(f"not JSON: {str(reason)[:100]}", file=path) from reason
+        try:
+            return cls.from_dict(data)
+        except InputError as wrong:
+            raise wrong.within(file=path) from wrong
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the table as CSV, see `Table.to_csv`; and beside it the regions, as `<name>-regions.csv`."""
+        path = Path(path)
+        text = io.StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(["region", "kind", "features", "active", "share", "least_amount", "largest_amount"])
+        for number, own in enumerate(self.regions):
+            rows.writerow(
+                [
+                    number,
+                    own.kind,
+                    "; ".join(own.features),
+                    "; ".join(own.active),
+                    repr(own.share),
+                    *map(repr, own.amounts),
+                ]
+            )
+        self.table.to_csv(path)
+        _write(path.with_name(f"{path.stem}-regions.csv"), text.getvalue())
+
+
+def compensation_map(
+    problem: Problem,
+    *,
+    box: Any = None,
+    error: float | None = None,
+    budget: int = BUDGET,
+    jobs: int = 1,
+) -> CompensationMap:
+    """Work out the smallest motion for all pairs of sizes in a box.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its requirement or target is replaced by each pair of sizes. Any goal but "beyond".
+    box : ((low_1, high_1), (low_2, high_2)), optional
+        Sizes to cover; default: what the problem's tolerance leaves open about its nominal pair.
+    error : float, optional
+        Length that amount, and displacements of body 1, may be off by; default: 1e-4 of the largest amount.
+    budget : int
+        Number of pairs to be solved, about; when it is spent the map tells what error it reached.
+    jobs : int
+        Processes; more than one pays from about a thousand solves on.
+
+    Returns
+    -------
+    CompensationMap
+
+    Raises
+    ------
+    InputError
+        For goal "beyond", a resolution, and a box that is none.
+    """
+    start = perf_counter()
+    made = covered(problem, box)
+    for key, value, least in (("budget", budget, 1), ("jobs", jobs, 1)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise InputError("not a number of these", key=key, found=value, allowed="1, 2, ...")
+    if error is not None and not (isinstance(error, (int, float)) and math.isfinite(error) and error > 0):
+        raise InputError("not a length", key="error", found=error, allowed="a finite number > 0, or None")
+    nodes = Nodes(problem, made, budget, jobs)
+    mesh = Mesh(nodes, error)
+    mesh.refine()
+    table, ways = _table(mesh, problem, nodes)
+    smooth = [own.errors.max() for own in mesh.triangles if mesh.size(own) > 2.0 * SHORTEST]
+    return CompensationMap(
+        problem=_plain(problem),
+        box=frozen(made),
+        nominal=frozen(problem.nominal_pair),
+        table=table,
+        regions=_regions(table, ways),
+        boundaries=tuple(_boundaries(mesh, nodes, ways)),
+        error=float(mesh.error),
+        reached=float(max(smooth, default=math.inf)),
+        solved=len(nodes.known),
+        seconds=perf_counter() - start,
+    )
+
+
+def _table(mesh: Mesh, problem: Problem, nodes: Nodes) -> tuple[Table, list[Way]]:
+    """Return the table and the ways of its regions, the largest first."""
+    parts = list(mesh.finished())
+    corners = nodes.pair(np.array([own[0] for own in parts]))
+    areas: dict[Way, float] = {}
+    for place, _, _, way in parts:
+        areas[way] = areas.get(way, 0.0) + abs(float(np.linalg.det(place[1:] - place[0]))) / 2
+    ways = sorted(areas, key=lambda way: (-areas[way], way))
+    values = np.array([own[1] for own in parts])
+    values[:, :3, 0] = np.maximum(values[:, :3, 0], 0.0)  # rounding where motions begin
+    table = Table(
+        corners=corners,
+        values=values,
+        errors=np.array([own[2] for own in parts]),
+        regions=np.array([ways.index(own[3]) for own in parts]),
+        names=tuple(parameter.name for parameter in problem.motion.parameters),
+    )
+    return table, ways
+
+
+def _regions(table: Table, ways: Sequence[Way]) -> tuple[Region, ...]:
+    sides = table.corners[:, 1:] - table.corners[:, :1]
+    areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+    made = []
+    for number, way in enumerate(ways):
+        own = np.flatnonzero(table.regions == number)
+        amounts = table.values[own, :, 0]
+        found = amounts[np.isfinite(amounts)]
+        middle = table.corners[own[np.argmax(areas[own])]].mean(axis=0)
+        made.append(
+            Region(
+                kind=way.kind,
+                features=way.features,
+                active=way.active,
+                share=float(areas[own].sum() / areas.sum()),
+                place=frozen(middle),
+                amounts=(max(float(found.min()), 0.0), float(found.max())) if len(found) else (math.nan, math.nan),
+            )
+        )
+    return tuple(made)
+
+
+def _boundaries(mesh: Mesh, nodes: Nodes, ways: Sequence[Way]) -> list[Boundary]:
+    made = []
+    for (one, two), edges in mesh.boundaries().items():
+        regions = tuple(sorted((ways.index(one), ways.index(two))))
+        for jumps in (False, True):
+            for chain in _chains([ends for ends in edges if mesh.jumps(ends) == jumps]):
+                points = nodes.pair(np.array([mesh.vertices[k].place for k in chain]))
+                made.append(Boundary(regions=(regions[0], regions[1]), points=frozen(points), jumps=jumps))
+    return sorted(made, key=lambda own: (own.regions, own.points[0].tolist()))
+
+
+def _chains(edges: Sequence[tuple[int, int]]) -> list[list[int]]:
+    """Join edges that share ends to chains; where three or more meet, chains end."""
+    around: dict[int, list[int]] = {}
+    for i, j in edges:
+        around.setdefault(i, []).append(j)
+        around.setdefault(j, []).append(i)
+    left, chains = {frozenset(ends) for ends in edges}, []
+    for start in sorted(around, key=lambda k: (len(around[k]) == 2, k)):  # closed chains last
+        for step in around[start]:
+            chain = [start, step]
+            while frozenset(chain[-2:]) in left:
+                left.discard(frozenset(chain[-2:]))
+                onward = [k for k in around[chain[-1]] if frozenset((chain[-1], k)) in left]
+                if len(around[chain[-1]]) != 2 or not onward:
+                    chains.append(chain)
+                    break
+                chain.append(onward[0])
+    return chains
+
+
+def _plain(problem: Problem) -> dict[str, Any] | None:
+    try:
+        return problem.to_dict()
+    except InputError:
+        return None
+
+
+def _number(x: float | None) -> float:
+    return math.nan if x is None else float(x)

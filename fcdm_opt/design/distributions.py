@@ -1,0 +1,282 @@
+"""What sizes and other numbers are drawn from: uniform, truncated normal, measured."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.tolerance.arguments import positive, real
+
+_ONE_DOWN = 1.0 - np.finfo(np.float64).eps  # k / n times n may round to above k; this takes it back
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Every number of a range alike.
+
+    Attributes
+    ----------
+    low, high : float
+        The range, low < high.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _set_range(self, "uniform")
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest number that can be drawn."""
+        return self.low, self.high
+
+    def quantile(self, u: ArrayLike) -> Array:
+        """Return the numbers below which the shares `u` of all draws lie, in the shape of `u`."""
+        u = _shares(u)
+        return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, as it stands in a study file."""
+        return {"uniform": {"low": self.low, "high": self.high}}
+
+
+@dataclass(frozen=True)
+class Normal:
+    """A normal distribution cut off at both ends of a range.
+
+    Attributes
+    ----------
+    mean, deviation : float
+        Of the whole distribution, before it is cut off; the mean may lie outside the range.
+    low, high : float
+        The range, low < high.
+    """
+
+    mean: float
+    deviation: float
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mean", real(self.mean, "normal.mean", "a finite number"))
+        object.__setattr__(self, "deviation", positive(self.deviation, "normal.deviation"))
+        _set_range(self, "normal")
+        below, above = self._masses
+        if not max(below[1] - below[0], above[0] - above[1]) > 0.0:
+            raise InputError(
+                "no draw falls into this range: the probability of it is lost in rounding",
+                key="normal",
+                found=self.to_dict()["normal"],
+                allowed="a range less than 37 deviations from the mean, and no narrower than digits tell apart",
+            )
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest number that can be drawn."""
+        return self.low, self.high
+
+    @cached_property
+    def _masses(self) -> tuple[Array, Array]:
+        """What lies below, and above, both ends of the range in the whole distribution."""
+        from scipy.special import ndtr
+
+        ends = (np.array([self.low, self.high]) - self.mean) / self.deviation
+        return ndtr(ends), ndtr(-ends)
+
+    def quantile(self, u: ArrayLike) -> Array:
+        """Return the numbers below which the shares `u` of all draws lie, in the shape of `u`."""
+        from scipy.special import ndtri
+
+        u = _shares(u)
+        # what lies below and above the number; the smaller of the two has all its digits
+        (least, most), (largest, last) = self._masses
+        below, above = least + u * (most - least), last + (1.0 - u) * (largest - last)
+        turned = np.where(below < above, self.deviation, -self.deviation)
+        return np.clip(self.mean + turned * ndtri(np.minimum(below, above)), self.low, self.high)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, as it stands in a study file."""
+        return {"normal": {"mean": self.mean, "deviation": self.deviation, "low": self.low, "high": self.high}}
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Measured values, each drawn as often as any other.
+
+    Attributes
+    ----------
+    values : array (n,)
+        The values, in increasing order.
+    """
+
+    values: Array
+
+    def __post_init__(self) -> None:
+        values = numbers(self.values, "measured")
+        if values.ndim != 1 or not values.size or not np.isfinite(values).all():
+            raise InputError(
+                "unusable measured values", key="measured", found=self.values, allowed="at least one finite number"
+            )
+        object.__setattr__(self, "values", frozen(np.sort(values)))
+
+    @classmethod
+    def from_csv(cls, path: str | Path, column: str, nominal: float = 1.0) -> Measured:
+        """Read the sizes in a column of a CSV file.
+
+        Parameters
+        ----------
+        path : path
+            A file as `read_columns` wants it.
+        column : str
+            Name of the column.
+        nominal : float
+            The size that stands for a scale of 1, in the unit of the column: values are divided by it.
+
+        Raises
+        ------
+        InputError
+            As `read_columns`.
+        """
+        return cls(read_columns(path, [column], [nominal])[:, 0])
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest of the values."""
+        return float(self.values[0]), float(self.values[-1])
+
+    def quantile(self, u: ArrayLike) -> Array:
+        """Return the least values that at least the shares `u` of all values do not exceed, in the shape of `u`."""
+        u = _shares(u)
+        count = len(self.values)
+        place = np.ceil(u * count * _ONE_DOWN).astype(np.int64) - 1
+        return self.values[np.clip(place, 0, count - 1)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"measured": {"values": self.values.tolist()}}
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Measured) and np.array_equal(self.values, other.values)
+
+    def __hash__(self) -> int:
+        return hash(self.values.tobytes())
+
+    def __repr__(self) -> str:
+        low, high = self.range
+        return f"Measured({len(self.values)} values from {low:.6g} to {high:.6g})"
+
+
+Distribution = Uniform | Normal | Measured
+
+
+def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[float] | None = None) -> Array:
+    """Read measured sizes from a CSV file.
+
+    The file is text in UTF-8 with comma-separated columns and decimal points; its first line names the columns. Lines
+    with nothing in them are skipped.
+
+    Parameters
+    ----------
+    path : path
+    columns : sequence of str
+        Names of the columns to read.
+    nominals : sequence of float, optional
+        What each column is divided by. Default: 1.
+
+    Returns
+    -------
+    array (rows, columns)
+        Numbers > 0.
+
+    Raises
+    ------
+    InputError
+        Naming file, row (the line of the file, the first is 1) and column: for a file that cannot be read, a column
+        that is not there or there twice, and for what is no number > 0: empty, text, nan, zero.
+    """
+    shown = repr(str(path)) if "\0" in str(path) else path
+    if isinstance(columns, str) or not columns or not all(isinstance(column, str) for column in columns):
+        raise InputError(
+            "name the columns to read", file=shown, key="columns", found=columns, allowed="a list of names"
+        )
+    nominals = [1.0] * len(columns) if nominals is None else list(nominals)
+    if len(nominals) != len(columns):
+        raise InputError("one nominal size a column", file=shown, key="nominals", found=nominals)
+    divisors = [positive(nominal, "nominal") for nominal in nominals]
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as stream:  # -sig: spreadsheets begin a text with a mark
+            rows = csv.reader(stream, strict=True)
+            header = [name.strip() for name in next(rows, [])]
+            places = [_place(header, column, shown) for column in columns]
+            table = [
+                [_size(row, place, header, rows.line_num, shown) for place in places]
+                for row in rows
+                if any(cell.strip() for cell in row)
+            ]
+    except OSError as reason:
+        raise InputError("the file cannot be read", file=shown, found=reason.strerror) from reason
+    except UnicodeDecodeError as reason:
+        raise InputError("not a text file in UTF-8", file=shown, found=reason.object[reason.start]) from reason
+    except csv.Error as reason:
+        raise InputError(f"not a CSV file: {reason}", file=shown, key=f"row {rows.line_num}") from reason
+    except InputError:
+        raise
+    except ValueError as reason:  # a path with a null
+        raise InputError(f"the file cannot be read: {reason}", file=shown) from reason
+    if not table:
+        raise InputError("no row of numbers below the line of names", file=shown)
+    return np.array(table) / np.array(divisors)
+
+
+def _place(header: list[str], column: str, file: Any) -> int:
+    """Return which column has a name."""
+    if header.count(column) == 1:
+        return header.index(column)
+    what = "this column is there twice" if column in header else "no such column"
+    if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
+        what += " (columns are separated by commas, and by nothing else)"
+    raise InputError(what, file=file, key=f"column {column!r}", allowed=f"one of {', '.join(map(repr, header))}")
+
+
+def _size(row: list[str], place: int, header: list[str], line: int, file: Any) -> float:
+    """Return the number > 0 in a cell."""
+    key = f"row {line}, column {header[place]!r}"
+    if len(row) != len(header):
+        what = f"this row has {len(row)} cells and the line of names {len(header)}"
+        raise InputError(what, file=file, key=key, allowed="commas between cells only, and points in numbers")
+    try:
+        value = float(row[place].replace("_", "?"))  # Python takes 1_000
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value < float("inf"):
+        found = row[place] or "nothing"
+        raise InputError("not a size", file=file, key=key, found=found, allowed="a finite number > 0")
+    return value
+
+
+def _set_range(distribution: Uniform | Normal, key: str) -> None:
+    """Check the range of a distribution, and keep it as floats."""
+    low = real(distribution.low, f"{key}.low", "a finite number")
+    high = real(distribution.high, f"{key}.high", "a finite number")
+    if not low < high:
+        raise InputError("empty range", key=key, found=(low, high), allowed="low < high")
+    object.__setattr__(distribution, "low", low)
+    object.__setattr__(distribution, "high", high)
+
+
+def _shares(u: ArrayLike) -> Array:
+    """Return shares as an array."""
+    shares = np.asarray(u, dtype=np.float64)
+    if not ((shares >= 0.0) & (shares <= 1.0)).all():
+        raise InputError("shares of all draws lie between 0 and 1", key="u", found=u)
+    return shares

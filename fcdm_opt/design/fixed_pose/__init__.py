@@ -1,0 +1,13 @@
+"""One pose for all pairs of parts, where they are not measured one by one.
+
+clearances    range and distribution of the gap over all sizes, without any re-positioning
+best_pose     the pose whose worst gap is least, or the smallest motion that keeps all gaps in a window, with proof
+
+sizes         which size pairs are spoken of: a box, a list, a distribution
+scene         two bodies at a pose: their contact lines, and the extremes of the gap over all sizes
+worst         what is made small: how far the worst gap is off
+local_search  a pose that is as good as those about it
+cells         what is known of all poses of a cell, and branch and bound over cells
+proof         the cells as evidence, and their independent checker
+gaps          compiled: signed distances from contact lines, bounds over cells, matrix games
+"""

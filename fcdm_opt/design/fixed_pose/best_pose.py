@@ -1,0 +1,309 @@
+"""The one pose that is best for all pairs of parts, where they are not measured one by one."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.design.fixed_pose.cells import Search
+from fcdm_opt.design.fixed_pose.clearances import EndOfRange
+from fcdm_opt.design.fixed_pose.local_search import Found, better, smaller
+from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
+from fcdm_opt.design.fixed_pose.scene import Scene
+from fcdm_opt.design.fixed_pose.sizes import Sizes, worst_sizes
+from fcdm_opt.design.fixed_pose.worst import Worst, domain
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.tolerance import arguments
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Check
+from fcdm_opt.tolerances import DEFAULT
+
+BEST, INSIDE, NONE, UNDECIDED = "least worst gap", "inside the window", "no pose", "undecided"
+EFFORT = 20_000  # cells: a second or two for two parameters
+ASKED = 200  # size pairs at which the collision library confirms the range of the gap
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BestPose:
+    """One pose for all pairs of parts.
+
+    Attributes
+    ----------
+    status : str
+        "least worst gap" (no window was asked for), "inside the window", "no pose" (proved: none brings all gaps into
+        the window; the parameters are those of the pose that misses it least), "undecided".
+    parameters : dict
+        Names and values, length units and radians.
+    transform : (4, 4) array
+    amount : float
+        Weighted amount of the motion.
+    worst_gap : float
+        Largest |gap| over all sizes at this pose.
+    violation : float
+        How far the worst gap is off the window, 0 inside; without a window `worst_gap`.
+    least, most : EndOfRange
+        The ends of the range of the gap at this pose.
+    value, lower_bound : float
+        What is made small, the violation or, inside the window, the amount; and what it is proved to be no less than,
+        to rounding, whatever the pose.
+    certified : bool
+        Whether they differ by no more than the accuracy asked for (or by `Problem.contact_slack`).
+    cells : int
+        Cells of poses looked at for the proof.
+    checks : tuple of Check
+        The collision library on the pose found: it confirms the gaps at both extremes and at other sizes.
+    sizes : Sizes
+        The sizes spoken of.
+    window : (low, high)
+        (0, 0) without one.
+    evidence : PoseEvidence or None
+        The proof, see `check`.
+    seconds : float
+    """
+
+    status: str
+    parameters: dict[str, float]
+    transform: Array
+    amount: float
+    worst_gap: float
+    violation: float
+    least: EndOfRange
+    most: EndOfRange
+    value: float
+    lower_bound: float
+    certified: bool
+    cells: int
+    checks: tuple[Check, ...]
+    sizes: Sizes = field(repr=False)
+    window: tuple[float, float]
+    evidence: PoseEvidence | None = field(repr=False)
+    seconds: float
+
+    @property
+    def gap(self) -> float:
+        """What the proof leaves open: value less lower bound."""
+        return self.value - self.lower_bound
+
+    @property
+    def passed(self) -> bool:
+        """Whether the collision library confirms the pose."""
+        return bool(self.checks) and all(check.passed for check in self.checks)
+
+    def check(self, problem: Problem) -> tuple[Check, ...]:
+        """Return the independent checks of the proof, see `proof.check_proof`; none without one."""
+        if self.evidence is None:
+            return ()
+        inside = self.status == INSIDE
+        return check_proof(problem, self.sizes, self.window, self.evidence, self.lower_bound, amounts=inside)
+
+    def __str__(self) -> str:
+        pose = ", ".join(f"{name} {x:.6g}" for name, x in self.parameters.items())
+        ends = f"gaps from {self.least.gap:.6g} to {self.most.gap:.6g}"
+        what = "amount" if self.status == INSIDE else "worst gap" if self.status == BEST else "off the window by"
+        return f"{self.status}: {pose}; {ends}; {what} {self.value:.6g}, proved >= {self.lower_bound:.6g}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""
+        return {
+            "status": self.status,
+            "parameters": dict(self.parameters),
+            "transform": self.transform.tolist(),
+            "amount": self.amount,
+            "worst_gap": self.worst_gap,
+            "violation": self.violation,
+            "least": self.least.to_dict(),
+            "most": self.most.to_dict(),
+            "value": self.value,
+            "lower_bound": self.lower_bound,
+            "certified": self.certified,
+            "cells": self.cells,
+            "checks": [check._asdict() for check in self.checks],
+            "sizes": self.sizes.to_dict(),
+            "window": [None if np.isinf(end) else end for end in self.window],
+            "seconds": self.seconds,
+        }
+
+
+def best_pose(
+    problem: Problem,
+    *,
+    sizes: Any = None,
+    box: Any = None,
+    clearance: Any = None,
+    certify: bool = True,
+    accuracy: float = 1e-4,
+    effort: int = EFFORT,
+) -> BestPose:
+    """Return the one pose of the problem's motion family that is best for all pairs of parts.
+
+    The gap of the bodies is their signed distance: of a peg in a hole that of the nearest wall. Without a window the
+    largest |gap| is made least: neither much play nor much interference. With a window (low, high), the smallest motion
+    such that every gap lies in it; either end may be infinite, (low, inf) asks for a clearance.
+
+    Asked are bodies, motion, limits and weights: the problem's goal, path, pair state and resolution play no part.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without keep-outs.
+    sizes : (n, 2) array, or a distribution for each body, optional
+        The pairs that must all do: a list, or all that the distributions can give.
+    box : ((low_1, high_1), (low_2, high_2)), optional
+        All sizes of a box, in place of `sizes`; default the problem's tolerance.
+    clearance : (low, high), optional
+        The window of the gap, length units.
+    certify : bool
+        Whether to prove how good the pose is, and to look everywhere; else the best pose near rest is returned.
+    accuracy : float
+        Relative difference of value and lower bound at which the proof is complete.
+    effort : int
+        Cells at most. One and two parameters seldom need so many; with three and more the bound reached is told.
+
+    Raises
+    ------
+    InputError
+        For sizes that are none (see `clearances`), an empty window, a problem with keep-outs, and where limits are
+        missing that keep the search finite.
+    """
+    start = time.perf_counter()
+    if problem.keep_out:
+        raise InputError(
+            "one pose for all pairs is not looked for among keep-outs",
+            key="keep_out",
+            found=[own.name for own in problem.keep_out],
+            allowed="a problem without keep-outs: problem.changed(keep_out=())",
+        )
+    accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
+    low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
+    if low == -np.inf and high == np.inf:
+        raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
+    asked = worst_sizes(problem, sizes, box)
+    worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
+    slack = problem.contact_slack
+    limits = np.array(problem.limits)
+    best = better(worst, limits, np.clip(np.zeros(len(limits)), *limits.T))
+    inside = clearance is not None and best.off.value <= slack
+    if not inside:
+        search = _least_off(worst, best, slack, accuracy, effort if certify else 0, stop=clearance is not None)
+        best = search.best
+        inside = clearance is not None and best.off.value <= slack
+    if inside:
+        best = smaller(worst, limits, best, slack)
+        search = _least_amount(worst, best, slack, accuracy, effort if certify else 0)
+        best = search.best
+    value, bound = search.value, search.lower if search.nodes else _known(search)
+    done = value - bound <= max(accuracy * abs(value), slack)
+    status = BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED
+    return _told(worst, best, status, value, bound, done, asked, search, time.perf_counter() - start)
+
+
+def _known(search: Search) -> float:
+    """Return what is known without a proof."""
+    return 0.0 if search.amounts else search.worst.floor
+
+
+def _least_off(worst: Worst, best: Found, slack: float, accuracy: float, effort: int, *, stop: bool) -> Search:
+    """Look for the pose whose worst gap is off least; `stop` where one is in the window."""
+    limits = np.array(worst.problem.limits)
+    if effort:
+        limits = _bounded(worst, domain(worst, best.off.value + worst.high, np.inf))
+    search = Search(worst, limits, best, slack, False, lambda q: better(worst, limits, q))
+    if effort and best.off.value > max(worst.floor, 0.0) + slack:
+        search.run(accuracy=accuracy, near=slack, most=effort, settled=lambda: stop and search.best.off.value <= slack)
+    return search
+
+
+def _least_amount(worst: Worst, best: Found, slack: float, accuracy: float, effort: int) -> Search:
+    """Look for the smallest motion into the window."""
+    limits = np.array(worst.problem.limits)
+    if effort:
+        limits = _bounded(worst, domain(worst, worst.high + slack, best.amount))
+    search = Search(worst, limits, best, slack, True, lambda q: smaller(worst, limits, Found(q, *_at(worst, q)), slack))
+    if effort and best.amount > slack:
+        search.run(accuracy=accuracy, near=slack, most=effort)
+    return search
+
+
+def _at(worst: Worst, q: Array) -> tuple[Any, float]:
+    return worst.off(q), worst.amount(q)
+
+
+def _bounded(worst: Worst, limits: Array) -> Array:
+    """Return limits that are all finite; raise `InputError` for others."""
+    names = [parameter.name for parameter in worst.problem.motion.parameters]
+    for name, ends in zip(names, limits.tolist(), strict=True):
+        if not np.isfinite(ends).all():
+            raise InputError(
+                "nothing bounds this parameter: a proof needs limits",
+                key=f"limits.{name}",
+                found=ends,
+                allowed="finite limits, a window with a finite upper end, or certify=False",
+            )
+    return limits
+
+
+def _told(
+    worst: Worst,
+    best: Found,
+    status: str,
+    value: float,
+    bound: float,
+    done: bool,
+    sizes: Sizes,
+    search: Search,
+    seconds: float,
+) -> BestPose:
+    """Return the result, with the collision library's word on the pose."""
+    problem, scene, off = worst.problem, worst.scene, best.off
+    ends = off.extremes
+    transform = worst.transform(best.q)
+    names = [parameter.name for parameter in problem.motion.parameters]
+    return BestPose(
+        status=status,
+        parameters=dict(zip(names, (best.q + 0.0).tolist(), strict=True)),
+        transform=frozen(transform),
+        amount=best.amount,
+        worst_gap=max(abs(ends.least.gap), abs(ends.most.gap)),
+        violation=max(off.value, 0.0),
+        least=EndOfRange.of(scene, off.lines, ends.least),
+        most=EndOfRange.of(scene, off.lines, ends.most),
+        value=value,
+        lower_bound=bound,
+        certified=bool(done),
+        cells=len(search.nodes),
+        checks=judged(problem, sizes, transform, ends.least.gap, ends.most.gap, (ends.least.rho, ends.most.rho)),
+        sizes=sizes,
+        window=(worst.low, worst.high),
+        evidence=PoseEvidence.of(search) if search.nodes else None,
+        seconds=seconds,
+    )
+
+
+def judged(
+    problem: Problem, sizes: Sizes, transform: Array, least: float, most: float, extremes: tuple[Array, Array]
+) -> tuple[Check, ...]:
+    """Return the collision library's checks of a range of the gap at a pose.
+
+    The gaps at the sizes where the extremes are claimed, and that none at other sizes is beyond them: at the corners of
+    the box and at sizes spread over it, or at some of the list.
+    """
+    from fcdm_opt.geometry.collision import ScaledPair
+
+    if sizes.pairs is None:
+        u = np.random.default_rng(0).random((ASKED, 2))
+        others = np.vstack([sizes.corners, sizes.box[:, 0] + u * (sizes.box[:, 1] - sizes.box[:, 0])])
+    else:
+        others = sizes.pairs[np.linspace(0, len(sizes.pairs) - 1, min(ASKED, len(sizes.pairs))).astype(np.int64)]
+    asked = np.vstack([*extremes, others])
+    gaps = ScaledPair(problem.movable, problem.static).signed_distances(asked, np.tile(transform, (len(asked), 1, 1)))
+    slack = max(problem.contact_slack, DEFAULT.touch * problem.size)
+    errors = (
+        ("least gap", abs(gaps[0] - least), "at the sizes named"),
+        ("largest gap", abs(gaps[1] - most), "at the sizes named"),
+        ("range", max(least - gaps.min(), gaps.max() - most), f"at {len(others)} other sizes"),
+    )
+    return tuple(Check(name, bool(error <= slack), float(error), slack, note) for name, error, note in errors)

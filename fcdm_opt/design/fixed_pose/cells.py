@@ -1,0 +1,248 @@
+"""Branch and bound over cells of poses: boxes of motion parameters, each halved until it holds nothing better.
+
+A cell is known by the enclosure of its poses, of first order: everything linear in its parameters is kept, the rest
+bounded. Of its bound keeps a record what proves it, see `gaps.cell_bound`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from heapq import heapify, heappop, heappush
+
+import numpy as np
+
+from fcdm_opt.design.fixed_pose import gaps as kernels
+from fcdm_opt.design.fixed_pose.local_search import Found
+from fcdm_opt.design.fixed_pose.worst import Worst
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.tolerance.proof.enclosure import Enclosure
+
+BATCH = 64  # cells looked at together
+NEGLIGIBLE = 1e-9  # shares of a mixture that are left out
+RAW = 0.05  # of how far a parameter moves points, besides what it costs the bound, in the choice of what to halve
+MUCH = 1e-3  # relative gain at a cell's centre from which on a search for the best pose near it is worth its time
+
+
+@dataclass(frozen=True, eq=False)
+class Witnesses:
+    """A mixture that proves a bound of a cell.
+
+    Attributes
+    ----------
+    kinds : (w,) ints
+        See `gaps.cell_bound`.
+    shares : (w,) array
+    parts : (w, 2) ints
+        Part pair whose gap falls short of the window; -1 where all gaps exceed it.
+    sizes : (w, 2) array
+    ways : tuple of arrays
+        (0, 3), or a direction for each part pair, i * parts 2 + j.
+    """
+
+    kinds: Ints
+    shares: Array
+    parts: Ints
+    sizes: Array
+    ways: tuple[Array, ...]
+
+
+@dataclass(eq=False)
+class Node:
+    """A cell, its bound and what proves it; `axis` is that along which it was halved, -1 for a leaf."""
+
+    low: Array
+    high: Array
+    bound: float = -np.inf
+    witnesses: Witnesses | None = None
+    split: int = 0
+    axis: int = -1
+    children: tuple[int, int] | None = None
+
+
+@dataclass(eq=False)
+class Search:
+    """Cells of poses, and the best pose known.
+
+    Attributes
+    ----------
+    worst : Worst
+    limits : (k, 2) array
+        All finite.
+    best : Found
+    slack : float
+        A pose is in the window whose worst gap is off by no more.
+    amounts : bool
+        Whether the smallest amount in the window is looked for; else the pose whose worst gap is off least.
+    improve : callable
+        Given a pose, returns one near it that is as good as those about it.
+    """
+
+    worst: Worst
+    limits: Array
+    best: Found
+    slack: float
+    amounts: bool
+    improve: Callable[[Array], Found]
+    nodes: list[Node] = field(default_factory=list)
+
+    @property
+    def value(self) -> float:
+        """What is made small, of the best pose known."""
+        return self.best.amount if self.amounts else self.best.off.value
+
+    @property
+    def lower(self) -> float:
+        """What no pose has less of: by the leaves."""
+        leaves = [node.bound for node in self.nodes if node.axis < 0]
+        return max(min(min(leaves, default=np.inf), self.value), 0.0 if self.amounts else self.worst.floor)
+
+    def run(self, *, accuracy: float, near: float, most: int, settled: Callable[[], bool] = lambda: False) -> None:
+        """Halve cells until no pose is better than the best by `accuracy`, or there are `most` cells.
+
+        Parameters
+        ----------
+        accuracy : float
+            Relative.
+        near : float
+            Values this near to each other are equal.
+        most : int
+        settled : callable
+            Ends the search early.
+        """
+        if not self.nodes:
+            self._add([self.limits])
+        heap = [(node.bound, k) for k, node in enumerate(self.nodes) if node.axis < 0]
+        heapify(heap)
+        while heap and len(self.nodes) < most and not settled():
+            enough = self.value - max(accuracy * abs(self.value), near)
+            if max(self.lower_of(heap), self.worst.floor if not self.amounts else 0.0) >= enough:
+                break
+            boxes: list[Array] = []
+            while heap and len(boxes) < BATCH and heap[0][0] < enough:
+                _, k = heappop(heap)
+                node = self.nodes[k]
+                middle = 0.5 * node.low[node.split] + 0.5 * node.high[node.split]
+                if not node.low[node.split] < middle < node.high[node.split]:
+                    continue  # as small as digits allow
+                node.axis = node.split
+                node.children = (len(self.nodes) + len(boxes), len(self.nodes) + len(boxes) + 1)
+                box = np.column_stack([node.low, node.high])
+                for side in (0, 1):
+                    half = box.copy()
+                    half[node.split, 1 - side] = middle
+                    boxes.append(half)
+            if not boxes:
+                break
+            start = len(self.nodes)
+            self._add(boxes)
+            for k in range(start, len(self.nodes)):
+                heappush(heap, (self.nodes[k].bound, k))
+
+    @staticmethod
+    def lower_of(heap: list[tuple[float, int]]) -> float:
+        """Return the least bound of the cells that are left."""
+        return heap[0][0] if heap else np.inf
+
+    def _add(self, boxes: list[Array]) -> None:
+        low, high = (np.array([box[:, side] for box in boxes]) for side in (0, 1))
+        T = enclosures(self.worst, low, high)
+        for k in range(len(boxes)):
+            node = Node(low[k], high[k])
+            self._look_at(node, T[k])
+            self.nodes.append(node)
+
+    def _look_at(self, node: Node, T: Array) -> None:
+        worst, scene = self.worst, self.worst.scene
+        slopes, count = T[:, 1:-1], len(worst.active)
+        moved = np.abs(slopes[9:]).sum(axis=0) + scene.sizes.box[0, 1] * scene.reach[0] * np.abs(slopes[:9]).sum(axis=0)
+        slack = float(moved.sum())
+        lines = scene.lines(np.ascontiguousarray(T[:, 0]), slack)
+        bound, value, shares, kinds, ways, scores = kernels.cell_bound(
+            scene.vertices[0],
+            scene.starts[0],
+            scene.vertices[1],
+            scene.starts[1],
+            lines.rows,
+            lines.first,
+            lines.pairs,
+            T,
+            worst.active,
+            worst.low,
+            worst.high,
+        )
+        if not np.isfinite(bound):
+            bound = -np.inf
+        chosen = np.flatnonzero(shares > NEGLIGIBLE)
+        parts = np.full((len(chosen), 2), -1)
+        kind, place, size = kinds[chosen].T
+        short = kind != kernels.DIRECTED
+        parts[short] = lines.pairs[place[short]]
+        directions = tuple(np.empty((0, 3)) if own else ways[s] for own, s in zip(short, size, strict=True))
+        node.witnesses = Witnesses(kind, shares[chosen], parts, worst.active[size], directions)
+        width = node.high - node.low
+        if self.amounts:
+            # beyond rounding off the window; else what the cell may hold counts by its amount
+            sure = bound > 2.0 * self.slack
+            node.bound = np.inf if sure else least_amount(worst.problem.weights, node.low, node.high)
+            if not sure:
+                node.witnesses = None
+            node.split = int(np.argmax(worst.problem.weights * width))
+        else:
+            node.bound = bound
+            scores = np.where(np.isfinite(scores), scores, 0.0) + RAW * moved + self._bent(T, width)
+            node.split = int(np.argmax(np.where(width > 0, scores, -1.0)))
+        promising = value <= self.slack if self.amounts else value < self.best.off.value
+        if promising and count:
+            self._try(0.5 * node.low + 0.5 * node.high)
+
+    def _bent(self, T: Array, width: Array) -> Array:
+        """Return how much each parameter adds to what the linear part of the poses leaves out: turns do."""
+        scene = self.worst.scene
+        error = scene.sizes.box[0, 1] * scene.reach[0] * T[:9, -1].sum() + T[9:, -1].sum()
+        turns = np.where([kind == "rotation" for _, kind in self.worst.problem.motion.parameters], width**2, 0.0)
+        if not (error < np.inf and turns.any()):
+            return turns
+        return np.asarray(error * turns / turns.sum())
+
+    def _try(self, q: Array) -> None:
+        """Take a cell's centre as the best pose if it is, and improve it."""
+        off, amount = self.worst.off(q), self.worst.amount(q)
+        found = Found(q, off, amount)
+        if self._beats(found):
+            much = self.value - (amount if self.amounts else off.value) > MUCH * abs(self.value)
+            self.best = found
+            if much:
+                improved = self.improve(q)
+                if self._beats(improved):
+                    self.best = improved
+
+    def _beats(self, found: Found) -> bool:
+        if self.amounts:
+            return found.off.value <= self.slack and found.amount < self.best.amount
+        return found.off.value < self.best.off.value
+
+
+def least_amount(weights: Array, low: Array, high: Array) -> float:
+    """Return the least weighted amount in a box of parameters."""
+    return float(np.linalg.norm(weights * np.maximum(np.maximum(low, -high), 0.0)))
+
+
+def enclosures(worst: Worst, low: Array, high: Array) -> Array:
+    """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
+    n, k = low.shape
+    problem = worst.problem
+    offset = problem.static.seed - problem.movable.seed
+    q = [Enclosure.variable((low[:, j] + high[:, j]) / 2.0, (high[:, j] - low[:, j]) / 2.0, j, k) for j in range(k)]
+    motion = problem.motion.seen_from(problem.movable.seed)
+    with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and bounds nothing
+        matrix = motion.composed(q, (0.0, 0.0, 0.0), tuple(offset.tolist()))
+    entries = [matrix[i][j] for i in range(3) for j in range(3)]
+    entries += [float(offset[i]) - matrix[i][3] for i in range(3)]
+    T = np.zeros((n, 12, k + 2))
+    for place, entry in enumerate(entries):
+        if isinstance(entry, Enclosure):
+            T[:, place] = entry.data
+        else:
+            T[:, place, 0] = entry
+    return T

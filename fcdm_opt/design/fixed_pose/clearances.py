@@ -1,0 +1,230 @@
+"""Clearance and interference at a fixed pose, over the whole tolerance box and over the sizes actually made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
+from fcdm_opt.design.fixed_pose.sizes import Sizes, box_of, drawn_pairs
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import rigid_transform
+from fcdm_opt.tolerance import arguments
+from fcdm_opt.tolerance.problem import Problem
+
+QUANTILES = (0.0, 0.00135, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 0.99865, 1.0)  # with three deviations to each side
+BINS = 50
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndOfRange:
+    """An extreme gap of the tolerance box.
+
+    Attributes
+    ----------
+    gap : float
+        Length units; > 0 clearance, < 0 interference.
+    rho : (2,) array
+        The sizes at which it is taken.
+    parts : (i, j)
+        The part pair that has it, 0-based.
+    feature : str
+        What of body 1 and body 2 faces each other there, 1-based as all labels.
+    direction : (3,) array
+        From body 1 to body 2, world axes.
+    """
+
+    gap: float
+    rho: Array
+    parts: tuple[int, int]
+    feature: str
+    direction: Array
+
+    @classmethod
+    def of(cls, scene: Scene, lines: Lines, extreme: Extreme) -> EndOfRange:
+        """Return an extreme with the label of its features."""
+        return cls(
+            gap=extreme.gap,
+            rho=frozen(extreme.rho),
+            parts=extreme.parts,
+            feature=scene.feature(lines, extreme).label,
+            direction=frozen(extreme.way),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {
+            "gap": self.gap,
+            "rho": self.rho.tolist(),
+            "parts": list(self.parts),
+            "feature": self.feature,
+            "direction": self.direction.tolist(),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clearances:
+    """The gap of all size pairs at one pose.
+
+    The gap is the signed distance of the two bodies, what a gauge measures: the Euclidean distance where they are
+    apart, minus the penetration depth of the deepest part pair where they overlap.
+
+    Attributes
+    ----------
+    transform : (4, 4) array
+        The pose of body 1.
+    box : (2, 2) array
+        Sizes of the range: (low, high) of rho_1 and of rho_2.
+    least, most : EndOfRange
+        The ends of the range over the whole box, exact to rounding but for `doubt`.
+    doubt : float
+        No gap in the box exceeds the largest by more than this; 0 for convex bodies.
+    sizes : (n, 2) array
+        The size pairs of the distribution.
+    source : str
+        Where they come from.
+    gaps : (n,) array
+        Their gaps.
+    interference : float
+        Share of the size pairs that overlap by more than `Problem.contact_slack`.
+    interference_interval : (low, high)
+        Where the share of all production lies with 95 % confidence (Clopper and Pearson), the pairs being a sample.
+    quantiles : (q, 2) array
+        Shares, and the gap that this share of the pairs does not exceed.
+    counts, edges : arrays
+        The histogram of the gaps: pairs in each bin, and the ends of the bins.
+    """
+
+    transform: Array
+    box: Array
+    least: EndOfRange
+    most: EndOfRange
+    doubt: float
+    sizes: Array = field(repr=False)
+    source: str
+    gaps: Array = field(repr=False)
+    interference: float
+    interference_interval: tuple[float, float]
+    quantiles: Array = field(repr=False)
+    counts: Array = field(repr=False)
+    edges: Array = field(repr=False)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest gap over the whole box."""
+        return self.least.gap, self.most.gap
+
+    def __str__(self) -> str:
+        low, high = self.range
+        return f"gap from {low:.6g} to {high:.6g}; {self.interference:.3%} of {self.source} interfere"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, without the single size pairs and gaps."""
+        return {
+            "transform": self.transform.tolist(),
+            "box": self.box.tolist(),
+            "least": self.least.to_dict(),
+            "most": self.most.to_dict(),
+            "doubt": self.doubt,
+            "source": self.source,
+            "count": len(self.gaps),
+            "interference": self.interference,
+            "interference_interval": list(self.interference_interval),
+            "quantiles": self.quantiles.tolist(),
+            "histogram": {"counts": self.counts.tolist(), "edges": self.edges.tolist()},
+        }
+
+
+def clearances(
+    problem: Problem, *, sizes: Any = None, box: Any = None, pose: Any = None, count: int = 100_000, seed: int = 1
+) -> Clearances:
+    """Return range and distribution of the gap at a fixed pose, without any re-positioning.
+
+    Asked are bodies and sizes alone: the problem's goal, motion limits and keep-outs play no part.
+
+    Parameters
+    ----------
+    problem : Problem
+    sizes : (n, 2) array, or a distribution for each body, optional
+        Measured size pairs, or what they are drawn from, independently: `Uniform`, `Normal`, `Measured`. Default: all
+        sizes of the box alike.
+    box : ((low_1, high_1), (low_2, high_2)), optional
+        Of the range; default the problem's tolerance, nominal * (1 - minus) to nominal * (1 + plus), or all that
+        `sizes` may be where it has none.
+    pose : mapping of parameter name to number, sequence of parameters, or (4, 4) array, optional
+        Where body 1 is: parameters of the problem's motion (length units, radians), or a rigid transform. Default: at
+        rest.
+    count : int
+        Number of draws; a list of pairs is taken as it is.
+    seed : int
+        Of the draws.
+
+    Raises
+    ------
+    InputError
+        For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
+    """
+    whole = box_of(problem, sizes, box)
+    pairs, source = drawn_pairs(sizes, whole, count, seed)
+    transform = transform_of(problem, pose)
+    scene = Scene(problem.movable, problem.static, Sizes(whole))
+    lines = scene.lines(scene.pose(transform))
+    extremes = scene.extremes(lines)
+    all_sizes = Scene(problem.movable, problem.static, Sizes(_around(pairs)))
+    gaps, _ = all_sizes.lines(lines.pose).gaps(pairs)
+    inside = int((gaps < -problem.contact_slack).sum())
+    shares = np.array(QUANTILES)
+    counts, edges = np.histogram(gaps, bins=BINS)
+    return Clearances(
+        transform=frozen(transform),
+        box=whole,
+        least=EndOfRange.of(scene, lines, extremes.least),
+        most=EndOfRange.of(scene, lines, extremes.most),
+        doubt=extremes.doubt,
+        sizes=frozen(pairs),
+        source=source,
+        gaps=frozen(gaps),
+        interference=inside / len(gaps),
+        interference_interval=_confidence(inside, len(gaps)),
+        quantiles=frozen(np.column_stack([shares, np.quantile(gaps, shares, method="inverted_cdf")])),
+        counts=frozen(counts, np.int64),
+        edges=frozen(edges),
+    )
+
+
+def transform_of(problem: Problem, pose: Any) -> Array:
+    """Return the transform of a pose: at rest, by motion parameters, or as given; raises `InputError`."""
+    if pose is None:
+        return rigid_transform(None)
+    names = [parameter.name for parameter in problem.motion.parameters]
+    if isinstance(pose, Mapping):
+        given = arguments.by_parameter(pose, "pose", names)
+        q = [arguments.real(given.get(name, 0.0), f"pose.{name}", "a finite number") for name in names]
+    elif np.ndim(pose) == 2:
+        return rigid_transform(pose, key="pose")
+    else:
+        q = [arguments.real(value, "pose", "finite numbers") for value in arguments.items(pose)]
+        if len(q) != len(names):
+            allowed = f"parameters {', '.join(names)}, or a 4x4 transform"
+            raise InputError("not one value for each motion parameter", key="pose", found=pose, allowed=allowed)
+    return problem.motion.transform(q, problem.movable.seed, problem.static.seed)
+
+
+def _around(pairs: Array) -> Array:
+    """Return the box about size pairs."""
+    return np.column_stack([pairs.min(axis=0), pairs.max(axis=0)])
+
+
+def _confidence(inside: int, count: int) -> tuple[float, float]:
+    """Return the interval of a share of which `inside` of `count` draws are known."""
+    from scipy.stats import beta
+
+    tail = (1.0 - CONFIDENCE) / 2.0
+    low = float(beta.ppf(tail, inside, count - inside + 1)) if inside else 0.0
+    high = float(beta.ppf(1.0 - tail, inside + 1, count - inside)) if inside < count else 1.0
+    return low, high

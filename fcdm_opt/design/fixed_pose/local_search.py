@@ -1,0 +1,153 @@
+"""A pose that is as good as those about it: linear programs in a trust region that shrinks."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.design.fixed_pose import gaps as kernels
+from fcdm_opt.design.fixed_pose.worst import Off, Worst
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS = 80  # linear programs at most
+START, DIFFERENCE, END = 0.1, 1e-6, 1e-11  # trust region and finite differences, in sizes of the bodies
+CORRECTIONS = 4  # of a step that leaves the window by its curvature
+
+
+class Found(NamedTuple):
+    """A pose, how far its worst gap is off, and its amount."""
+
+    q: Array
+    off: Off
+    amount: float
+
+
+class _Linear(NamedTuple):
+    """Functions whose largest is how far the worst gap is off: values (f,) and slopes (f, k)."""
+
+    values: Array
+    slopes: Array
+
+
+def better(worst: Worst, limits: Array, q: Array) -> Found:
+    """Return a pose near q whose worst gap is off by less, or q itself."""
+    from scipy.optimize import linprog
+
+    natural = worst.problem.motion.weights(worst.problem.movable.size / 2.0)
+    here, trust = np.clip(q, *limits.T), START * worst.scene.size
+    off = worst.off(here)
+    model = _linear(worst, limits, here, natural)
+    cost = np.append(np.zeros(len(here)), 1.0)
+    for _ in range(STEPS):
+        if off.value <= 0.0:
+            break  # inside a window, or at a gap of nothing for all sizes
+        box = _trusted(limits, here, natural, trust)
+        A = np.column_stack([model.slopes / natural, -np.ones(len(model.values))])
+        bounds = [*((low * n, high * n) for (low, high), n in zip(box, natural, strict=True)), (None, None)]
+        found = linprog(cost, A_ub=A, b_ub=-model.values, bounds=bounds, method="highs")
+        if found.status != 0:
+            break
+        gain = off.value - float(found.x[-1])
+        step = np.clip(here + found.x[:-1] / natural, *limits.T)
+        tried = worst.off(step)
+        if tried.value < off.value - 0.1 * max(gain, 0.0) and tried.value < off.value:
+            trust *= 2.0 if off.value - tried.value > 0.5 * gain else 1.0
+            here, off = step, tried
+        else:
+            trust *= 0.25
+            if trust < END * worst.scene.size:
+                break
+        model = _linear(worst, limits, here, natural)
+    return Found(here, off, worst.amount(here))
+
+
+def smaller(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
+    """Return a pose in the window of a smaller amount than that of `start`, which is in it, or `start`."""
+    weights, natural = worst.problem.weights, worst.problem.motion.weights(worst.problem.movable.size / 2.0)
+    best, trust = start, 4.0 * START * worst.scene.size
+    rest = np.clip(np.zeros(len(start.q)), *limits.T)
+    at_rest = worst.off(rest)
+    if at_rest.value <= slack:
+        return Found(rest, at_rest, worst.amount(rest))
+    for _ in range(STEPS):
+        model = _linear(worst, limits, best.q, natural)
+        box = _trusted(limits, best.q, natural, trust)
+        tighter, made = 0.0, None
+        for _ in range(CORRECTIONS):
+            q = _nearest(model, best.q, weights, box, tighter)
+            if q is None:
+                break
+            q = np.clip(q, *limits.T)
+            tried = worst.off(q)
+            if tried.value <= slack:
+                made = Found(q, tried, worst.amount(q))
+                break
+            tighter += tried.value
+        if made is not None and made.amount < best.amount * (1.0 - DEFAULT.line):
+            best, trust = made, 2.0 * trust
+        else:
+            trust *= 0.25
+            if trust < END * worst.scene.size:
+                break
+    return best
+
+
+def _trusted(limits: Array, q: Array, natural: Array, trust: float) -> Array:
+    """Return the steps from q that stay in a trust region and in the limits, (k, 2)."""
+    return np.column_stack(
+        [np.maximum(limits[:, 0] - q, -trust / natural), np.minimum(limits[:, 1] - q, trust / natural)]
+    )
+
+
+def _linear(worst: Worst, limits: Array, q: Array, natural: Array) -> _Linear:
+    """Return the part pairs' gaps at the active sizes by central differences; one-sided at a limit."""
+    scene, sizes = worst.scene, worst.active
+    lines = scene.lines(worst.pose(q), START * scene.size)
+
+    def values(at: Array) -> Array:
+        rows, first = kernels.pair_rows(*scene.packed, worst.pose(at), lines.pairs)
+        found: Array = kernels.gaps_of_pairs(rows, first, sizes)[0]
+        return found
+
+    centre = values(q)
+    slopes = np.zeros((*centre.shape, len(q)))
+    for k in range(len(q)):
+        ends = []
+        for sign in (1.0, -1.0):
+            at = q.copy()
+            at[k] = np.clip(q[k] + sign * DIFFERENCE * scene.size / natural[k], *limits[k])
+            ends.append(at)
+        width = ends[0][k] - ends[1][k]
+        if width > 0:
+            slopes[..., k] = (values(ends[0]) - values(ends[1])) / width
+    made, rates = [], []
+    if np.isfinite(worst.low):
+        made.append((worst.low - centre).ravel())
+        rates.append(-slopes.reshape(-1, len(q)))
+    if np.isfinite(worst.high):
+        owners, columns = centre.argmin(axis=0), np.arange(len(sizes))
+        made.append(centre[owners, columns] - worst.high)
+        rates.append(slopes[owners, columns])
+    return _Linear(np.concatenate(made), np.concatenate(rates))
+
+
+def _nearest(model: _Linear, q: Array, weights: Array, box: Array, tighter: float) -> Array | None:
+    """Return the motion of the least amount at which no linear function exceeds 0; None if there is none.
+
+    A least distance problem, solved through non-negative least squares (Lawson and Hanson).
+    """
+    from scipy.optimize import nnls
+
+    identity = np.eye(len(q))
+    G = np.vstack([-model.slopes, identity, -identity]) / weights
+    h = np.concatenate([model.values + tighter - model.slopes @ q, q + box[:, 0], -(q + box[:, 1])])
+    used = np.isfinite(h)
+    scale = max(float(np.abs(h[used]).max()), 1e-300)
+    system = np.vstack([G[used].T, h[used] / scale])
+    shares, residual = nnls(system, np.append(np.zeros(len(q)), 1.0))
+    rest = system @ shares - np.append(np.zeros(len(q)), 1.0)
+    if residual <= DEFAULT.nominal or not rest[-1] < 0.0:
+        return None
+    return np.asarray(-rest[:-1] / rest[-1] * scale / weights)

@@ -1,0 +1,368 @@
+"""Cells of poses as evidence, and their independent checker.
+
+The checker takes nothing from the search but what the evidence says. That the cells fill the limits follows from how
+they are written: as the halvings that made them. What each claims is worked out anew: the poses of a cell by the mean
+value form in interval arithmetic, from CasADi's derivatives; gaps at fixed poses by the collision library that judges
+all claims; facets of Minkowski differences by Qhull. Shared are the meaning of the problem, `worst.domain`, and the
+kinds of witnesses, see `gaps.cell_bound`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.design.fixed_pose.cells import Search, least_amount
+from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
+from fcdm_opt.design.fixed_pose.scene import Scene
+from fcdm_opt.design.fixed_pose.sizes import Sizes
+from fcdm_opt.design.fixed_pose.worst import Worst, domain
+from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.proof.intervals import Interval, Program
+from fcdm_opt.tolerance.solution import Check
+from fcdm_opt.tolerances import DEFAULT
+
+HALVINGS = 6  # of a cell whose bound the mean value form, less tight than what made it, does not reach
+MOST_POINTS = 20_000  # of a Minkowski difference, above which its facets are not worked out: that counts as not shown
+ROUNDS = 1.0 + 2.0**-40  # of sums of floats, relative
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoseEvidence:
+    """Cells of poses and why each holds no better pose.
+
+    Attributes
+    ----------
+    limits : (k, 2) array
+        Of the parameters: the first cell.
+    axes : (n,) ints
+        The cells in the order in which they were halved, the lower half first: the parameter, -1 for a last cell.
+    first : (m + 1,) ints
+        Where the witnesses of each last cell begin; one without any is left out for its amount.
+    kinds, shares, parts, sizes : (w,), (w,), (w, 2), (w, 2) arrays
+        See `cells.Witnesses`.
+    way_first, ways : (w + 1,) ints, (d, 3) array
+        Directions of each witness.
+    """
+
+    limits: Array
+    axes: Ints
+    first: Ints
+    kinds: Ints
+    shares: Array
+    parts: Ints
+    sizes: Array
+    way_first: Ints
+    ways: Array
+
+    @classmethod
+    def of(cls, search: Search) -> PoseEvidence:
+        """Return what a search leaves behind."""
+        axes, first, kinds, shares, parts, sizes, ways = [], [0], [], [], [], [], []
+        stack = [0]
+        while stack:
+            node = search.nodes[stack.pop()]
+            axes.append(node.axis)
+            if node.children is not None:
+                stack += [node.children[1], node.children[0]]
+                continue
+            own = node.witnesses
+            if own is not None:
+                kinds += own.kinds.tolist()
+                shares += own.shares.tolist()
+                parts += own.parts.tolist()
+                sizes += own.sizes.tolist()
+                ways += list(own.ways)
+            first.append(len(kinds))
+        return cls(
+            limits=frozen(search.limits),
+            axes=frozen(axes, np.int64),
+            first=frozen(first, np.int64),
+            kinds=frozen(kinds, np.int64),
+            shares=frozen(shares),
+            parts=frozen(np.reshape(parts, (-1, 2)), np.int64),
+            sizes=frozen(np.reshape(sizes, (-1, 2))),
+            way_first=frozen(np.cumsum([0, *(len(own) for own in ways)]), np.int64),
+            ways=frozen(np.concatenate([np.empty((0, 3)), *ways])),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {item.name: getattr(self, item.name).tolist() for item in fields(self)}
+
+    def leaves(self) -> tuple[Array, Array]:
+        """Return the lower and upper ends of the last cells, (m, k) each; raises ValueError where axes are none."""
+        stack = [(self.limits[:, 0], self.limits[:, 1])]
+        low, high = [], []
+        for axis in self.axes.tolist():
+            if not stack or not -1 <= axis < len(self.limits):
+                raise ValueError("the halvings do not fit together")
+            a, b = stack.pop()
+            if axis < 0:
+                low.append(a)
+                high.append(b)
+                continue
+            middle, upper, lower = 0.5 * a[axis] + 0.5 * b[axis], a.copy(), b.copy()
+            upper[axis] = lower[axis] = middle
+            stack += [(upper, b), (a, lower)]
+        if stack:
+            raise ValueError("the halvings do not fit together")
+        return np.array(low), np.array(high)
+
+
+def check_proof(
+    problem: Problem,
+    sizes: Sizes,
+    window: tuple[float, float],
+    evidence: PoseEvidence,
+    lower_bound: float,
+    *,
+    amounts: bool,
+) -> tuple[Check, ...]:
+    """Check that no pose is better than a bound.
+
+    Parameters
+    ----------
+    problem : Problem
+    sizes : Sizes
+    window : (low, high)
+        Of the gap.
+    evidence : PoseEvidence
+        Taken at its word in nothing.
+    lower_bound : float
+        Of how far the worst gap is off the window at any pose, or, with `amounts`, of the weighted amount of a motion
+        that brings all gaps into it.
+    amounts : bool
+
+    Returns
+    -------
+    tuple of Check
+        That the limits hold all poses wanted, that the cells fill them, and one for all cells: by how much the least
+        sure of them falls short.
+    """
+    scene = Scene(problem.movable, problem.static, sizes)
+    worst = Worst(problem, scene, *window)
+    most, amount = (window[1], lower_bound) if amounts else (lower_bound + window[1], np.inf)
+    wanted = domain(worst, most, amount)
+    beyond = np.maximum(evidence.limits[:, 0] - wanted[:, 0], wanted[:, 1] - evidence.limits[:, 1])
+    beyond = np.where(wanted[:, 0] > wanted[:, 1], -np.inf, beyond)
+    checks = [Check("proof: limits", bool((beyond <= 0).all()), float(beyond.max()), 0.0, "hold all poses wanted")]
+    flaw = _flaw(scene, evidence)
+    try:
+        low, high = evidence.leaves()
+    except ValueError as reason:
+        flaw = str(reason)
+    else:
+        flaw = flaw or ("" if len(low) == len(evidence.first) - 1 else "not one set of witnesses for each cell")
+    checks.append(Check("proof: cells", not flaw, float(bool(flaw)), 0.0, flaw or f"{len(low)} fill the limits"))
+    if not flaw:
+        judge = _Examiner(worst, evidence)
+        slack = DEFAULT.touch * scene.size
+        margin = judge.margin(low, high, lower_bound, slack, amounts)
+        checks.append(Check("proof: bounds", bool(margin >= -slack), margin, -slack, "of the least sure cell"))
+    return tuple(checks)
+
+
+def _flaw(scene: Scene, own: PoseEvidence) -> str:
+    """Return what keeps the witnesses from being looked at, "" if nothing does."""
+    sizes, count = scene.sizes, len(own.kinds)
+    if own.sizes.shape != (count, 2) or own.parts.shape != (count, 2) or own.shares.shape != (count,):
+        return "witnesses of different numbers"
+    for name, last in (("first", count), ("way_first", len(own.ways))):
+        steps = getattr(own, name)
+        if steps[0] != 0 or (np.diff(steps) < 0).any() or steps[-1] != last:
+            return f"{name} is no division"
+    if len(own.way_first) != count + 1:
+        return "not one set of directions for each witness"
+    if not (np.isfinite(own.shares).all() and (own.shares >= 0).all() and np.isfinite(own.ways).all()):
+        return "shares or directions are none"
+    if sizes.pairs is not None:
+        known = {tuple(row) for row in sizes.pairs.tolist()}
+        among = all(tuple(row) in known for row in own.sizes.tolist())
+    else:
+        among = bool(((own.sizes >= sizes.box[:, 0]) & (own.sizes <= sizes.box[:, 1])).all())
+    return "" if among else "a witness speaks of sizes that are not among those asked about"
+
+
+class _Examiner:
+    """What the witnesses of cells are worth, worked out anew."""
+
+    def __init__(self, worst: Worst, evidence: PoseEvidence) -> None:
+        from fcdm_opt.geometry.collision import ScaledPair
+
+        self.worst, self.scene, self.evidence = worst, worst.scene, evidence
+        self.pair = ScaledPair(worst.problem.movable, worst.problem.static)
+        self.poses = _Poses(worst.problem)
+        k = len(evidence.limits)
+        self.signs = np.array([[1.0 if corner >> c & 1 else -1.0 for c in range(k)] for corner in range(1 << k)])
+        bodies = worst.problem.movable, worst.problem.static
+        self.points = [[part.vertices - body.seed for part in body.parts] for body in bodies]
+
+    def margin(self, low: Array, high: Array, bound: float, slack: float, amounts: bool) -> float:
+        """Return by how much the least sure cell exceeds what it has to."""
+        own, least = self.evidence, np.inf
+        bare = np.diff(own.first) == 0
+        for row in np.flatnonzero(bare).tolist():
+            reached = least_amount(self.worst.problem.weights, low[row], high[row]) if amounts else -np.inf
+            least = min(least, reached * ROUNDS - bound)
+        asked = 0.0 if amounts else bound
+        rows = np.flatnonzero(~bare)
+        T = self.poses.over(low[rows], high[rows])
+        for k, row in enumerate(rows.tolist()):
+            margin = self._value(row, T[k]) - asked
+            if margin < -slack:
+                margin = self._halved(row, low[row], high[row], asked, slack, HALVINGS)
+            least = min(least, margin)
+            if least < -slack:
+                break  # one is enough
+        return float(least)
+
+    def _halved(self, row: int, low: Array, high: Array, asked: float, slack: float, left: int) -> float:
+        """Return what `margin` does for a cell from its halves, halved again as often as needed."""
+        axis, least = self._bent(high - low), np.inf
+        middle = 0.5 * low[axis] + 0.5 * high[axis]
+        upper, lower = low.copy(), high.copy()
+        upper[axis] = lower[axis] = middle
+        for a, b in ((low, lower), (upper, high)):
+            margin = self._value(row, self.poses.over(a[None], b[None])[0]) - asked
+            if margin < -slack and left > 1:
+                margin = self._halved(row, a, b, asked, slack, left - 1)
+            least = min(least, margin)
+            if least < -slack:
+                break
+        return float(least)
+
+    def _bent(self, width: Array) -> int:
+        """Return the parameter across which to halve: what the mean value form loses, it loses to turns."""
+        lengths = width * self.worst.problem.weights
+        turns = np.array([kind == "rotation" for _, kind in self.worst.problem.motion.parameters])
+        return int(np.argmax(np.where(turns, lengths, -1.0) if lengths[turns].any() else lengths))
+
+    def _value(self, row: int, T: Array) -> float:
+        """Return what the mixture of a cell's witnesses is at least, over the cell."""
+        own = self.evidence
+        total, mixed = 0.0, np.zeros(len(self.signs))
+        for w in range(own.first[row], own.first[row + 1]):
+            share, rho, parts = float(own.shares[w]), own.sizes[w], own.parts[w]
+            if share == 0.0:
+                continue
+            kind, ways = int(own.kinds[w]), own.ways[own.way_first[w] : own.way_first[w + 1]]
+            valid = kind == DIRECTED or all(0 <= parts[k] < len(self.points[k]) for k in (0, 1))
+            if kind == SHIFTED and valid:
+                value = self._shifted(parts, rho, T)
+            elif kind == TRACKED and valid:
+                value = self._tracked(parts, rho, T)
+            elif kind == DIRECTED and len(ways) == len(self.points[0]) * len(self.points[1]):
+                value = self._directed(ways, rho, T)
+            else:
+                return -np.inf
+            mixed, total = mixed + share * value, total + share
+        found = float(mixed.min()) / total if total > 0.0 else -np.inf
+        return found if not np.isnan(found) else -np.inf
+
+    def _ways(self, points: Array, rho: Array, T: Array) -> tuple[Array, Array]:
+        """Return the ways d - rho_1 R x over a cell: (n, k + 1, 3) linear parts, (n, 3) errors, in each axis."""
+        R, d = T[:9].reshape(3, 3, -1), T[9:]
+        linear = d.T[None, :-1] - rho[0] * np.einsum("ijc,nj->nci", R[:, :, :-1], points)
+        return linear, d[:, -1] + rho[0] * np.abs(points) @ R[:, :, -1].T
+
+    def _shifted(self, parts: Ints, rho: Array, T: Array) -> Array:
+        linear, errors = self._ways(np.vstack(self.points[0]), rho, T)
+        shift = linear[:, 1:].mean(axis=0)
+        off = np.linalg.norm(linear[:, 1:] - shift, axis=2).max(axis=0).sum() + np.linalg.norm(errors, axis=1).max()
+        R, problem = T[:9, 0].reshape(3, 3), self.worst.problem
+        transforms = np.tile(np.eye(4), (len(self.signs), 1, 1))
+        transforms[:, :3, :3] = R
+        transforms[:, :3, 3] = problem.static.seed - (T[9:, 0] + self.signs @ shift) - R @ problem.movable.seed
+        settled = np.ones((len(self.signs), len(self.points[0]), len(self.points[1])), np.bool_)
+        settled[:, parts[0], parts[1]] = False
+        gaps = self.pair.signed_distances(np.tile(rho, (len(self.signs), 1)), transforms, settled=settled)
+        return np.asarray(self.worst.low - gaps - off * ROUNDS)
+
+    def _tracked(self, parts: Ints, rho: Array, T: Array) -> Array:
+        from scipy.spatial import ConvexHull, QhullError
+
+        none = np.full(len(self.signs), -np.inf)
+        one, two = self.points[0][parts[0]], self.points[1][parts[1]]
+        if len(one) * len(two) > MOST_POINTS:
+            return none
+        linear, errors = self._ways(one, rho, T)
+        points = (-linear[:, None, 0] - rho[1] * two[None]).reshape(-1, 3)
+        try:
+            hull = ConvexHull(points)
+        except QhullError:
+            return none
+        normals, corners = hull.equations[:, :3], hull.simplices
+        if not (hull.equations[:, 3] < 0).all():
+            return none
+        owners = corners // len(two)
+        depth = np.einsum("fi,fvi->fv", normals, points[corners])
+        rates = -np.einsum("fi,fvci->fvc", normals, linear[owners][:, :, 1:])
+        lost = np.einsum("fi,fvi->fv", np.abs(normals), errors[owners])
+        values = depth[..., None] + rates @ self.signs.T - lost[..., None]
+        found = values.min(axis=(0, 1))
+        return np.asarray(self.worst.low + found) if (found > 0).all() else none
+
+    def _directed(self, ways: Array, rho: Array, T: Array) -> Array:
+        least = np.full(len(self.signs), np.inf)
+        lengths = np.linalg.norm(ways, axis=1)
+        if not (lengths <= 1.0 + DEFAULT.tie).all():
+            return np.full(len(self.signs), -np.inf)
+        for i, one in enumerate(self.points[0]):
+            linear, errors = self._ways(one, rho, T)
+            for j, two in enumerate(self.points[1]):
+                n = ways[i * len(self.points[1]) + j]
+                values = (
+                    (linear[:, 0] @ n)[:, None] + (linear[:, 1:] @ n) @ self.signs.T - (errors @ np.abs(n))[:, None]
+                )
+                least = np.minimum(least, values.min(axis=0) + rho[1] * (two @ n).min())
+        return np.asarray(least - self.worst.high)
+
+
+class _Poses:
+    """Relative poses over boxes of parameters, by the mean value form in interval arithmetic."""
+
+    def __init__(self, problem: Problem) -> None:
+        import casadi
+
+        k = len(problem.weights)
+        q = casadi.SX.sym("q", k)
+        offset = problem.static.seed - problem.movable.seed
+        T = problem.motion.seen_from(problem.movable.seed).symbolic(q, np.zeros(3), offset)
+        pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), casadi.DM(offset) - T[:3, 3]))
+        slopes = casadi.vec(casadi.densify(casadi.jacobian(pose, q)))
+        self._pose = Program(casadi.Function("pose", [q], [pose], {"cse": True}))
+        self._slopes = Program(casadi.Function("slopes", [q], [slopes], {"cse": True}))
+
+    def over(self, low: Array, high: Array) -> Array:
+        """Return centre, slopes times half widths and error of each of the twelve numbers, (n, 12, k + 2)."""
+        n, k = low.shape
+        centre = 0.5 * low + 0.5 * high
+        half = np.nextafter(np.maximum(high - centre, centre - low), np.inf)
+        still = [Interval(centre[:, c]) for c in range(k)]
+        over = [Interval(centre[:, c], half[:, c]) for c in range(k)]
+        with np.errstate(all="ignore"):
+            (values,), _ = self._pose(still)
+            (natural,), _ = self._pose(over)
+            (slopes,), _ = self._slopes(still)
+            (wide,), _ = self._slopes(over)
+            T = np.zeros((n, 12, k + 2))
+            for m in range(12):
+                T[:, m, 0], T[:, m, -1] = _column(values[m], n)
+                for c in range(k):
+                    (middle, radius), (others, spread) = _column(slopes[12 * c + m], n), _column(wide[12 * c + m], n)
+                    T[:, m, 1 + c] = middle * half[:, c]
+                    T[:, m, -1] += (np.abs(others - middle) + spread + radius) * half[:, c] * ROUNDS
+                middle, radius = _column(natural[m], n)
+                better = ~(T[:, m, -1] <= radius)
+                T[better, m, 1:-1] = 0.0
+                T[better, m, 0], T[better, m, -1] = middle[better], radius[better]
+        return T
+
+
+def _column(x: Interval, count: int) -> Sequence[Array]:
+    return tuple(np.broadcast_to(np.asarray(side, dtype=np.float64), count) for side in (x.middle, x.radius))

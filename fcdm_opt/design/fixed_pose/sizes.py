@@ -1,0 +1,174 @@
+"""Which size pairs (rho_1, rho_2) are spoken of: a box, measured pairs, or what two distributions give."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.design.distributions import Measured, Normal, Uniform
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.tolerance import arguments
+from fcdm_opt.tolerance.problem import Problem
+
+DISTRIBUTIONS = (Uniform, Normal, Measured)
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """All size pairs of a box, or those of a list.
+
+    Attributes
+    ----------
+    box : (2, 2) array
+        (low, high) of rho_1 and of rho_2; that of the list where there is one.
+    pairs : (n, 2) array or None
+        The list.
+    """
+
+    box: Array
+    _: KW_ONLY
+    pairs: Array | None = None
+
+    @classmethod
+    def listed(cls, pairs: Array) -> Sizes:
+        """Return the size pairs of a list, each once."""
+        rows = np.unique(pairs, axis=0)
+        return cls(frozen(np.column_stack([rows.min(axis=0), rows.max(axis=0)])), pairs=frozen(rows))
+
+    @cached_property
+    def corners(self) -> Array:
+        """The corners of the box, (c, 2), each once; the list itself where there is one."""
+        if self.pairs is not None:
+            return self.pairs
+        (a, b), (c, d) = self.box
+        return frozen(np.unique([(x, y) for x in (a, b) for y in (c, d)], axis=0))
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the box, (2,)."""
+        return np.asarray(self.box.mean(axis=1))
+
+    @property
+    def half(self) -> Array:
+        """Half its widths, (2,)."""
+        return np.asarray((self.box[:, 1] - self.box[:, 0]) / 2.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"box": self.box.tolist(), "pairs": None if self.pairs is None else self.pairs.tolist()}
+
+
+def tolerance_box(problem: Problem) -> Array:
+    """Return the sizes that a problem's tolerance allows, (2, 2): nominal * (1 - minus) to nominal * (1 + plus).
+
+    Raises
+    ------
+    InputError
+        If the problem has none (it was given a target), or one of 100 % and more.
+    """
+    if problem.tolerance is None:
+        raise InputError(
+            "the problem has no tolerance, so no box of sizes follows from it",
+            key="box",
+            allowed="box=((low_1, high_1), (low_2, high_2)), sizes=..., or a problem with a tolerance",
+        )
+    ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * np.array([-1.0, 1.0]))
+    return _box(ends, "tolerance")
+
+
+def _box(value: Any, key: str) -> Array:
+    """Return a box of sizes > 0; a range may be a single size."""
+    ends = numbers(value, key)
+    allowed = "((low_1, high_1), (low_2, high_2)) with 0 < low <= high, finite"
+    if ends.shape != (2, 2) or not np.isfinite(ends).all():
+        raise InputError("unusable box of sizes", key=key, found=value, allowed=allowed)
+    if not (ends > 0).all():
+        raise InputError("a size in the box is not positive", key=key, found=ends.tolist(), allowed=allowed)
+    if not (ends[:, 0] <= ends[:, 1]).all():
+        raise InputError("empty box of sizes", key=key, found=ends.tolist(), allowed=allowed)
+    return frozen(ends)
+
+
+def measured_pairs(value: Any) -> Array:
+    """Return a list of size pairs, (n, 2), n > 0, all finite and > 0."""
+    pairs = numbers(value, "sizes")
+    allowed = "an (n, 2) array of sizes (rho_1, rho_2) > 0, or a distribution for each body"
+    if pairs.size == 0:
+        raise InputError("no sizes", key="sizes", found=value, allowed=allowed)
+    if pairs.ndim != 2 or pairs.shape[1] != 2:
+        raise InputError("sizes are not pairs", key="sizes", found=f"shape {pairs.shape}", allowed=allowed)
+    bad = np.flatnonzero(~(np.isfinite(pairs) & (pairs > 0)).all(axis=1))
+    if bad.size:
+        found = pairs[bad[0]].tolist()
+        raise InputError("a size is not a positive number", key=f"sizes[{bad[0] + 1}]", found=found, allowed=allowed)
+    return frozen(pairs)
+
+
+def are_distributions(value: Any) -> bool:
+    """Tell whether a value is a distribution for each body."""
+    own = arguments.items(value) if isinstance(value, list | tuple) else []
+    return len(own) == 2 and all(isinstance(item, DISTRIBUTIONS) for item in own)
+
+
+def box_of(problem: Problem, sizes: Any, box: Any) -> Array:
+    """Return the box that is spoken of: the one given, the problem's tolerance, or all that the sizes may be."""
+    if box is not None:
+        return _box(box, "box")
+    if problem.tolerance is not None or sizes is None:
+        return tolerance_box(problem)
+    if are_distributions(sizes):
+        return _box([own.range for own in sizes], "sizes")
+    return Sizes.listed(measured_pairs(sizes)).box
+
+
+def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
+    """Return the size pairs among which the worst is looked for.
+
+    Parameters
+    ----------
+    problem : Problem
+    sizes : (n, 2) array, or a distribution for each body, optional
+        A list, or all that the distributions can give.
+    box : (2, 2), optional
+        In place of `sizes`; default without both the problem's tolerance.
+
+    Raises
+    ------
+    InputError
+        Where both are given, and for what is no size.
+    """
+    if sizes is None:
+        return Sizes(box_of(problem, None, box))
+    if box is not None:
+        raise InputError("give a box or sizes, not both", key="sizes", allowed="one of them")
+    if are_distributions(sizes):
+        return Sizes(_box([own.range for own in sizes], "sizes"))
+    return Sizes.listed(measured_pairs(sizes))
+
+
+def drawn_pairs(sizes: Any, box: Array, count: int, seed: int) -> tuple[Array, str]:
+    """Return size pairs, (n, 2), and what they are: a list itself, else `count` independent draws.
+
+    Parameters
+    ----------
+    sizes : (n, 2) array, or a distribution for each body, or None
+        None: all sizes of the box alike.
+    box : (2, 2) array
+    count, seed : int
+    """
+    if sizes is not None and not are_distributions(sizes):
+        pairs = measured_pairs(sizes)
+        return pairs, f"{len(pairs)} measured pairs"
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+        raise InputError("unusable number of draws", key="count", found=count, allowed="a whole number >= 1")
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
+    u = np.random.default_rng(int(seed)).random((int(count), 2))
+    if sizes is None:
+        return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} draws, all sizes of the box alike"
+    drawn = np.column_stack([own.quantile(u[:, k]) for k, own in enumerate(sizes)])
+    return measured_pairs(drawn), f"{count} draws from {sizes[0]} and {sizes[1]}"

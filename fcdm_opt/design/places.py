@@ -1,0 +1,111 @@
+"""A place in plain tables: `limits.RZ_deg`, `target[1]`, `bodies.movable.vertices[5][3]`; items count from 1."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
+from typing import Any
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.schema import closest
+
+Place = tuple[str | int, ...]  # keys of tables, and rows of lists from 0
+_SPELLED = re.compile(r"([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*)(\.([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*))*")
+_ITEM = re.compile(r"[^.\[\]]+")
+
+
+@lru_cache(maxsize=1024)
+def parse(text: str) -> Place:
+    """Return the place that a text names; raises `InputError` where it names none."""
+    if not isinstance(text, str) or not _SPELLED.fullmatch(text):
+        allowed = 'keys with points between and items counted from 1: "limits.RZ_deg", "target[1]"'
+        raise InputError("not a place in a problem", found=text, allowed=allowed)
+    place: list[str | int] = []
+    for part in text.split("."):
+        key, *rows = _ITEM.findall(part)
+        place += [key, *(int(row) - 1 for row in rows)]
+    return tuple(place)
+
+
+def written(place: Iterable[str | int]) -> str:
+    """Return a place as text."""
+    return "".join(f"[{item + 1}]" if isinstance(item, int) else f".{item}" for item in place).removeprefix(".")
+
+
+def look_up(tables: Any, place: Place) -> Any:
+    """Return what stands at a place; raises `InputError` where nothing does."""
+    value = tables
+    for k, item in enumerate(place):
+        _check(value, place, k)
+        if item not in value if isinstance(item, str) else False:
+            raise _missing(value, place, k)
+        value = value[item]
+    return value
+
+
+def put(tables: Any, place: Place, value: Any, *, dropped: Callable[[str], Iterable[str]] = lambda key: ()) -> Any:
+    """Return a copy of tables with a value at a place; what lies beside the place is shared, not copied.
+
+    Parameters
+    ----------
+    tables : mapping or list
+    place : tuple
+        Tables on the way that are not there are made, items of lists are not.
+    value : object
+        None takes the key away.
+    dropped : callable
+        Which keys of the same table each key of the place excludes.
+
+    Raises
+    ------
+    InputError
+        Names the place where the way to it ends.
+    """
+    return _put(tables, place, 0, value, dropped)
+
+
+def _put(tables: Any, place: Place, k: int, value: Any, dropped: Callable[[str], Iterable[str]]) -> Any:
+    item, last = place[k], k + 1 == len(place)
+    _check(tables, place, k)
+    if isinstance(item, int):
+        rows = list(tables)
+        rows[item] = value if last else _put(rows[item], place, k + 1, value, dropped)
+        return rows
+    table = dict(tables)
+    for other in dropped(item):
+        table.pop(other, None)
+    if not last:
+        below = place[k + 1]
+        if item not in table and isinstance(below, int):
+            raise _missing(tables, place, k)
+        table[item] = _put(table.get(item, {}), place, k + 1, value, dropped)
+    elif value is None:
+        table.pop(item, None)
+    else:
+        table[item] = value
+    return table
+
+
+def overlap(one: Place, two: Place) -> bool:
+    """Tell whether one place lies inside the other, or is the same."""
+    shorter = min(len(one), len(two))
+    return one[:shorter] == two[:shorter]
+
+
+def _check(value: Any, place: Place, k: int) -> None:
+    """Refuse an item that the value cannot have."""
+    item = place[k]
+    if isinstance(item, str):
+        if not isinstance(value, Mapping):
+            raise InputError("there is no table here", key=written(place[:k]), found=value, allowed="a table")
+    elif not isinstance(value, list | tuple):
+        raise InputError("there is no list here", key=written(place[:k]), found=value, allowed="a place without [..]")
+    elif item >= len(value):
+        raise InputError("no such item", key=written(place[: k + 1]), allowed=f"1 to {len(value)}")
+
+
+def _missing(table: Mapping[str, Any], place: Place, k: int) -> InputError:
+    what = f"nothing is given there{closest(str(place[k]), table)}"
+    allowed = f"{', '.join(map(str, table)) or 'nothing'}; or the whole value"
+    return InputError(what, key=written(place[: k + 1]), allowed=allowed)

@@ -1,0 +1,362 @@
+"""A problem as plain tables: any key of it can be changed, and it travels to other processes as it stands."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from fcdm_opt.design.places import Place, look_up, parse, put, written
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Motion
+from fcdm_opt.tolerance.files import Case, Defaults, ProblemFile, Scene, checked, plain_body, same_units
+from fcdm_opt.tolerance.keep_out import KeepOut, keep_outs
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.schema import STEPS, BodyEntry, Entry, KeepOutEntry, closest, plain
+
+ROLES = ("movable", "static")
+REMEMBERED = 32  # bodies and scenes a process
+_MESH = ("file", "unit", "file_unit", "decomposition")
+_OF_KEEP_OUTS = ("scale", "clearance")
+_BESIDE_MESH = ("seed", "name", *_OF_KEEP_OUTS)
+_NO_DEFAULTS = Defaults()
+_UNITS = (("_per_deg", "_per_rad"), ("_deg", "_rad"))
+_EXCLUDED = {
+    "target": ("requirement", "tolerance"),
+    "requirement": ("target",),
+    "tolerance": ("target",),
+    "pitch": ("pitch_per_deg", "pitch_per_rad"),
+    "pitch_per_deg": ("pitch_per_rad", "pitch"),
+    "pitch_per_rad": ("pitch_per_deg", "pitch"),
+    "file": ("vertices", "parts", "faces", "deviation", "notes"),
+}
+_ENCODED = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
+
+
+def canonical(data: Any) -> str:
+    """Return plain data as JSON text, the same for every order of keys; raises `InputError` for nan."""
+    try:
+        return _ENCODED(data)
+    except (TypeError, ValueError, RecursionError) as reason:
+        allowed = "finite numbers, texts, truth values, lists and tables"
+        raise InputError(f"no plain data: {reason}", found=data, allowed=allowed) from reason
+
+
+def digest(text: str) -> str:
+    """Return the sha256 of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def plain_value(value: Any) -> Any:
+    """Return a value of a key as plain data: entries, motions and bodies too, arrays as lists, infinities as text."""
+    if isinstance(value, float | int | str):  # most values by far
+        return plain(value)
+    if isinstance(value, Entry):
+        return {
+            key: plain_value(getattr(value, key)) for key in type(value).model_fields if key in value.model_fields_set
+        }
+    if isinstance(value, Mapping):
+        return {str(key): plain_value(item) for key, item in value.items()}
+    if isinstance(value, Motion):
+        return [STEPS[type(step)].plain(step) for step in value.steps]
+    if isinstance(value, Body):
+        return plain_body(value)
+    if isinstance(value, list | tuple):
+        return [plain_value(item) for item in value]
+    return plain(value)
+
+
+@lru_cache(maxsize=1024)
+def excluded(key: str) -> tuple[str, ...]:
+    """Return the keys of the same table that say the same in another way: another unit, target for requirement."""
+    if key in _EXCLUDED:
+        return _EXCLUDED[key]
+    for one, two in chain(_UNITS, ((two, one) for one, two in _UNITS)):
+        if key.endswith(one):
+            return (key.removesuffix(one) + two,)
+    return ()
+
+
+# ----------------------------------------------------------------------------------------------------------- scenes
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A body or keep-out as a plain table; never changed, so that what follows from it is worked out once.
+
+    Attributes
+    ----------
+    data : mapping
+    role : str
+        "movable", "static" or "keep-out 1": the name of the body where none is given.
+    """
+
+    data: Mapping[str, Any]
+    role: str
+
+    @cached_property
+    def text(self) -> str:
+        """The table as canonical JSON."""
+        return canonical(self.data)
+
+    @cached_property
+    def checked(self) -> BodyEntry:
+        """The contents as an entry, which refuses what no body has."""
+        return checked(BodyEntry if self.role in ROLES else KeepOutEntry, self.data)
+
+    @cached_property
+    def drawn(self) -> Table:
+        """The table without a mesh file, with the body as read from it; itself where it names none."""
+        if "file" not in self.data:
+            return self
+        file = Path(str(self.data["file"])).expanduser()
+        try:
+            now = file.stat()
+        except (OSError, ValueError):  # reading it says what is wrong
+            return _read(self.text, self.role, ())
+        return _read(self.text, self.role, (now.st_mtime_ns, now.st_size))
+
+    @cached_property
+    def body(self) -> Body:
+        """The body itself; equal ones are built once a process."""
+        own = {key: item for key, item in self.data.items() if key not in _OF_KEEP_OUTS}
+        return _built(self.text if len(own) == len(self.data) else canonical(own), self.role)
+
+    def with_value(self, place: Place, value: Any) -> Table:
+        """Return the table with a value at a place in it, or in whole.
+
+        What a mesh file says is read where a place in it is changed, and forgotten where all vertices are.
+        """
+        if not place:
+            return Table(value, self.role)
+        data: Mapping[str, Any] = self.data
+        if "file" in data and place == ("vertices",):
+            data = {key: item for key, item in data.items() if key not in _MESH}
+        elif "file" in data and place[0] not in (*_MESH, *_BESIDE_MESH):
+            data = self.drawn.data
+        return Table(put(data, place, value, dropped=excluded), self.role)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _read(text: str, role: str, stamp: tuple[int, ...]) -> Table:
+    """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
+    table = Table(json.loads(text), role)
+    own = {key: table.data[key] for key in _OF_KEEP_OUTS if key in table.data}
+    return Table({**plain_body(table.checked.body(role, None)), **own}, role)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _built(text: str, role: str) -> Body:
+    return checked(BodyEntry, json.loads(text)).body(role, None)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneTables:
+    """Both bodies and the keep-outs of a question, as plain tables.
+
+    Attributes
+    ----------
+    movable, static : Table
+    keep_out : tuple of Table
+    """
+
+    movable: Table
+    static: Table
+    keep_out: tuple[Table, ...] = ()
+    latest: dict[str, Problem] = field(default_factory=dict, init=False, repr=False)  # holds on to the curve
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> SceneTables:
+        """Return the scene of plain data with the keys bodies and keep_out."""
+        others = enumerate(data.get("keep_out", ()), 1)
+        movable, static = (Table(data["bodies"][role], role) for role in ROLES)
+        return cls(movable, static, tuple(Table(table, f"keep-out {k}") for k, table in others))
+
+    @classmethod
+    def from_text(cls, text: str) -> SceneTables:
+        """Return the scene of canonical JSON, as another process sends it: the same object for the same text."""
+        return _scene(text)
+
+    @cached_property
+    def text(self) -> str:
+        """The scene as canonical JSON."""
+        others = ",".join(table.text for table in self.keep_out)
+        bodies = f'{{"movable":{self.movable.text},"static":{self.static.text}}}'
+        return f'{{"bodies":{bodies},"keep_out":[{others}]}}'
+
+    @cached_property
+    def key(self) -> str:
+        """The sha256 of `text`: scenes with equal keys are equal."""
+        return digest(self.text)
+
+    @cached_property
+    def tables(self) -> dict[str, Table]:
+        """All tables by their places."""
+        others = {f"keep_out[{k}]": table for k, table in enumerate(self.keep_out, 1)}
+        return {"bodies.movable": self.movable, "bodies.static": self.static, **others}
+
+    @cached_property
+    def drawn(self) -> SceneTables:
+        """The scene without mesh files; itself where there is none."""
+        if all("file" not in table.data for table in self.tables.values()):
+            return self
+        same_units({place: table.data.get("unit") for place, table in self.tables.items()}, None)
+        movable, static, *others = self._each(lambda table: table.drawn)
+        return SceneTables(movable, static, tuple(others))
+
+    @cached_property
+    def built(self) -> Scene:
+        """The bodies themselves."""
+        movable, static, *others = self._each(lambda table: table.body)
+        kept = [
+            KeepOut(body, table.data.get("scale", 1.0), clearance=table.data.get("clearance", 0.0))
+            for body, table in zip(others, self.keep_out, strict=True)
+        ]
+        return Scene(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)})
+
+    def check(self) -> None:
+        """Refuse tables that are no bodies; reads and builds nothing."""
+        self._each(lambda table: table.checked)
+
+    def _each(self, made: Callable[[Table], Any]) -> list[Any]:
+        """Return what is made of each table; an error says of which one."""
+        results = []
+        for place, table in self.tables.items():
+            try:
+                results.append(made(table))
+            except InputError as reason:
+                raise reason.within(key=place) from reason
+        return results
+
+    def with_value(self, place: Place, value: Any) -> SceneTables:
+        """Return the scene with a value at a place, which starts with bodies.movable, bodies.static or keep_out[k]."""
+        if place[0] == "keep_out":
+            k = int(place[1])
+            look_up({"keep_out": self.keep_out}, place[:2])
+            others = (*self.keep_out[:k], self.keep_out[k].with_value(place[2:], value), *self.keep_out[k + 1 :])
+            return replace(self, keep_out=others)
+        role = place[1] if len(place) > 1 else ""
+        if role not in ROLES:
+            what = f"no such body{closest(str(role), ROLES)}" if role else "both bodies at once"
+            raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
+        return replace(self, **{role: getattr(self, role).with_value(place[2:], value)})
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _scene(text: str) -> SceneTables:
+    return SceneTables.of(json.loads(text))
+
+
+# --------------------------------------------------------------------------------------------------------- questions
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """One case of a problem file as plain tables, defaults merged in.
+
+    Attributes
+    ----------
+    scene : SceneTables
+        The bodies; questions that differ in their cases alone share it.
+    case : mapping
+        The keys of a case.
+    """
+
+    scene: SceneTables
+    case: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Question:
+        """Return the question that a problem answers, in the form of `Problem.to_dict`."""
+        data = problem.to_dict()
+        return cls(SceneTables.of(data), data["case"][0])
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> tuple[Question, ...]:
+        """Return the questions of a problem file, one a case; raises `InputError` as `load_problems`."""
+        path = Path(path)
+        file = ProblemFile.read(path)
+        cases = file.named_cases(path).values()
+        bodies, home = file.both_bodies(path)
+        file.check_units(bodies, path)
+        own = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
+        scene = SceneTables.of({"bodies": own, "keep_out": [_given(entry, path.parent) for entry in file.keep_out]})
+        return tuple(cls(scene, {**_given(file.defaults), **_given(case)}) for case in cases)
+
+    @classmethod
+    def restored(cls, scene: str, case: Mapping[str, Any]) -> Question:
+        """Return the question of `scene.text` and `case`, as another process sends them."""
+        return cls(SceneTables.from_text(scene), case)
+
+    @property
+    def name(self) -> str:
+        """Name of the case."""
+        return str(self.case.get("name", ""))
+
+    def changed(self, values: Mapping[str, Any]) -> Question:
+        """Return the question with other values at some places.
+
+        Parameters
+        ----------
+        values : mapping of place to value
+            A place that starts with `bodies.` or `keep_out[` is of the scene, any other of the case. None takes a key
+            away, so that its default holds. Setting an angle or pitch in one unit drops the other; setting the target
+            drops requirement and tolerance, and the other way round.
+
+        Raises
+        ------
+        InputError
+            Names a place whose way ends before it does, and a value that is no plain data.
+        """
+        scene, case = self.scene, self.case
+        places = {parse(text): value for text, value in values.items()}
+        together = {place[-1] for place in places}
+        for place, value in places.items():
+            given = plain_value(value)
+            if place[0] == "bodies" or (place[0] == "keep_out" and len(place) > 1):
+                scene = scene.with_value(place, given)
+            else:
+                case = put(case, place, given, dropped=lambda key: [k for k in excluded(key) if k not in together])
+        return Question(scene, case)
+
+    def drawn(self) -> Question:
+        """Return the question without mesh files, the bodies as plain data."""
+        return self if self.scene.drawn is self.scene else replace(self, scene=self.scene.drawn)
+
+    def check(self) -> Case:
+        """Return the checked case; refuses keys and values that no case or body has, and reads and builds nothing."""
+        self.scene.check()
+        return checked(Case, self.case)
+
+    def problem(self) -> Problem:
+        """Return the problem; raises `InputError` as `Problem` does.
+
+        Equal bodies are built once a process, and the decision curve found once for each scene and box.
+        """
+        scene = self.scene.drawn
+        problem = checked(Case, self.case).problem(scene.built, _NO_DEFAULTS)
+        scene.latest["problem"] = problem
+        return problem
+
+
+def _given(entry: Entry, folder: Path | None = None) -> dict[str, Any]:
+    """Return what was given of an entry as plain data; the path of a mesh file starts in `folder`."""
+    data: dict[str, Any] = plain_value(entry)
+    if folder is not None and "file" in data:
+        data["file"] = located(data["file"], folder)
+    return data
+
+
+def located(file: str, folder: Path) -> str:
+    """Return the full path of a file that is named from a folder."""
+    try:
+        return os.path.abspath(folder / Path(file).expanduser())
+    except RuntimeError as reason:
+        raise InputError("no such home folder", key="file", found=file, allowed="the path of a file") from reason

@@ -1,0 +1,15 @@
+"""Studies: many questions at once, in a file or in Python. Start reading at `running`.
+
+running      run_study, the main path
+study        Study: which points, and the question at each of them
+variables    what varies: keys of a problem, and what they take
+derivation   keys that follow from parameters, by expressions
+sampling     grids and draws
+schema       what a study file may hold
+checking     what a study refuses before anything is solved
+point        what a worker does: chunks of points become rows
+plan         which points are still to be worked out, in chunks
+engines      workers on this machine; dask_engine: on many
+store        the SQLite file of a study
+results      what came out: tables, exports, yield
+"""

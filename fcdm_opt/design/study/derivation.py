@@ -1,0 +1,139 @@
+"""Keys of a problem that follow from parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from keyword import iskeyword
+from typing import Any
+
+from fcdm_opt.design.places import written
+from fcdm_opt.design.study.expressions import CONSTANTS, FUNCTIONS, Expression
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.arguments import is_real
+from fcdm_opt.tolerance.schema import closest
+
+
+@dataclass(frozen=True)
+class Derivation:
+    """Keys of a problem that follow from parameters.
+
+    Attributes
+    ----------
+    numbers : mapping
+        The parameters that are numbers; a point may have others.
+    steps : tuple of (name, Expression)
+        The parameters that are expressions, in an order in which each can be worked out.
+    values : mapping of place to tree
+        What is derived: lists and tables, with an `Expression` for each text.
+    """
+
+    numbers: Mapping[str, float]
+    steps: tuple[tuple[str, Expression], ...]
+    values: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, Any], derive: Mapping[str, Any], varied: set[str]) -> Derivation:
+        """Return the derivation; raises `InputError` for unknown, cyclic and unused parameters.
+
+        Parameters
+        ----------
+        parameters : mapping of name to number or expression
+        derive : mapping of place to value
+            Texts in it, at any depth, are expressions; `{ text = "..." }` is a text.
+        varied : set of str
+            Names of the parameters that points have values for.
+        """
+        numbers: dict[str, float] = {}
+        formulas: dict[str, Expression] = {}
+        for name, value in parameters.items():
+            key = f"parameters.{name}"
+            _check_name(name, key)
+            if isinstance(value, str):
+                formulas[name] = _expression(value, key)
+            elif not is_real(value) or not math.isfinite(value):
+                raise InputError("wrong value", key=key, found=value, allowed="a finite number or an expression")
+            else:
+                numbers[name] = float(value)
+        values = {place: _tree(value, (f"derive.'{place}'",)) for place, value in derive.items()}
+        used = [(f"parameters.{name}", formula) for name, formula in formulas.items()]
+        used += [leaf for place, tree in values.items() for leaf in _leaves(tree, (f"derive.'{place}'",))]
+        for key, formula in used:
+            for name in sorted(formula.names - parameters.keys()):
+                what = f"no such parameter '{name}'{closest(name, [*parameters, *FUNCTIONS])}"
+                raise InputError(what, key=key, found=formula.text, allowed=", ".join(parameters) or "none is given")
+        for name in sorted(varied - numbers.keys()):
+            key = f"parameters.{name}"
+            if name in formulas:
+                raise InputError("it follows from others and cannot vary", key=key, found=formulas[name].text)
+            what = f"no such parameter{closest(name, numbers)}"
+            raise InputError(what, key=key, found=name, allowed=", ".join(numbers) or "none is given")
+        spare = parameters.keys() - {name for _, formula in used for name in formula.names}
+        if spare:
+            name = min(spare, key=list(parameters).index)
+            raise InputError("nothing uses this parameter", key=f"parameters.{name}", allowed="an expression with it")
+        try:
+            graph = {name: formula.names for name, formula in formulas.items()}
+            order = [name for name in TopologicalSorter(graph).static_order() if name in formulas]
+        except CycleError as reason:
+            cycle = " -> ".join(reversed(reason.args[1]))
+            raise InputError("parameters follow from each other in a circle", key="parameters", found=cycle) from None
+        return cls(numbers, tuple((name, formulas[name]) for name in order), values)
+
+    def at(self, given: Mapping[str, float]) -> dict[str, Any]:
+        """Return the derived values by place; raises `InputError` where an expression has none."""
+        known = {**self.numbers, **given}
+        for name, formula in self.steps:
+            known[name] = _worked_out(formula, known, (f"parameters.{name}",))
+        return {place: _worked_out(tree, known, (f"derive.'{place}'",)) for place, tree in self.values.items()}
+
+
+def _check_name(name: str, key: str) -> None:
+    if not name.isidentifier() or iskeyword(name):
+        raise InputError("not a name for a parameter", key=key, found=name, allowed="letters, digits and _")
+    if name in FUNCTIONS or name in CONSTANTS:
+        raise InputError("this name has a meaning in expressions", key=key, found=name, allowed="another name")
+
+
+def _expression(text: str, key: str) -> Expression:
+    try:
+        return Expression.of(text)
+    except InputError as reason:
+        raise reason.within(key=key) from reason
+
+
+def _tree(value: Any, place: tuple[Any, ...]) -> Any:
+    """Return a derived value with an expression for each text in it."""
+    if isinstance(value, str):
+        return _expression(value, written(place))
+    if isinstance(value, Mapping):
+        if list(value) == ["text"] and isinstance(value["text"], str):
+            return value["text"]
+        return {key: _tree(item, (*place, key)) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_tree(item, (*place, k)) for k, item in enumerate(value)]
+    return value
+
+
+def _leaves(tree: Any, place: tuple[Any, ...]) -> list[tuple[str, Expression]]:
+    """Return all expressions in a tree with their places."""
+    if isinstance(tree, Expression):
+        return [(written(place), tree)]
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    return [leaf for key, item in items for leaf in _leaves(item, (*place, key))]
+
+
+def _worked_out(tree: Any, known: Mapping[str, float], place: tuple[Any, ...]) -> Any:
+    """Return a tree with the values of its expressions."""
+    if isinstance(tree, Expression):
+        try:
+            return tree(known)
+        except InputError as reason:
+            raise reason.within(key=written(place)) from reason
+    if isinstance(tree, dict):
+        return {key: _worked_out(item, known, (*place, key)) for key, item in tree.items()}
+    if isinstance(tree, list):
+        return [_worked_out(item, known, (*place, k)) for k, item in enumerate(tree)]
+    return tree

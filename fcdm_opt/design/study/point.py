@@ -1,0 +1,213 @@
+"""What a worker does with a chunk of points: asks, has judged, and gives one row of plain data for each."""
+
+from __future__ import annotations
+
+import faulthandler
+import gc
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from fcdm_opt.errors import InputError
+
+if TYPE_CHECKING:
+    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.solution import Solution
+
+Payload = dict[str, Any]
+"""A chunk of points, plain data: "certify", "time_limit" (seconds a point, or None), "scenes" (key to canonical JSON)
+and "points", each [key, scene key, case]."""
+
+Row = dict[str, Any]
+Outcome = tuple[Payload, list[Row] | None]
+"""A chunk and its rows, in the order of its points; None where its worker was lost."""
+
+BAD_INPUT, ERROR, WORKER_LOST = "BAD_INPUT", "ERROR", "WORKER_LOST"
+"""What a row's status may be besides the names of `Status`: no question, an unexpected error, no answer at all."""
+
+STDERR = 2  # where the system's own watch writes where a point was that took too long
+
+
+def evaluate(payload: Payload) -> list[Row]:
+    """Solve and verify the points of a chunk.
+
+    Parameters
+    ----------
+    payload : dict
+        See `Payload`. With a time limit the process ends where a point takes longer: only for a process that somebody
+        replaces.
+
+    Returns
+    -------
+    list of dict
+        A row a point, see `row` for its keys.
+    """
+    rows = []
+    for key, scene, case in payload["points"]:
+        with within(payload["time_limit"]):
+            rows.append(_evaluated(key, payload["scenes"][scene], case, certify=payload["certify"]))
+    return rows
+
+
+def load(limited: bool) -> None:
+    """Load what `evaluate` needs, which takes a second.
+
+    Parameters
+    ----------
+    limited : bool
+        Solve something small besides, so that compiling counts in no point's time.
+    """
+    from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.motion import Rotation, Translation
+    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.solver import solve
+
+    gc.freeze()  # what is loaded stays: not to be looked through again and again
+    if not limited:
+        return
+    corners = [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
+    beside = [[1.1, 1.2, 0.1], [3.0, 1.0, 1.0], [2.0, 3.0, 1.0], [3.0, 2.0, -1.5]]
+    motion = Translation("x") >> Rotation("z", centre="origin")
+    problem = Problem(Body.convex(corners), Body.convex(beside), target=(1.0, 1.0), goal="touch", motion=motion)
+    solve(problem)
+    solve(problem.changed(nominal=1, tolerance=0.01, requirement="B", target=None, goal="beyond"))
+
+
+def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Row:
+    """Return the row of a point without a solution.
+
+    Parameters
+    ----------
+    key : str
+        Of the point.
+    status, message : str
+        How it ended, and the reason in words.
+    seconds : float
+        What it took.
+
+    Returns
+    -------
+    dict
+        "key", "status", "message", "usable", "amount", "lower_bound", "parameters", "rho", "pair", "pair_gap",
+        "pair_state", "features" (labels), "active", "stage", "modelled", "checks_failed" (names of checks) and
+        "seconds" ("build", "solve", "prove", "verify", and "point" for all of it); the others as in `Solution`, None
+        for nan.
+    """
+    return {
+        "key": key,
+        "status": status,
+        "message": message,
+        "usable": False,
+        "amount": None,
+        "lower_bound": None,
+        "parameters": {},
+        "rho": None,
+        "pair": None,
+        "pair_gap": None,
+        "pair_state": "unknown",
+        "features": [],
+        "active": [],
+        "stage": "",
+        "modelled": {},
+        "checks_failed": [],
+        "seconds": {"point": seconds},
+    }
+
+
+def _evaluated(key: str, scene: str, case: Mapping[str, Any], *, certify: bool) -> Row:
+    start = perf_counter()
+    try:
+        solution, seconds = _solved(_problem(scene, case), certify)
+        answer = _answer(key, solution)
+        answer["seconds"] = {**seconds, "point": perf_counter() - start}
+        return answer
+    except InputError as reason:
+        return row(key, BAD_INPUT, str(reason), seconds=perf_counter() - start)
+    except Exception as reason:  # whatever a library raises is this point's answer, and not the end of a study
+        message = f"{type(reason).__name__}: {' '.join(str(reason).split())}"
+        return row(key, ERROR, message, seconds=perf_counter() - start)
+
+
+def _problem(scene: str, case: Mapping[str, Any]) -> Problem:
+    """Return the problem; where only sizes differ from the last one's, by changing these, in half the time."""
+    from fcdm_opt.design.question import Question
+
+    for before, known in (_LATEST[scene],) if scene in _LATEST else ():
+        changed = {key: value for key, value in case.items() if before.get(key) != value}
+        if before.keys() == case.keys() and all(_is_size(key, value) for key, value in changed.items()):
+            with suppress(InputError):  # to be refused in the words of a file, whatever came before
+                return known.changed(**changed)
+    problem = Question.restored(scene, case).problem()
+    _LATEST.clear()
+    _LATEST[scene] = case, problem
+    return problem
+
+
+_LATEST: dict[str, tuple[Mapping[str, Any], Problem]] = {}
+"""The last scene of this process, with a case and its problem: points of a chunk are much alike."""
+
+
+def _is_size(key: str, value: Any) -> bool:
+    """Tell whether a key of a case, with this value, is one that a problem takes as it stands."""
+    if key == "target":
+        return isinstance(value, list) and len(value) == 2 and all(type(x) is float for x in value)
+    return key == "tolerance" and type(value) is float
+
+
+def _solved(problem: Problem, certify: bool) -> tuple[Solution, dict[str, float]]:
+    """Return the judged solution, and what it took; what a proof says is checked too."""
+    from fcdm_opt.tolerance.certificate import verify
+    from fcdm_opt.tolerance.solver import solve
+
+    start = perf_counter()
+    solution = solve(problem, certify=certify)
+    seconds = dict(solution.seconds)
+    seconds["solve"] += perf_counter() - start - sum(seconds.values())  # features that were tried besides, and the rest
+    if solution.evidence is not None:
+        start = perf_counter()
+        solution = solution.with_certificate(verify(solution, proof=True), solution.seconds)
+        seconds["verify"] += perf_counter() - start
+    return solution, seconds
+
+
+def _answer(key: str, solution: Solution) -> Row:
+    certificate = solution.certificate
+    return {
+        "key": key,
+        "status": solution.status.name,
+        "message": solution.status.value,
+        "usable": solution.usable,
+        "amount": _number(solution.amount),
+        "lower_bound": _number(solution.lower_bound),
+        "parameters": {name: _number(value) for name, value in solution.parameters.items()},
+        "rho": None if solution.rho is None else solution.rho.tolist(),
+        "pair": solution.pair.tolist(),
+        "pair_gap": _number(solution.pair_gap),
+        "pair_state": solution.pair_state,
+        "features": [feature.label for feature in solution.features],
+        "active": list(solution.active),
+        "stage": solution.stage,
+        "modelled": dict(solution.modelled),
+        "checks_failed": [check.name for check in certificate.failed] if certificate else [],
+    }
+
+
+def _number(value: float) -> float | None:
+    """Return a plain number, None for nan; infinite bounds of what is infeasible stay infinite."""
+    value = float(value)
+    return None if math.isnan(value) else value
+
+
+@contextmanager
+def within(limit: float | None) -> Iterator[None]:
+    """End this process where the block takes longer: a watch of the system's own, which works in compiled code too."""
+    if limit is None:
+        yield
+        return
+    faulthandler.dump_traceback_later(limit, exit=True, file=STDERR)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()

@@ -1,0 +1,118 @@
+"""How far a run is: a bar on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from time import monotonic
+
+PAUSE = 10.0
+"""Seconds between two lines."""
+
+SETTLED = 1.0
+"""Seconds after which a rate says something."""
+
+REFRESH = 4  # times a second that a bar is drawn
+
+Say = Callable[[str], None]
+
+
+@dataclass
+class Pace:
+    """What is done, how fast, and when the rest will be.
+
+    Attributes
+    ----------
+    total : int
+        Points of the study.
+    done : int
+        Those that have a row.
+    made : int
+        Those of them that this run worked out.
+    """
+
+    total: int
+    done: int = 0
+    made: int = 0
+    _start: float = field(default_factory=monotonic)
+
+    def __str__(self) -> str:
+        seconds, before = monotonic() - self._start, self.done - self.made
+        words = [f"{self.done:,} of {self.total:,} points" + (f" ({before:,} from before)" if before else "")]
+        if self.made and seconds > SETTLED:
+            words.append(f"{self.made / seconds:.3g} a second")
+            if self.done < self.total:
+                words.append(f"{_duration((self.total - self.done) * seconds / self.made)} left")
+        return ", ".join(words)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+@contextmanager
+def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[int, int], None]]:
+    """Show how far a run is.
+
+    Parameters
+    ----------
+    total : int
+        Points of the study.
+    progress : bool
+        Whether a bar is wanted where standard error is a terminal.
+    say : callable, optional
+        Takes lines where there is no bar; without it they go to standard error if `progress`, else nowhere.
+
+    Yields
+    ------
+    callable
+        To be told `done` and `made`, see `Pace`.
+    """
+    pace = Pace(total)
+    bar = progress and sys.stderr is not None and sys.stderr.isatty()
+    with _bar(pace) if bar else _lines(pace, say or (_to_stderr if progress else None)) as show:
+
+        def tell(done: int, made: int) -> None:
+            pace.done, pace.made = done, made
+            show()
+
+        yield tell
+
+
+def _to_stderr(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _lines(pace: Pace, say: Say | None) -> Iterator[Callable[[], None]]:
+    """Say a line now and then, and at the end, also where that comes early."""
+    last = monotonic()
+
+    def show() -> None:
+        nonlocal last
+        if say and monotonic() - last >= PAUSE:
+            last = monotonic()
+            say(str(pace))
+
+    try:
+        yield show
+    finally:
+        if say:
+            say(str(pace))
+
+
+@contextmanager
+def _bar(pace: Pace) -> Iterator[Callable[[], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), refresh_per_second=REFRESH) as bar:
+        task = bar.add_task(str(pace), total=pace.total)
+        yield lambda: bar.update(task, completed=pace.done, description=str(pace))

@@ -1,0 +1,400 @@
+"""What a study found: read back from its store, as rows, as tables of other libraries, and in a few numbers."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import sqlite3
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from fcdm_opt.design.proportion import proportion_interval
+from fcdm_opt.design.study.point import Row
+from fcdm_opt.design.study.store import FILE, SCHEMA
+from fcdm_opt.errors import InputError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
+
+PENDING = "PENDING"
+"""Status of a point that is not worked out yet."""
+
+CONFIDENCE = 0.95
+
+CASE, DRAW = "case", "draw"  # axes that no key of a problem stands for
+
+PLAIN = ("message", "usable", "amount", "lower_bound")
+PAIRS = ("rho", "pair")
+LISTS = ("features", "active", "checks_failed")
+TABLES = ("modelled", "seconds")
+"""Keys of a row by what becomes of them: a column; two columns; a text; a column for each key within."""
+
+
+class Share(NamedTuple):
+    """How many points a motion within the budget was found for.
+
+    Attributes
+    ----------
+    share : float
+        Of the points that were worked out; failures count as not within.
+    interval : tuple of float
+        Clopper and Pearson's, at least as wide as independent random draws need it; Latin hypercube draws need less.
+    within, of : int
+        Points.
+    confidence, budget : float
+    """
+
+    share: float
+    interval: tuple[float, float]
+    within: int
+    of: int
+    confidence: float
+    budget: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StudyResult:
+    """The points of a study in order, with what was found for each of them.
+
+    Attributes
+    ----------
+    definition : mapping
+        As `Study.to_dict` gives it.
+    study, version : str
+        Key of the study, and the version of fcdm_opt that its rows are from.
+    points : tuple of (str or None, mapping)
+        Key of its row, and value of each label, for every point of the study. A point that no run has come to yet has
+        no key, and None for what is drawn.
+    answers : mapping of str to dict
+        Row of each key that is worked out, see `point.row`.
+    """
+
+    definition: Mapping[str, Any]
+    study: str
+    version: str
+    points: tuple[tuple[str | None, Mapping[str, Any]], ...]
+    answers: Mapping[str, Row]
+
+    @classmethod
+    def read(cls, out: str | os.PathLike[str]) -> StudyResult:
+        """Return what the store in a folder holds by now; a run may be writing to it meanwhile.
+
+        Parameters
+        ----------
+        out : path
+            Folder of the study.
+
+        Raises
+        ------
+        InputError
+            Where there is no store of a study, or a damaged one.
+        """
+        path = Path(out) / FILE
+        if not path.is_file():
+            raise InputError("no study has been run into this folder", file=str(out), allowed=f"a folder with {FILE}")
+        try:
+            with closing(_opened(path)) as base:
+                base.execute("BEGIN")  # one state of the store, whatever is written meanwhile
+                meta = dict(base.execute("SELECT name, value FROM meta"))
+                if meta["schema"] != str(SCHEMA):
+                    allowed = f"{SCHEMA}, that of this version"
+                    raise InputError("laid out in another way", file=path, found=meta["schema"], allowed=allowed)
+                met = {
+                    number: (key, json.loads(values))
+                    for number, key, values in base.execute('SELECT number, key, "values" FROM points')
+                }
+                answers = {key: json.loads(row) for key, row in base.execute("SELECT key, row FROM results")}
+            definition = json.loads(meta["definition"])
+            points = tuple(met.get(number, (None, values)) for number, values in enumerate(_expected(definition)))
+            study, version = meta["study"], meta["version"]
+        except InputError:
+            raise
+        except (sqlite3.Error, LookupError, TypeError, ValueError, AttributeError) as reason:
+            raise InputError(f"not a store of a study ({reason})", file=path) from reason
+        return cls(definition=definition, study=study, version=version, points=points, answers=answers)
+
+    # ------------------------------------------------------------------------------------------------------ in numbers
+
+    @cached_property
+    def axes(self) -> dict[str, tuple[Any, ...]]:
+        """Label -> values, as `Study.axes`; the last one varies fastest in the order of the points."""
+        return _axes(self.definition)
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Points by status, the most frequent first; "PENDING" for those that are not worked out yet."""
+        return dict(Counter(self._answer(key).get("status", PENDING) for key, _ in self.points).most_common())
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point is worked out."""
+        return PENDING not in self.counts
+
+    @cached_property
+    def seconds(self) -> dict[str, float]:
+        """Working time of all rows: of "build", "solve", "prove", "verify", and "point" for all of it."""
+        total: Counter[str] = Counter()
+        for row in self.answers.values():
+            total.update(row["seconds"])
+        return {name: float(value) for name, value in total.items()}
+
+    @property
+    def assembly_yield(self) -> Share | None:
+        """Share of the points whose motion stays within the budget; None without a budget, or a point worked out."""
+        budget = self.definition.get("budget")
+        found = [row for key, _ in self.points if (row := self._answer(key))]
+        if budget is None or not found:
+            return None
+        within = sum(row["usable"] and row["amount"] <= budget for row in found)
+        interval = proportion_interval(within, len(found), CONFIDENCE)
+        return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
+
+    def __str__(self) -> str:
+        counts = ", ".join(f"{count} {status}" for status, count in self.counts.items()) or "none"
+        lines = [f"{self.definition.get('title') or 'study'}: {len(self.points)} points: {counts}"]
+        amounts = sorted(row["amount"] for key, _ in self.points if (row := self._answer(key)) and row["usable"])
+        if amounts:
+            middle = amounts[len(amounts) // 2]
+            lines.append(f"amount: {amounts[0]:.6g} to {amounts[-1]:.6g}, the middle one {middle:.6g}")
+        if found := self.assembly_yield:
+            low, high = found.interval
+            lines.append(
+                f"yield: {found.share:.2%} within {found.budget:g} ({found.within} of {found.of}; "
+                f"{found.confidence:.0%} interval {low:.2%} to {high:.2%})"
+            )
+        if self.seconds:
+            lines.append("seconds: " + ", ".join(f"{name} {value:.3g}" for name, value in self.seconds.items()))
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{status}: {count}" for status, count in self.counts.items())
+        return f"StudyResult({self.definition.get('title', '')!r}, {counts})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain data; as JSON has no such numbers, infinity becomes "inf"."""
+        found = self.assembly_yield
+        return {
+            **self.definition,
+            "study": self.study,
+            "version": self.version,
+            "counts": self.counts,
+            "seconds": self.seconds,
+            "assembly_yield": None if found is None else {**found._asdict(), "interval": list(found.interval)},
+            "rows": [{name: _for_json(value) for name, value in row.items()} for row in self.rows()],
+        }
+
+    # ------------------------------------------------------------------------------------------------------- as tables
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row for every point, in order, all with the same columns.
+
+        Columns: "number"; what varies, one column a key where several vary together, and "draw"; "status", "message",
+        "usable", "amount", "lower_bound"; the parameters of the motion by name (length units, radians); "rho_1",
+        "rho_2", "pair_1", "pair_2", "pair_gap", "pair_state"; "features", "active", "checks_failed" (joined by "; "),
+        "stage"; "modelled.*" and "seconds.*"; "key". A varied key named as another column has " (varied)" added.
+        Values are numbers, texts, booleans or None; what is more in a problem (a list of vertices) is JSON text.
+        """
+        return [dict(zip(self._columns, row, strict=True)) for row in zip(*self._columns.values(), strict=True)]
+
+    def frame(self) -> DataFrame:
+        """Return `rows` as a pandas table; numbers that are not there are nan."""
+        return _extra("pandas").DataFrame({name: _filled(values) for name, values in self._columns.items()})
+
+    def dataset(self) -> Dataset:
+        """Return the columns as arrays of an xarray dataset, over the axes of the study.
+
+        Where several keys vary together, their values along the axis are coordinates of their own, and the axis counts
+        from 0. Where what is drawn is not known yet, it is nan. Select with `.sel({"tolerance": 0.02})`: as an argument,
+        xarray takes that name for its own.
+        """
+        xarray, pandas = _extra("xarray"), _extra("pandas")
+        sizes = {_told(name): len(values) for name, values in self.axes.items()}
+        coordinates: dict[str, Any] = {}
+        for label, values in self.axes.items():
+            keys = self._keys[label]
+            together = zip(*values, strict=True) if len(keys) > 1 else [values]
+            coordinates |= {
+                _told(key): (_told(label), pandas.Series(_filled(_column(own))).to_numpy())
+                for key, own in zip(keys, together, strict=True)
+            }
+            coordinates.setdefault(_told(label), range(len(values)))
+        table = {name: pandas.Series(_filled(values)).to_numpy() for name, values in self._columns.items()}
+        arrays = {
+            name: (tuple(sizes), values.reshape(tuple(sizes.values())))
+            for name, values in table.items()
+            if name not in coordinates
+        }
+        about = {name: self.definition.get(name) or "" for name in ("title", "note")}
+        return xarray.Dataset(arrays, coordinates, {**about, "study": self.study, "version": self.version})
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write `rows` as CSV: UTF-8, numbers with all their digits, nothing for None.
+
+        Raises
+        ------
+        InputError
+            Where the file cannot be written; then there is none.
+        """
+        with _moved(path) as other, other.open("w", encoding="utf-8", newline="") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(self._columns)
+            table.writerows(zip(*self._columns.values(), strict=True))
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Write `frame` as Parquet.
+
+        Raises
+        ------
+        InputError
+            Where the file cannot be written; then there is none.
+        """
+        _extra("pyarrow")
+        frame = self.frame()
+        with _moved(path) as other:
+            frame.to_parquet(other, engine="pyarrow", index=False)
+
+    @cached_property
+    def _keys(self) -> dict[str, tuple[str, ...]]:
+        """Label -> names of its columns: the label, or the keys where several vary together."""
+        varied = _together(self.definition)
+        return {label: varied.get(label, (label,)) for label in [*self.definition["labels"], *self.axes]}
+
+    @cached_property
+    def _columns(self) -> dict[str, list[Any]]:
+        rows = [self._answer(key) for key, _ in self.points]
+        columns: dict[str, Iterable[Any]] = {"number": range(len(self.points))}
+        for label, keys in self._keys.items():
+            given = [values.get(label) for _, values in self.points]
+            if label == DRAW:
+                given = [number % len(self.axes[DRAW]) for number in range(len(self.points))]
+            for k, key in enumerate(keys):
+                columns[_told(key)] = [value and value[k] for value in given] if len(keys) > 1 else given
+        columns["status"] = [row.get("status", PENDING) for row in rows]
+        columns |= {name: [row.get(name) for row in rows] for name in PLAIN}
+        columns |= _within(rows, "parameters", "")
+        for name in PAIRS:
+            columns |= {f"{name}_{k + 1}": [row[name][k] if row.get(name) else None for row in rows] for k in (0, 1)}
+        columns |= {name: [row.get(name) for row in rows] for name in ("pair_gap", "pair_state")}
+        columns |= {name: ["; ".join(row.get(name, ())) for row in rows] for name in LISTS}
+        columns["stage"] = [row.get("stage") for row in rows]
+        for name in TABLES:
+            columns |= _within(rows, name, f"{name}.")
+        columns["key"] = [key for key, _ in self.points]
+        return {name: _column(values) for name, values in columns.items()}
+
+    def _answer(self, key: str | None) -> Row:
+        """Return the row of a point, an empty one where there is none yet."""
+        return {} if key is None else self.answers.get(key, {})
+
+
+# ------------------------------------------------------------------------------------------------------------ the store
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    """Open a store for reading; also one in a folder that cannot be written, where nobody else writes then either."""
+    place = path.resolve().as_uri()
+    base = sqlite3.connect(f"{place}?mode=ro", uri=True)
+    try:
+        base.execute("SELECT name FROM sqlite_master LIMIT 1")
+    except sqlite3.OperationalError:
+        base.close()
+        base = sqlite3.connect(f"{place}?immutable=1", uri=True)
+    return base
+
+
+def _axes(definition: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
+    together = _together(definition)
+    return {
+        label: tuple(range(values)) if label == DRAW else tuple(map(tuple, values) if label in together else values)
+        for label, values in definition["axes"].items()
+    }
+
+
+def _together(definition: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Label -> keys that vary together, except where their values have names: a name is one value."""
+    vary = definition["vary"]
+    return {own["label"]: tuple(own["key"]) for own in vary if len(own["key"]) > 1 and not own.get("names")}
+
+
+def _expected(definition: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Return the values of every point as far as they follow from the axes."""
+    axes = _axes(definition)
+    labels = definition["labels"]
+    for values in product(*axes.values()):
+        own = dict(zip(axes, values, strict=True))
+        yield {label: own.get(label) for label in labels}
+
+
+# ---------------------------------------------------------------------------------------------------------- the columns
+
+OWN = {
+    "number", "status", *PLAIN, "pair_gap", "pair_state", *LISTS, "stage", "key",
+    *(f"{name}_{k}" for name in PAIRS for k in (1, 2)),
+}  # fmt: skip
+"""Names of columns that are there whatever varies."""
+
+
+def _told(label: str) -> str:
+    """Return the column of what varies, apart from all other columns."""
+    return f"{label} (varied)" if label in OWN else label
+
+
+def _within(rows: Sequence[Row], name: str, head: str) -> dict[str, list[Any]]:
+    """Return a column for each key within a table of the rows, in the order in which they first appear."""
+    names = dict.fromkeys(key for row in rows for key in row.get(name, ()))
+    return {head + key: [row.get(name, {}).get(key) for row in rows] for key in names}
+
+
+def _column(values: Iterable[Any]) -> list[Any]:
+    """Return values of one kind: all numbers, all booleans, or all texts; None where there is none."""
+    found = list(values)
+    kinds = {type(value) for value in found if value is not None}
+    if kinds <= {int, float} or kinds == {bool} or kinds == {str}:
+        return found
+    return [value if value is None or isinstance(value, str) else json.dumps(value) for value in found]
+
+
+def _filled(values: list[Any]) -> list[Any]:
+    """Return values whose kind a library can tell: nan where there are none at all."""
+    return [math.nan] * len(values) if all(value is None for value in values) else values
+
+
+def _for_json(value: Any) -> Any:
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _extra(name: str) -> Any:
+    """Import a library that is an extra, or say what to install."""
+    try:
+        return import_module(name)
+    except ImportError as reason:
+        what = f"{name} cannot be loaded ({reason}); install it with pip install 'fcdm_opt[tables]'"
+        raise InputError(what, key="StudyResult") from reason
+
+
+@contextmanager
+def _moved(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a name to write to, and move it to the wanted one when all is written; a file that fails is taken away."""
+    path = Path(path)
+    other = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            yield other
+            os.replace(other, path)
+        except BaseException:
+            with suppress(OSError):
+                other.unlink()
+            raise
+    except OSError as reason:
+        found = reason.strerror or str(reason)
+        raise InputError("the file cannot be written", file=path, found=found, allowed="a file in a folder") from reason

@@ -1,0 +1,49 @@
+"""The main path of a study: from its file to its results. Start reading here."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fcdm_opt.design.study.engines import Engine, chosen
+from fcdm_opt.design.study.plan import Plan
+from fcdm_opt.design.study.progress import Say, shown
+from fcdm_opt.design.study.store import Belonging, Store
+
+if TYPE_CHECKING:
+    from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.design.study.study import Study
+
+
+def run_study(
+    study: Study | str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    engine: str | Engine = "joblib",
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    progress: bool = False,
+    say: Say | None = None,
+) -> StudyResult:
+    """Solve and verify every point of a study, or those that an earlier run into the same folder has not.
+
+    The rows are the same whatever the engine, the number of processes and the order, times apart. A run may be killed
+    at any moment: what is stored is not worked out again.
+    """
+    from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.design.study.study import Study
+
+    study = study if isinstance(study, Study) else Study.read(study)
+    chosen_engine = chosen(engine, jobs, scheduler, time_limit=study.time_limit)
+    with (
+        Store(Path(out), Belonging(study.key, study.version, study.to_dict())) as store,
+        shown(len(study), progress=progress, say=say) as tell,
+        chosen_engine as workers,
+    ):
+        plan = Plan(study, store, lambda: workers.workers)
+        for again, chunks in ((False, plan.chunks), (True, plan.lost)):
+            for payload, rows in workers.run(chunks()):
+                plan.answered(payload, rows, last=again)
+                tell(plan.done, plan.made)
+    return StudyResult.read(out)

@@ -1,0 +1,147 @@
+"""What a study file may hold; the descriptions of the fields are the format's documentation."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, create_model, model_validator
+
+from fcdm_opt.tolerance.schema import Entry, Label, Number, refusal
+
+Key = Annotated[str, Field(min_length=1)]
+WAYS = ("values", "grid", "uniform", "normal", "csv")
+
+# "from" and "yield" are words of Python, so that no class body can name such a field
+Grid = create_model(
+    "Grid",
+    __base__=Entry,
+    __doc__="Evenly spaced numbers, both ends among them.",
+    **{
+        "from": (Number, Field(description="the first number")),
+        "to": (Number, Field(description="the last number, above the first")),
+        "count": (Label, Field(description="how many, a whole number >= 1; with 1 from and to are equal")),
+        "spacing": (
+            Literal["linear", "log"],
+            Field(default="linear", description='"linear", or "log": equal ratios between numbers > 0'),
+        ),
+    },  # type: ignore[call-overload]
+)
+
+
+class UniformEntry(Entry):
+    """See `Uniform`."""
+
+    low: Number = Field(description="least number that is drawn")
+    high: Number = Field(description="largest number that is drawn, above low")
+
+
+class NormalEntry(Entry):
+    """See `Normal`."""
+
+    mean: Number = Field(description="mean, before the cut")
+    deviation: Number = Field(description="standard deviation > 0, before the cut")
+    low: Number = Field(description="least number that is drawn")
+    high: Number = Field(description="largest number that is drawn, above low")
+
+
+class CsvEntry(Entry):
+    """Measured values: one column to draw from, or several whose rows are taken as they are."""
+
+    file: str = Field(description="path of a CSV file with a line of column names, relative to this file")
+    column: str | None = Field(default=None, description="name of the column to draw from")
+    nominal: Number | None = Field(default=None, description="number that the values of the column are divided by")
+    columns: list[str] | None = Field(default=None, min_length=1, description="names of columns, one a key")
+    nominals: list[Number] | None = Field(default=None, description="numbers that they are divided by, one a column")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.column is None) == (self.columns is None):
+            found = "neither" if self.column is None else "both"
+            raise refusal("exactly one of column and columns must be given", found=found, allowed="column or columns")
+        stray = "nominals" if self.columns is None else "nominal"
+        if getattr(self, stray) is not None:
+            other = "columns" if self.columns is None else "column"
+            raise refusal(f"this key goes with {other}", found=getattr(self, stray), allowed=other, inside=(stray,))
+        return self
+
+
+class VaryEntry(Entry):
+    """One variable of a study: which key takes which values."""
+
+    key: Key | Annotated[list[Key], Field(min_length=1)] = Field(
+        description='a key of a problem ("tolerance", "target[1]", "limits.RZ_deg", "bodies.movable.vertices[5][3]", '
+        '"parameters.draft_deg"), or a list of keys that vary together'
+    )
+    label: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, description="name of its column in the results (text)"
+    )
+    values: Annotated[list[Any], Field(min_length=1)] | None = Field(
+        default=None, description="[...], at least one value; with several keys one list a point: [[...], [...]]"
+    )
+    names: list[str] | None = Field(
+        default=None, description='names of the listed values in the results, all different: ["TX", "TZ + RZ"]'
+    )
+    grid: Grid | None = Field(  # type: ignore[valid-type]
+        default=None, description='{ from = 0.001, to = 0.05, count = 50, spacing = "linear" or "log" }'
+    )
+    uniform: UniformEntry | None = Field(default=None, description="{ low = 0.98, high = 1.02 }")
+    normal: NormalEntry | None = Field(
+        default=None, description="{ mean = 1.0, deviation = 0.005, low = 0.98, high = 1.02 }, cut off at low and high"
+    )
+    csv: CsvEntry | None = Field(
+        default=None,
+        description='{ file = "sizes.csv", column = "peg", nominal = 10.0 }, or columns = [...] with several keys',
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        given = [way for way in WAYS if getattr(self, way) is not None]
+        if len(given) != 1:
+            allowed = f"exactly one of {', '.join(WAYS)}"
+            raise refusal("the values are not given once", found=", ".join(given) or "none", allowed=allowed)
+        return self
+
+
+class YieldEntry(Entry):
+    """What counts as good."""
+
+    budget: Annotated[Number, Field(ge=0.0)] = Field(description="largest amount >= 0 of a motion that is affordable")
+
+
+class _StudyFile(Entry):
+    """A whole study file."""
+
+    title: str = Field(default="", description="title (text)")
+    note: str = Field(default="", description="what the reader should know (text)")
+    problem: str = Field(description='path of the problem file, relative to this file: "../example1.toml"')
+    cases: Annotated[list[str], Field(min_length=1)] | None = Field(
+        default=None, description='names of the cases to take: ["A", "B"]; without it all'
+    )
+    seed: Annotated[int, Field(strict=True, ge=0)] = Field(
+        default=1, description="whole number >= 0 that the draws follow from"
+    )
+    certify: Annotated[bool, Field(strict=True)] = Field(
+        default=False, description="true: prove that no smaller motion will do"
+    )
+    time_limit: Annotated[Number, Field(gt=0.0)] | None = Field(default=None, description="seconds > 0 a point")
+    sampling: Literal["latin hypercube", "random"] = Field(
+        default="latin hypercube", description='"latin hypercube" or "random": how numbers are drawn'
+    )
+    count: Label | None = Field(
+        default=None, description="how many draws >= 1, goes with uniform, normal or csv column"
+    )
+    parameters: dict[str, Number | str] = Field(
+        default={}, description="{ draft_deg = 1.0 }: numbers of one's own, or expressions in them"
+    )
+    vary: list[VaryEntry] = Field(default=[], description="[[vary]] tables")
+    derive: dict[str, Any] = Field(
+        default={}, description='{ target = ["r", "1.0"] }: values of keys, texts in them are expressions in parameters'
+    )
+
+
+StudyFile = create_model(
+    "StudyFile",
+    __base__=_StudyFile,
+    __doc__="A whole study file.",
+    **{"yield": (YieldEntry | None, Field(default=None, description="{ budget = 0.25 }"))},  # type: ignore[call-overload]
+)

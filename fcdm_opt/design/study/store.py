@@ -1,0 +1,219 @@
+"""The rows of a study on disk: SQLite in the output folder, written chunk by chunk, so that a killed run goes on.
+
+    meta      name, value       schema, version (of fcdm_opt), study (its key), definition (JSON)
+    points    number, key, values (JSON)
+    results   key, status, usable, amount, row (JSON, see `point.row`)
+
+What is committed survives the death of the process at any moment; a row is written once and never again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+from fcdm_opt.design.study.point import Row
+from fcdm_opt.errors import InputError
+
+SCHEMA = 1
+FILE, LOCK = "study.sqlite", "study.lock"
+
+PATIENCE = 30.0
+"""Seconds that a write waits for somebody who reads, or copies, the store."""
+
+TABLES = {
+    "meta": "name TEXT PRIMARY KEY, value TEXT NOT NULL",
+    "points": 'number INTEGER PRIMARY KEY, key TEXT NOT NULL, "values" TEXT NOT NULL',
+    "results": "key TEXT PRIMARY KEY, status TEXT NOT NULL, usable INTEGER NOT NULL, amount REAL, row TEXT NOT NULL",
+}
+
+_encoded = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), check_circular=False).encode
+
+
+class Belonging(NamedTuple):
+    """What a store belongs to.
+
+    Attributes
+    ----------
+    study : str
+        Key of the study: stands for its whole definition, and what that reads.
+    version : str
+        Of fcdm_opt.
+    definition : mapping
+        Plain data, kept for who reads the results; "title" is told where a store is refused.
+    """
+
+    study: str
+    version: str
+    definition: Mapping[str, Any]
+
+
+class Met(NamedTuple):
+    """A point of the study: its number, the key of its row, and its values by label."""
+
+    number: int
+    key: str
+    values: Mapping[str, Any]
+
+
+class Store:
+    """The rows of a study, open for one run; used in a `with` block.
+
+    Parameters
+    ----------
+    folder : path
+        Where they are; made where it does not exist.
+    owner : Belonging
+        What the store must belong to, or will where it is new.
+
+    Raises
+    ------
+    InputError
+        For a folder that cannot be written or that another run is using, and a store that is damaged, or of another
+        study or version; in later calls where the disk is full.
+    """
+
+    def __init__(self, folder: Path, owner: Belonging) -> None:
+        self.path = folder / FILE
+        with _refusals(self.path), ExitStack() as stack:
+            folder.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(_locked(folder / LOCK))
+            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            stack.callback(self._base.close)
+            self._prepare(owner)
+            self._open = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, reason: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.close()
+
+    def has(self, key: str) -> bool:
+        """Tell whether there is a row of this key."""
+        return self._base.execute("SELECT 1 FROM results WHERE key = ?", (key,)).fetchone() is not None
+
+    def write(self, points: Iterable[Met], rows: Iterable[Row]) -> None:
+        """Write points that were met, and rows: all of them or, where the process dies, none.
+
+        Parameters
+        ----------
+        points : iterable of Met
+            Those that an earlier run has met already change nothing.
+        rows : iterable of dict
+            Of keys that have no row yet.
+        """
+        met = [(number, key, _encoded(values)) for number, key, values in points]
+        made = [(row["key"], row["status"], row["usable"], row["amount"], _encoded(row)) for row in rows]
+        with _refusals(self.path), self._transaction():
+            self._base.executemany("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", met)
+            self._base.executemany("INSERT INTO results VALUES (?, ?, ?, ?, ?)", made)
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._base.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._base.execute("COMMIT")
+        except BaseException:
+            if self._base.in_transaction:
+                self._base.execute("ROLLBACK")
+            raise
+
+    # ------------------------------------------------------------------------------------------------------- opening
+
+    def _prepare(self, owner: Belonging) -> None:
+        """Make the tables, or check those that are there."""
+        tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not tables:
+            self._base.execute("PRAGMA journal_mode = WAL")
+        self._base.execute("PRAGMA synchronous = NORMAL")
+        if tables:
+            self._check(tables, owner)
+            return
+        meta = {
+            "schema": str(SCHEMA),
+            "version": owner.version,
+            "study": owner.study,
+            "definition": _encoded(owner.definition),
+        }
+        with self._transaction():
+            for name, columns in TABLES.items():
+                self._base.execute(f"CREATE TABLE {name} ({columns})")
+            self._base.executemany("INSERT INTO meta VALUES (?, ?)", meta.items())
+
+    def _check(self, tables: set[str], owner: Belonging) -> None:
+        """Refuse what is not the store of this study and version."""
+        if not tables.issuperset(TABLES):
+            found = ", ".join(sorted(tables))
+            raise InputError("not a store of a study", file=self.path, found=f"tables {found}", allowed=EMPTY)
+        verdict = self._base.execute("PRAGMA quick_check(1)").fetchone()[0]
+        if verdict != "ok":
+            raise InputError(f"the store is damaged ({verdict})", file=self.path, allowed=EMPTY)
+        meta = dict(self._base.execute("SELECT name, value FROM meta"))
+        for name, wanted, what in (
+            ("schema", str(SCHEMA), "the store is laid out in another way"),
+            ("version", owner.version, "the store was made by another version of fcdm_opt"),
+            ("study", owner.study, f"the store is of another study{_title(meta)}, or this one was changed since"),
+        ):
+            if meta.get(name) != wanted:
+                allowed = f"{wanted}; or {EMPTY}"
+                raise InputError(what, file=self.path, key=name, found=meta.get(name, "nothing"), allowed=allowed)
+
+
+EMPTY = "another folder for --out"
+
+
+def _title(meta: Mapping[str, str]) -> str:
+    try:
+        title = json.loads(meta["definition"])["title"]
+    except (KeyError, TypeError, ValueError):
+        return ""
+    return f" ({title!r})" if title else ""
+
+
+@contextmanager
+def _refusals(path: Path) -> Iterator[None]:
+    """Say why a store cannot be read or written, as bad input."""
+    try:
+        yield
+    except sqlite3.IntegrityError:
+        raise  # a row written twice: a fault of ours
+    except sqlite3.DatabaseError as reason:
+        raise InputError(
+            f"the store cannot be used: {reason}", file=path, allowed=f"room to write; or {EMPTY}"
+        ) from reason
+    except OSError as reason:
+        file = reason.filename or path
+        allowed = "a folder that can be written"
+        raise InputError("the store cannot be used", file=file, found=reason.strerror, allowed=allowed) from reason
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Keep other runs out as long as this process lives; the system lets go of the lock however that ends."""
+    with path.open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as reason:
+            file.seek(0)
+            holder = file.read().strip()
+            raise InputError(
+                "another run is writing to this folder",
+                file=path.parent,
+                found=f"process {holder}" if holder else None,
+                allowed="waiting for it to end; or another folder",
+            ) from reason
+        file.truncate(0)
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        yield

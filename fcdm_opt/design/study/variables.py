@@ -1,0 +1,170 @@
+"""What varies in a study: keys of a problem, and what they take."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform, read_columns
+from fcdm_opt.design.places import Place, parse
+from fcdm_opt.design.question import canonical, located, plain_value
+from fcdm_opt.design.study import sampling
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.arguments import is_real, items
+
+PARAMETERS = "parameters"  # head of the places that are names of a study's own
+_ONE_KEY = "one key; keys that follow from one number: a parameter and [derive]"
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """Keys of a problem that vary together, and what they take.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        Places, see `fcdm_opt.design.places`.
+    values : tuple or Distribution
+        Listed values, one a point, lists of one a key where there are several; or what is drawn from.
+    label : str
+        Its column in the results; default the keys.
+    names : tuple of str
+        What stands for each listed value in the results; default the value itself.
+    where : str
+        How errors name it.
+    listed : str
+        How errors name its values.
+    """
+
+    keys: tuple[str, ...]
+    values: Any
+    label: str = ""
+    names: tuple[str, ...] = ()
+    where: str = ""
+    listed: str = ""
+
+    def __post_init__(self) -> None:
+        keys = tuple(self.keys) if isinstance(self.keys, list | tuple) else (self.keys,)
+        where = self.where or f"vary[{keys[0] if len(keys) == 1 else keys!r}]"
+        made = {
+            "keys": keys,
+            "label": self.label or ", ".join(map(str, keys)),
+            "where": where,
+            "listed": self.listed or where,
+        }
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
+        if not keys:
+            raise InputError("no key", key=where, allowed="one key or more")
+        for k, key in enumerate(keys, 1):
+            try:
+                parse(key if isinstance(key, str) else f" {key!r}")
+            except InputError as reason:
+                raise reason.within(key=f"{where}.key" + (f"[{k}]" if len(keys) > 1 else "")) from reason
+        if not isinstance(self.label, str):
+            raise InputError("not a text", key=f"{where}.label", found=self.label, allowed="a text")
+        if not isinstance(self.values, Distribution):
+            object.__setattr__(self, "values", self._checked_values())
+        elif len(keys) > 1:
+            raise InputError("numbers are drawn for one key", key=where, found=", ".join(keys), allowed=_ONE_KEY)
+        self._check_names()
+
+    def _check_names(self) -> None:
+        names = tuple(self.names)
+        object.__setattr__(self, "names", names)
+        if not names:
+            return
+        texts = all(isinstance(name, str) and name for name in names)
+        if self.drawn or len(names) != len(self.values) or not texts or len(set(names)) != len(names):
+            allowed = "listed values" if self.drawn else f"{len(self.values)} texts, one a value and all different"
+            raise InputError("the names do not fit the values", key=f"{self.where}.names", found=names, allowed=allowed)
+
+    def _checked_values(self) -> tuple[Any, ...]:
+        allowed = "a list with at least one value, or Uniform, Normal, Measured"
+        values = items(self.values) if not isinstance(self.values, range) else list(self.values)
+        if not values:
+            raise InputError("no values", key=self.listed, found=self.values, allowed=allowed)
+        if len(self.keys) == 1 and all(type(value) is float and math.isfinite(value) for value in values):
+            return tuple(values)
+        return tuple(self._plain(value, f"{self.listed}[{k}]") for k, value in enumerate(values, 1))
+
+    def _plain(self, value: Any, key: str) -> Any:
+        plain = plain_value(value)
+        try:
+            canonical(plain)
+        except InputError as reason:
+            raise reason.within(key=key) from reason
+        if len(self.keys) > 1 and (not isinstance(plain, list) or len(plain) != len(self.keys)):
+            allowed = f"a list of {len(self.keys)}: {', '.join(self.keys)}"
+            raise InputError("not one value a key", key=key, found=value, allowed=allowed)
+        for own, item in self.at(plain).items():
+            if parse(own)[0] == PARAMETERS and not is_real(item):
+                raise InputError(f"{own} is no number", key=key, found=item, allowed="a finite number")
+        return plain
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """The keys as places."""
+        return tuple(map(parse, self.keys))
+
+    @property
+    def drawn(self) -> bool:
+        """Whether values are drawn rather than listed."""
+        return isinstance(self.values, Distribution)
+
+    @property
+    def axis(self) -> tuple[Any, ...]:
+        """What stands for each listed value in the results; values of several keys are tuples."""
+        if self.names or len(self.keys) == 1:
+            return self.names or self.values
+        return tuple(map(tuple, self.values))
+
+    def at(self, value: Any) -> dict[str, Any]:
+        """Return the value of each key for one of the values."""
+        return {self.keys[0]: value} if len(self.keys) == 1 else dict(zip(self.keys, value, strict=True))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        values = self.values.to_dict() if self.drawn else {"values": list(self.values)}
+        return {"key": list(self.keys), "label": self.label, "names": list(self.names), **values}
+
+
+def variable_of(entry: Any, where: str, folder: Path) -> Variable:
+    """Return the variable of a [[vary]] table; `folder` is where paths in it start."""
+    keys = (entry.key,) if isinstance(entry.key, str) else tuple(entry.key)
+    try:
+        way, values = _values(entry, keys, folder)
+        return Variable(keys, values, entry.label or "", entry.names or (), where, f"{where}.{way}")
+    except InputError as reason:
+        if reason.file is not None or (reason.key or "").startswith(where):
+            raise
+        raise reason.within(key=where) from reason
+
+
+def _values(entry: Any, keys: tuple[str, ...], folder: Path) -> tuple[str, Any]:
+    """Return in which way the values of a [[vary]] table are given, and the values."""
+    if entry.values is not None:
+        return "values", entry.values
+    if entry.grid is not None:
+        if len(keys) > 1:
+            raise InputError("a grid is of one key", key="grid", found=", ".join(keys), allowed=_ONE_KEY)
+        try:
+            numbers = sampling.grid(getattr(entry.grid, "from"), entry.grid.to, entry.grid.count, entry.grid.spacing)
+        except InputError as reason:
+            raise reason.within(key="grid") from reason
+        return "grid", numbers
+    if entry.uniform is not None:
+        return "uniform", Uniform(**dict(entry.uniform))
+    if entry.normal is not None:
+        return "normal", Normal(**dict(entry.normal))
+    csv = entry.csv
+    path = located(csv.file, folder)
+    if csv.column is not None:
+        return "csv", Measured.from_csv(path, csv.column, 1.0 if csv.nominal is None else csv.nominal)
+    if len(csv.columns) != len(keys):
+        raise InputError("not one column a key", key="csv.columns", found=csv.columns, allowed=f"{len(keys)} names")
+    rows = read_columns(path, csv.columns, csv.nominals).tolist()
+    return "csv", rows if len(keys) > 1 else [row[0] for row in rows]

@@ -1,0 +1,144 @@
+"""What is found out about a problem without a motion: clashes, relaxations, and trials of other questions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from fcdm_opt.tolerance.solution import Solution, Status
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clash:
+    """A set of constraints with which alone the goal is impossible, while each can be dropped, or made its weaker one.
+
+    Attributes
+    ----------
+    names : tuple of str
+        As `constraints` names them; a keep-out's clearance includes the keep-out. Empty: the motion cannot do it at
+        all.
+    proved : bool
+        Whether it is proved that no motion keeps them; otherwise none was found.
+    status : Status
+        How the solve with these alone ended.
+    """
+
+    names: tuple[str, ...]
+    proved: bool
+    status: Status
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"names": list(self.names), "proved": self.proved, "status": self.status.name}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Relaxation:
+    """The least relaxation of one constraint, all others kept, that makes the problem solvable.
+
+    Attributes
+    ----------
+    name : str
+    cures : bool
+        Whether relaxing or dropping this constraint alone makes the problem solvable.
+    by : float
+        Least relaxation that does, in `unit`: how far a limit is widened or a clearance reduced; for "whole steps" how
+        often the steps are halved. Infinite where only dropping it does, nan where it cures nothing.
+    value : float
+        The limit or clearance that is left; nan where it is no number.
+    unit : "length", "radian", "halvings" or ""
+    failing : float
+        Largest relaxation that is known not to do; `by` is above it by `Tolerances.requirement`, relative, or what the
+        judge lets pass.
+    impossible : float
+        Largest relaxation that is proved not to do; infinite where it is proved that the constraint cures nothing, nan
+        where nothing is proved. Close to the least one, proofs take too long.
+    solution : Solution or None
+        The least motion of the problem so relaxed.
+    note : str
+        What else there is to say.
+    """
+
+    name: str
+    cures: bool
+    by: float = math.nan
+    value: float = math.nan
+    unit: str = ""
+    failing: float = 0.0
+    impossible: float = math.nan
+    solution: Solution | None = None
+    note: str = ""
+
+    @property
+    def amount(self) -> float:
+        """Amount of the motion that it makes possible; nan without."""
+        return math.nan if self.solution is None else self.solution.amount
+
+    def __str__(self) -> str:
+        if not self.cures:
+            return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
+        if math.isinf(self.by):
+            done = "drop it"
+        elif self.unit == "radian":
+            done = f"by {math.degrees(self.by):.9g} deg"
+            done += "" if math.isnan(self.value) else f" to {math.degrees(self.value):.9g} deg"
+        elif self.unit == "halvings":
+            done = f"by {self.by:.9g} halvings"
+        else:
+            done = f"by {self.by:.9g}" + ("" if math.isnan(self.value) else f" to {self.value:.9g}")
+        return f"{self.name}: {done}, amount {self.amount:.6g}" + (f" ({self.note})" if self.note else "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None and infinity "inf"."""
+        return {
+            "name": self.name,
+            "cures": self.cures,
+            "by": plain(self.by),
+            "value": plain(self.value),
+            "unit": self.unit,
+            "failing": plain(self.failing),
+            "impossible": plain(self.impossible),
+            "note": self.note,
+            **motion_to_dict(self.solution),
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trial:
+    """Another question that was asked where the motion alone cannot do it.
+
+    Attributes
+    ----------
+    change : str
+        What was changed, with all constraints dropped.
+    solution : Solution
+    """
+
+    change: str
+    solution: Solution
+
+    def __str__(self) -> str:
+        how = f"amount {self.solution.amount:.6g}" if self.solution.usable else self.solution.status.name
+        return f"{self.change}: {how}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"change": self.change, **motion_to_dict(self.solution)}
+
+
+def plain(x: float) -> float | str | None:
+    """Return a number as JSON has it: None for nan, "inf" or "-inf" in words."""
+    return None if math.isnan(x) else float(x) if math.isfinite(x) else str(float(x))
+
+
+def motion_to_dict(solution: Solution | None) -> dict[str, Any]:
+    """Return status, amount and parameters of a solution as plain data."""
+    if solution is None:
+        return {"status": None, "usable": False, "amount": None, "parameters": {}}
+    return {
+        "status": solution.status.name,
+        "usable": solution.usable,
+        "amount": plain(solution.amount),
+        "parameters": dict(solution.parameters),
+    }

@@ -1,0 +1,272 @@
+"""Compare families of motions: which one is cheapest for the same goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.design.whatif.solving import solved
+from fcdm_opt.errors import InputError
+from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerances import DEFAULT
+
+BY_PARAMETER = ("limits", "weights", "resolution")  # arguments that name parameters
+REFUSED = "BAD_INPUT"  # status of a family that the question does not hold for
+OWN = "as given"  # name of the problem's own motion
+
+
+def families() -> dict[str, Motion]:
+    """Return the usual families by name: translations, rotations about the seed, screws, pairs of both, any motion."""
+    along = {f"translation {axis}": Translation(axis) for axis in "xyz"}
+    about = {f"rotation {axis}": Rotation(axis) for axis in "xyz"}
+    both = {f"translation and rotation {axis}": Translation(axis) >> Rotation(axis) for axis in "xyz"}
+    return {
+        **along,
+        "along the seeds": Screw("seeds", pitch=math.inf),
+        "translations": Translation("x") >> Translation("y") >> Translation("z"),
+        **about,
+        "screw along the seeds": Screw("seeds", pitch="free"),
+        **both,
+        "free": Free(),
+    }
+
+
+def contained() -> dict[str, tuple[str, ...]]:
+    """Return for each usual family those that are part of it, with the same amounts: it is never dearer."""
+    single = tuple(f"translation {axis}" for axis in "xyz")
+    pairs = {
+        f"translation and rotation {axis}": (f"translation {axis}", f"rotation {axis}") for axis in "xyz"
+    }  # fmt: skip
+    made = {"translations": (*single, "along the seeds"), "screw along the seeds": ("along the seeds",), **pairs}
+    return {**made, "free": tuple(name for name in families() if name != "free")}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Row:
+    """One family.
+
+    Attributes
+    ----------
+    name : str
+    motion : Motion
+    solution : Solution or None
+        None where the question does not hold for the family.
+    dropped : tuple of str
+        What the question says of parameters that the family does not have: "limits.TX", "weights.RZ".
+    tied : tuple of str
+        Usable families of the same amount, within `Tolerances.tied`.
+    note : str
+        Why the question does not hold; or which family, though part of this one, was found cheaper.
+    """
+
+    name: str
+    motion: Motion
+    solution: Solution | None
+    dropped: tuple[str, ...] = ()
+    tied: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def status(self) -> str:
+        """Name of the solution's status, or "BAD_INPUT"."""
+        return REFUSED if self.solution is None else self.solution.status.name
+
+    @property
+    def usable(self) -> bool:
+        """Whether a motion was found and the judge passed it."""
+        return self.solution is not None and self.solution.usable
+
+    @property
+    def amount(self) -> float:
+        """Least amount, length units; nan where there is no motion."""
+        return math.nan if self.solution is None else self.solution.amount
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the row as plain data; nan becomes None."""
+        found = self.solution
+        return {
+            "family": self.name,
+            "parameters": {} if found is None else dict(found.parameters),
+            "motion": found.problem.motion.describe(list(found.parameters.values()))
+            if found is not None and found.parameters
+            else None,
+            "status": self.status,
+            "usable": self.usable,
+            "amount": None if math.isnan(self.amount) else self.amount,
+            "lower_bound": None if found is None else _plain(found.lower_bound),
+            "pair_state": "" if found is None else found.pair_state,
+            "dropped": list(self.dropped),
+            "tied": list(self.tied),
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Comparison:
+    """Families of motions, cheapest first; those without a usable motion last.
+
+    Attributes
+    ----------
+    problem : Problem
+    length : float
+        Length that turns radians into lengths, the same for all.
+    table : tuple of Row
+    """
+
+    problem: Problem = field(repr=False)
+    length: float
+    table: tuple[Row, ...]
+
+    @property
+    def best(self) -> Row | None:
+        """The cheapest family, None where none is usable."""
+        return self.table[0] if self.table and self.table[0].usable else None
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one plain dict a family."""
+        return [row.to_dict() for row in self.table]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        best = self.best
+        return {"length": self.length, "best": None if best is None else best.name, "rows": self.rows()}
+
+    def __str__(self) -> str:
+        """Return one line: the cheapest family and those that tie with it."""
+        best = self.best
+        if best is None:
+            return f"none of {len(self.table)} families has a usable motion"
+        ties = f"; tied: {', '.join(best.tied)}" if best.tied else ""
+        return f"cheapest of {len(self.table)} families: {best.name}, amount {best.amount:.6g}{ties}"
+
+
+def compare(
+    problem: Problem,
+    motions: Mapping[str, Motion] | Iterable[Motion] | None = None,
+    *,
+    certify: bool = False,
+) -> Comparison:
+    """Solve a problem with several families of motions, and say which is cheapest.
+
+    Goal, length and everything else stay as they are; what the problem says of parameters that a family does not have
+    is dropped there, and told.
+
+    Parameters
+    ----------
+    problem : Problem
+    motions : mapping of name to Motion, or Motions, optional
+        Default: the problem's own motion and the usual `families`.
+    certify : bool
+        Prove how small each family's motion can be at all.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        For arguments of the wrong kind. A family that the question does not hold for is a row, not an error.
+    """
+    if not isinstance(problem, Problem):
+        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    chosen = _usual(problem) if motions is None else _named(motions)
+    rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
+    rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given
+    noted = _checked(rows) if motions is None else {}
+    table = tuple(
+        Row(name=row.name, motion=row.motion, solution=row.solution, dropped=row.dropped, tied=_tied(row, rows),
+            note=row.note or noted.get(row.name, ""))
+        for row in rows
+    )  # fmt: skip
+    return Comparison(problem=problem, length=problem.length, table=table)
+
+
+def _usual(problem: Problem) -> dict[str, Motion]:
+    """Return the usual families, and the problem's own motion where it is none of them."""
+    usual = families()
+    own = {} if any(problem.motion.steps == motion.steps for motion in usual.values()) else {OWN: problem.motion}
+    return {**own, **usual}
+
+
+def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion]:
+    """Return checked motions by name, those without one named by their parameters."""
+    if not isinstance(motions, Mapping | Iterable) or isinstance(motions, str | Motion):
+        found = type(motions).__name__
+        raise InputError("no motions", key="motions", found=found, allowed="a mapping or a sequence of Motion")
+    made: dict[str, Motion] = {}
+    pairs = motions.items() if isinstance(motions, Mapping) else ((None, motion) for motion in motions)
+    for k, (name, motion) in enumerate(pairs, 1):
+        if not isinstance(motion, Motion):
+            raise InputError("not a motion", key=f"motions[{name or k}]", found=type(motion).__name__, allowed="Motion")
+        label = name or " ".join(parameter.name for parameter in motion.parameters)
+        made[label if label not in made else f"{label} ({k})"] = motion
+    if not made:
+        raise InputError("no motions", key="motions", found=motions, allowed="at least one Motion")
+    return made
+
+
+def _row(problem: Problem, name: str, motion: Motion, certify: bool) -> Row:
+    """Return a family solved, or why it cannot be asked."""
+    own = {parameter.name for parameter in motion.parameters}
+    changes: dict[str, Any] = {}
+    dropped: list[str] = []
+    for key in BY_PARAMETER:
+        given = problem.request[key]
+        if isinstance(given, Mapping):
+            kept = {parameter: value for parameter, value in given.items() if parameter in own}
+            dropped += [f"{key}.{parameter}" for parameter in given if parameter not in own]
+            changes[key] = kept or None
+    told = tuple(dropped)
+    try:
+        asked = problem.changed(
+            motion=motion, goal=problem.goal, length=problem.length, published=None, published_text="", **changes
+        )
+        solution = solved(asked, certify=certify)
+    except InputError as reason:
+        return Row(name=name, motion=motion, solution=None, dropped=told, note=str(reason))
+    return Row(name=name, motion=motion, solution=solution, dropped=told)
+
+
+def _tied(row: Row, rows: list[Row]) -> tuple[str, ...]:
+    """Return the other usable families of the same amount."""
+    if not row.usable:
+        return ()
+    floor = DEFAULT.tie * row.solution.problem.size if row.solution is not None else 0.0
+    return tuple(
+        other.name
+        for other in rows
+        if other is not row
+        and other.usable
+        and abs(other.amount - row.amount) <= max(DEFAULT.tied * max(row.amount, other.amount), floor)
+    )
+
+
+def _checked(rows: list[Row]) -> dict[str, str]:
+    """Return notes on families that were found dearer than one that is part of them, where nothing sets them apart."""
+    found = {row.name: row for row in rows}
+    notes: dict[str, str] = {}
+    for name, parts in contained().items():
+        row = found[name]
+        cheaper = [
+            found[part]
+            for part in parts
+            if found[part].usable
+            and not set(found[part].dropped) - set(row.dropped)
+            and not (row.usable and row.amount <= found[part].amount * (1.0 + DEFAULT.tied))
+        ]
+        if row.solution is not None and cheaper:
+            best = min(cheaper, key=lambda other: other.amount)
+            notes[name] = f"not the least: {best.name!r}, which is part of it, has a motion of amount {best.amount:.6g}"
+    return notes
+
+
+def _plain(x: float) -> float | str | None:
+    """Return a number as JSON has it."""
+    return None if np.isnan(x) else float(x) if np.isfinite(x) else str(float(x))

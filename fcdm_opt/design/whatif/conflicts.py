@@ -1,0 +1,134 @@
+"""Why there is no motion: the smallest sets of constraints that clash, and the least relaxation that cures it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+from fcdm_opt.design.whatif.clashes import Clash, Relaxation, Trial
+from fcdm_opt.design.whatif.constraints import Constraint
+from fcdm_opt.design.whatif.search import Search
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Conflicts:
+    """Why a problem has no motion.
+
+    Attributes
+    ----------
+    problem : Problem
+    constraints : tuple of Constraint
+        All that the problem has.
+    clashes : tuple of Clash
+        The smallest sets that clash, by number of constraints; the problem may have larger ones besides. One that is
+        empty says that the motion alone cannot do it.
+    complete : bool
+        Whether these are all of that size, and none is smaller.
+    relaxations : tuple of Relaxation
+        One for each constraint of the clashes.
+    deviation : Relaxation or None
+        How much less the parts made may be off nominal: `value` is the largest share found of the deviation asked for
+        that can be made good, all constraints kept. Sampled: a larger deviation can be easier.
+    trials : tuple of Trial
+        Where the motion alone cannot do it: whether others, or another goal, can.
+    solves : int
+    seconds : float
+    """
+
+    problem: Problem = field(repr=False)
+    constraints: tuple[Constraint, ...]
+    clashes: tuple[Clash, ...]
+    complete: bool
+    relaxations: tuple[Relaxation, ...] = ()
+    deviation: Relaxation | None = None
+    trials: tuple[Trial, ...] = ()
+    solves: int
+    seconds: float
+
+    def __str__(self) -> str:
+        lines = []
+        for clash in self.clashes:
+            what = "clash: " + "; ".join(clash.names) if clash.names else "the motion alone cannot meet the goal"
+            lines.append(f"{what} ({'proved' if clash.proved else 'none found: ' + clash.status.name})")
+        if not self.complete:
+            lines.append("there may be other clashes as small, or smaller")
+        lines += [f"relax {own}" for own in self.relaxations]
+        if self.deviation is not None:
+            share = f"{self.deviation.value:.6g} of it" if self.deviation.cures else "no share of it that was tried"
+            lines.append(f"deviation from nominal: {share} can be made good (sampled)")
+        return "\n".join([*lines, *(f"try {trial}" for trial in self.trials)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None and infinity "inf"."""
+        return {
+            "constraints": [own.name for own in self.constraints],
+            "clashes": [own.to_dict() for own in self.clashes],
+            "complete": self.complete,
+            "relaxations": [own.to_dict() for own in self.relaxations],
+            "deviation": None if self.deviation is None else self.deviation.to_dict(),
+            "trials": [own.to_dict() for own in self.trials],
+            "solves": self.solves,
+            "seconds": self.seconds,
+        }
+
+
+def conflicts(
+    problem: Problem | Solution, *, certify: bool = False, relax: bool = True, deviation: bool = True
+) -> Conflicts:
+    """Find out why a problem has no motion.
+
+    Parameters
+    ----------
+    problem : Problem or Solution
+        One that cannot be solved; a solution without a motion is asked for its problem.
+    certify : bool
+        Try to prove by branch and bound what was found by sampling; may take a minute a clash.
+    relax : bool
+        Look for the least relaxation of each constraint that clashes; takes seconds each where there is no closed
+        form.
+    deviation : bool
+        Look for the largest share of the deviation from nominal that can be made good, too.
+
+    Returns
+    -------
+    Conflicts
+
+    Raises
+    ------
+    InputError
+        For a problem that has a motion: `drop` tells what its constraints cost.
+    """
+    known = problem if isinstance(problem, Solution) else None
+    problem = problem.problem if isinstance(problem, Solution) else problem
+    if not isinstance(problem, Problem):
+        found = type(problem).__name__
+        raise InputError("expected a Problem or a Solution", key="problem", found=found)
+    start, search = perf_counter(), Search(problem)
+    whole = known or search.solved(problem)
+    if whole.usable:
+        raise InputError(
+            "the problem has a motion: nothing clashes",
+            key="problem",
+            found=f"{whole.status.name}, amount {whole.amount:.6g}",
+            allowed="a problem without a motion; `drop` tells what each constraint of a solvable one costs",
+        )
+    clashes, complete = search.smallest(whole)
+    if certify:
+        clashes = [search.certified(clash) for clash in clashes]
+    members = dict.fromkeys(name for clash in clashes for name in clash.names)
+    by_name = {own.name: own for own in search.constraints}
+    return Conflicts(
+        problem=problem,
+        constraints=search.constraints,
+        clashes=tuple(clashes),
+        complete=complete,
+        relaxations=tuple(search.least_relaxation(by_name[name]) for name in members if relax),
+        deviation=search.largest_deviation() if deviation else None,
+        trials=() if members else tuple(search.trials()),
+        solves=search.solves,
+        seconds=perf_counter() - start,
+    )

@@ -1,0 +1,204 @@
+"""What each constraint costs: the least motion without it, and with another goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+from fcdm_opt.design.whatif.clashes import motion_to_dict, plain
+from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.problem import GOALS, Problem
+from fcdm_opt.tolerance.solution import Solution, Status
+from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.tolerances import DEFAULT
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Dropped:
+    """The problem without one constraint, or with another goal.
+
+    Attributes
+    ----------
+    name : str
+        The constraint's name as `constraints` has it, or `goal "touch"`.
+    solution : Solution
+        Of the problem so changed.
+    amount : float
+        Its least amount; nan where none was found.
+    saving : float
+        How much smaller that is; 0 where dropping the constraint changes nothing to within `Tolerances.tied`. Of
+        another goal negative where that asks for more.
+    excess : float
+        By how much the motion without the constraint passes it, in its unit; infinite where there is no amount, nan
+        without a motion, or for a goal.
+    rate : float
+        What the amount falls by, to first order, per unit by which the constraint is relaxed (see `Sensitivity`); nan
+        where it does not exist.
+    estimate : float
+        The saving that `rate` gives over `excess`; nan where either does not exist. Where the amount is a convex
+        function of the relaxation the saving is no larger.
+    """
+
+    name: str
+    solution: Solution = field(repr=False)
+    amount: float
+    saving: float
+    excess: float = math.nan
+    rate: float = math.nan
+    estimate: float = math.nan
+
+    @property
+    def status(self) -> Status:
+        """How the solve ended."""
+        return self.solution.status
+
+    def __str__(self) -> str:
+        if math.isnan(self.amount):
+            return f"{self.name}: {self.status.name}"
+        if self.saving == 0.0:
+            return f"{self.name}: costs nothing"
+        more = "" if math.isnan(self.estimate) else f", {self.estimate:.6g} by its multiplier"
+        word = "saves" if self.saving > 0 else "adds"
+        return f"{self.name}: {word} {abs(self.saving):.6g}, amount {self.amount:.6g}{more}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None and infinity "inf"."""
+        numbers = {key: plain(getattr(self, key)) for key in ("saving", "excess", "rate", "estimate")}
+        return {"name": self.name, **motion_to_dict(self.solution), "amount": plain(self.amount), **numbers}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Costs:
+    """Which constraint of a solvable problem costs how much.
+
+    Attributes
+    ----------
+    solution : Solution
+        With all constraints.
+    rows : tuple of Dropped
+        One for each constraint, the largest saving first.
+    goals : tuple of Dropped
+        One for each other goal that the problem can have, the largest saving first, those without a motion last.
+    solves : int
+    seconds : float
+    """
+
+    solution: Solution = field(repr=False)
+    rows: tuple[Dropped, ...]
+    goals: tuple[Dropped, ...]
+    solves: int
+    seconds: float
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """The constraints that cost nothing."""
+        return tuple(row.name for row in self.rows if row.saving == 0.0)
+
+    def __str__(self) -> str:
+        lines = [f"amount {self.solution.amount:.6g}", *(f"without {row}" for row in self.rows if row.saving != 0.0)]
+        lines += [f"cost nothing: {', '.join(self.free)}"] if self.free else []
+        return "\n".join([*lines, *(f"with {row}" for row in self.goals)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None and infinity "inf"."""
+        return {
+            "amount": plain(self.solution.amount),
+            "rows": [row.to_dict() for row in self.rows],
+            "goals": [row.to_dict() for row in self.goals],
+            "free": list(self.free),
+            "solves": self.solves,
+            "seconds": self.seconds,
+        }
+
+
+def drop(problem: Problem | Solution) -> Costs:
+    """Find out which constraint of a problem costs how much.
+
+    Parameters
+    ----------
+    problem : Problem or Solution
+        One that can be solved; a solution is taken as it is.
+
+    Raises
+    ------
+    InputError
+        For a problem that has no motion: `conflicts` tells why.
+    """
+    start = perf_counter()
+    known = isinstance(problem, Solution)
+    solution = problem if isinstance(problem, Solution) else _solved(problem)
+    if not solution.usable:
+        raise InputError(
+            "the problem has no motion that could become smaller",
+            key="problem",
+            found=solution.status.name,
+            allowed="a problem with a motion that the judge passes; `conflicts` tells what clashes where there is none",
+        )
+    asked = solution.problem
+    rows = [_without(solution, own) for own in constraints(asked)]
+    goals = list(_other_goals(solution))
+    return Costs(
+        solution=solution,
+        rows=tuple(sorted(rows, key=lambda row: -row.saving)),
+        goals=tuple(sorted(goals, key=lambda row: (math.isnan(row.saving), -row.saving))),
+        solves=len(rows) + len(goals) + (not known),
+        seconds=perf_counter() - start,
+    )
+
+
+def _solved(problem: Problem) -> Solution:
+    if not isinstance(problem, Problem):
+        found = type(problem).__name__
+        raise InputError("expected a Problem or a Solution", key="problem", found=found)
+    return solve(problem)
+
+
+def _without(solution: Solution, own: Constraint) -> Dropped:
+    """Return what a constraint costs.
+
+    The motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing.
+    """
+    problem = solution.problem
+    found = solve(without(problem, [own.name]))
+    if not (found.usable and found.amount < solution.amount * (1.0 - DEFAULT.tied)):
+        return Dropped(
+            name=own.name, solution=found, amount=solution.amount, saving=0.0, excess=0.0, rate=_rate(solution, own)
+        )
+    excess, rate = _excess(problem, found, own), _rate(solution, own)
+    estimate = rate * excess if math.isfinite(excess) else math.nan
+    saving = solution.amount - found.amount
+    return Dropped(
+        name=own.name, solution=found, amount=found.amount, saving=saving, excess=excess, rate=rate, estimate=estimate
+    )
+
+
+def _excess(problem: Problem, found: Solution, own: Constraint) -> float:
+    """Return by how much a motion passes a constraint; without a keep-out it passes the clearance, too."""
+    passed = excesses(problem, found)
+    return max(passed[one.name] for one in constraints(problem) if own.name in (one.name, one.includes))
+
+
+def _rate(solution: Solution, own: Constraint) -> float:
+    return own.rate(solution.sensitivity)
+
+
+def _other_goals(solution: Solution) -> Iterator[Dropped]:
+    """Yield the problem with each other goal that makes a question; a clearance goes where nothing asks for it."""
+    problem = solution.problem
+    for goal in GOALS:
+        if goal == problem.goal:
+            continue
+        clearance = problem.clearance if "clear" in (goal, problem.pair) and goal != "touch" else 0.0
+        try:
+            other = problem.changed(goal=goal, clearance=clearance, features=None)
+        except InputError:  # no switching point, nothing flush
+            continue
+        found = solve(other)
+        amount = found.amount if found.usable else math.nan
+        saving = solution.amount - amount
+        tied = abs(saving) <= DEFAULT.tied * max(amount, solution.amount)
+        yield Dropped(name=f'goal "{goal}"', solution=found, amount=amount, saving=0.0 if tied else saving)

@@ -1,0 +1,248 @@
+"""The amount that first derivatives foretell for a changed question."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.segments import SwitchingPoint
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.tolerance.problem import TRACKING, Problem
+from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerances import DEFAULT
+
+NAN = float("nan")
+HARMLESS = ("a tie: more constraints", "a tie: either of several")  # derivatives that these open are nan, the rest hold
+DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resolution", "features")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """What the derivatives of a solved problem foretell.
+
+    Attributes
+    ----------
+    amount : float
+        Amount before plus all `terms`, length units; nan where one of them is.
+    terms : dict
+        What was changed -> what it adds to the amount, to first order; nan where there is no derivative by it.
+    reasons : tuple of str
+        Why a term is nan, or why the prediction may hold for smaller changes only.
+    """
+
+    amount: float
+    terms: Mapping[str, float] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None."""
+        shown = {name: None if np.isnan(term) else term for name, term in self.terms.items()}
+        return {"amount": None if np.isnan(self.amount) else self.amount, "terms": shown, "reasons": list(self.reasons)}
+
+
+Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason where it is nan or doubtful
+
+
+def prediction(before: Solution, problem: Problem) -> Prediction:
+    """Return the amount of a changed problem to first order.
+
+    Right to second order in the changes while the same constraints hold the motion.
+
+    Parameters
+    ----------
+    before : Solution
+    problem : Problem
+        The changed question.
+    """
+    told = [*_discrete(before.problem, problem)]
+    if not told:  # else the derivatives need not be worked out
+        told = [*_changes(before, problem)]
+        blocking = derivative_is_missing(before.sensitivity)
+        if told and blocking:
+            told = [(name, NAN, blocking) for name, _, _ in told]
+    terms = {name: term for name, term, _ in told}
+    reasons = dict.fromkeys(reason for _, _, reason in told if reason)
+    return Prediction(amount=before.amount + sum(terms.values()), terms=terms, reasons=tuple(reasons))
+
+
+def derivative_is_missing(found: Sensitivity) -> str:
+    """Return why finite derivatives of a solution do not hold, "" where they do: ties of constraints leave nan."""
+    return "; ".join(reason for reason in found.reasons if not reason.startswith(HARMLESS))
+
+
+def by_tolerance(solution: Solution, shape: Array) -> float:
+    """Return the derivative of the amount by tau where the tolerance is tau * `shape`, (2, 2); nan where none."""
+    found = solution.sensitivity
+    if found.tolerance is None or derivative_is_missing(found):
+        return NAN
+    return float(found.tolerance[shape != 0] @ shape[shape != 0])
+
+
+# ------------------------------------------------------------------------------------------------------ what changed
+
+
+def _discrete(old: Problem, new: Problem) -> Told:
+    """Yield changes that no derivative speaks of."""
+    for name in DISCRETE:
+        one, two = getattr(old, name), getattr(new, name)
+        if name == "requirement" and None in (one, two):  # the same pair, given in another way: see the target
+            continue
+        if not _same(one, two):
+            yield name, NAN, f"{name} is another: no derivative by it"
+    if isinstance(old.nominal, int) and isinstance(new.nominal, int) and old.nominal != new.nominal:
+        yield "nominal", NAN, "another switching point: no derivative by its number"
+    elif old.tracked_features != new.tracked_features or (
+        isinstance(old.nominal, int) and old.nominal_features != new.nominal_features
+    ):
+        yield "nominal", NAN, "the nominal contact has other features"
+    names = [own.name for own in old.keep_out]
+    if names != [own.name for own in new.keep_out]:
+        yield "keep_out", NAN, "other keep-outs: no derivative by them"
+    else:
+        for one, two in zip(old.keep_out, new.keep_out, strict=True):
+            if one.scale != two.scale:
+                yield f"keep_out {one.name!r} scale", NAN, "no derivative by the scale of a keep-out"
+
+
+def _changes(before: Solution, new: Problem) -> Told:
+    """Yield what each continuous change adds to the amount."""
+    old, found = before.problem, before.sensitivity
+    yield from _pair(old, new, found)
+    yield from _weights(old, new, found)
+    yield from _limits(before, new)
+    if old.clearance != new.clearance:
+        yield _told("clearance", [found.clearance], [new.clearance - old.clearance])
+    pairs = [(own.name, own.clearance, other.clearance) for own, other in zip(old.keep_out, new.keep_out, strict=True)]
+    for name, one, two in pairs:
+        if one != two:
+            yield _told(f"keep_out {name!r} clearance", [found.keep_out[name]], [two - one])
+    keys = ["P1", "P2", *(f"keep-out {own.name!r} " for own in old.keep_out)]
+    bodies = [(problem.movable, problem.static, *(own.body for own in problem.keep_out)) for problem in (old, new)]
+    for key, one_body, two_body in zip(keys, *bodies, strict=True):
+        yield from _body(key, one_body, two_body, found)
+
+
+def _pair(old: Problem, new: Problem, found: Sensitivity) -> Told:
+    """Yield what a changed target pair adds: by tolerance and nominal scales, else by the target itself.
+
+    A nominal switching point that moves with the geometry is in the derivatives by the geometry.
+    """
+    if old.requirement is None or new.requirement is None:
+        if not np.array_equal(old.target, new.target):
+            yield _told("target", found.target, new.target - old.target)
+        return
+    if not np.array_equal(old.tolerance, new.tolerance):
+        yield _told("tolerance", found.tolerance, np.subtract(new.tolerance, old.tolerance))
+    if np.array_equal(old.nominal_pair, new.nominal_pair) or isinstance(new.nominal, int):
+        return
+    if old.goal in TRACKING and _same(old.request["nominal"], new.request["nominal"]):
+        if not isinstance(new.nominal_contact, SwitchingPoint):
+            yield "nominal", NAN, "the nominal pair was closed to another point of the curve"
+        return
+    yield _told("nominal", found.nominal, new.nominal_pair - old.nominal_pair)
+
+
+def _weights(old: Problem, new: Problem, found: Sensitivity) -> Told:
+    """Yield what changed weights add, of the length as well."""
+    change = new.weights - old.weights
+    if old.amount == "weighted" and change.any():
+        yield _told("weights", list(found.weights.values()), change)
+
+
+def _limits(before: Solution, new: Problem) -> Told:
+    """Yield what changed limits add."""
+    rates = before.sensitivity.limits
+    for k, (name, (lower, upper)) in enumerate(rates.items()):
+        for side, rate in enumerate((lower, upper)):
+            one, two = float(before.problem.limits[k, side]), float(new.limits[k, side])
+            if one == two:
+                continue
+            label, q = f"limits.{name} {('lower', 'upper')[side]}", before.parameters.get(name, NAN)
+            beyond = (q - two) * new.weights[k] * (-1.0, 1.0)[side]
+            if np.isfinite(two - one):
+                term = _told(label, [rate], [two - one])
+                if rate == 0 and beyond > DEFAULT.active * new.size:
+                    term = (label, NAN, f"the motion before breaks the new limit of {name}, which did not hold it")
+                yield term
+            elif np.isfinite(one) and rate != 0:
+                yield label, NAN, f"the limit of {name}, which holds the motion, is gone: no derivative by that"
+            elif np.isfinite(two) and not beyond <= 0:
+                yield label, NAN, f"the motion before breaks the new limit of {name}"
+            else:
+                yield label, 0.0, ""
+
+
+# ------------------------------------------------------------------------------------------------------------ bodies
+
+
+def _body(key: str, old: Body, new: Body, found: Sensitivity) -> Told:
+    """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
+    if _same_body(old, new):
+        return
+    name = key.strip()
+    if set(old.faces) != set(new.faces) or len(old.vertices) != len(new.vertices) or len(old.parts) != len(new.parts):
+        yield f"{name} shape", NAN, f"{name} has other vertices, faces or parts: no derivative by that"
+        return
+    seed = new.seed - old.seed
+    if seed.any():
+        yield _told(f"{name} seed", found.seeds[name], seed)
+    moves = new.vertices - old.vertices
+    if not moves.any():
+        return
+    rates = np.array([found.vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)])
+    term = _told(f"{name} vertices", rates, moves)
+    if np.isnan(term[1]):
+        shifts = _shifts(old, moves)
+        faces = [found.faces[key + ",".join(f"V{label}" for label in face)] for face in old.faces]
+        term = _told(f"{name} faces", faces, shifts) if np.isfinite(shifts).all() else term
+    reason = f"no derivative by a vertex of {name} that moves and breaks or turns a face that matters"
+    yield (*term[:2], reason if np.isnan(term[1]) else "")
+
+
+def _shifts(body: Body, moves: Array) -> Array:
+    """Return how far each face's plane moves outwards, nan where it turns, or where it is not known, (f,)."""
+    normals = {
+        tuple(sorted(element.vertices)): part.normals[k]
+        for part in body.parts
+        for k, element in enumerate(part.elements["F"])
+    }
+    made = np.full(len(body.faces), np.nan)
+    for k, face in enumerate(body.faces):
+        own = moves[np.array(face) - 1]
+        if not own.any():
+            made[k] = 0.0
+        elif face in normals:
+            along = own @ normals[face]
+            if np.ptp(along) <= DEFAULT.planarity * body.size:
+                made[k] = along.mean()
+    return made
+
+
+def _told(name: str, rates: Any, changes: Any) -> tuple[str, float, str]:
+    """Return a term: derivatives times changes, of which those that are zero need no derivative."""
+    rates, changes = np.ravel(np.asarray(rates)), np.ravel(np.asarray(changes))
+    used = changes != 0
+    total = float(rates[used] @ changes[used])
+    return name, total, f"no derivative by {name} there" if np.isnan(total) else ""
+
+
+def _same_body(one: Body, two: Body) -> bool:
+    return one is two or (
+        np.array_equal(one.vertices, two.vertices)
+        and np.array_equal(one.seed, two.seed)
+        and one.faces == two.faces
+        and len(one.parts) == len(two.parts)
+    )
+
+
+def _same(one: Any, two: Any) -> bool:
+    if one is two:
+        return True
+    if isinstance(one, np.ndarray) or isinstance(two, np.ndarray):
+        return np.array_equal(one, two)
+    return bool(type(one) is type(two) and one == two)

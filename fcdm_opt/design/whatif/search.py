@@ -1,0 +1,286 @@
+"""The search behind `conflicts`: which sets of constraints clash, and how little relaxation cures them.
+
+The motions that keep a set of constraints become fewer with every constraint that joins it and more with every limit
+that is widened and every clearance that is reduced, as each constraint is a condition on the motion alone. So a set is
+feasible as soon as one motion keeps all of it, which rules out all its subsets as clashes at once; a clash must have
+something that each motion found so far passes (hitting sets: Reiter, Artificial Intelligence 32 (1987) 57-95; Liffiton
+and Sakallah, J. Automated Reasoning 40 (2008) 1-33). And what a relaxation cures a larger one cures too, so that
+bisection finds the least.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations, product
+
+from fcdm_opt.design.whatif.clashes import Clash, Relaxation, Trial
+from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
+from fcdm_opt.motion import Free
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution, Status
+from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.tolerances import DEFAULT
+
+Names = frozenset[str]
+
+MOST_ASKED = 400  # solves in search of the smallest clashes; some minutes where each takes as long as it can
+MOST_CLASHES = 16  # that are listed
+MOST_HALVINGS = 10  # of the machine's steps
+LIGHT = 1e-3  # of their weights, for other parameters, while one of them is to pass its limit as little as possible
+PROVABLE = 1e-3  # relative: how far below the least relaxation a proof is asked for where halving brought none
+MOST_ROUNDS = 4  # of narrowing in, where the solver missed a motion
+FINE = 1e-6  # share of a deviation to which the largest that can be made good is narrowed in: it is sampled anyhow
+ENOUGH = 1.01  # times the width that a bracket is to have: a look that far below settles it in spite of rounding
+GALLOP = 8.0  # how fast the steps grow down to a relaxation that does not do
+SHARES = 8  # of the deviation from nominal that are tried before the largest that can be made good is narrowed in
+
+
+class Search:
+    """Everything that is asked about one problem, and what is known from the answers.
+
+    Sets of constraints are closed: with a constraint they have the weaker one that it includes.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.constraints = constraints(problem)
+        self.names: Names = frozenset(own.name for own in self.constraints)
+        self.solves = 0
+        self.kept: list[Names] = []  # of each motion found, what it keeps
+        self._asked: dict[Names, Solution] = {}
+        included = {own.includes for own in self.constraints}
+        by_name = {own.name: own for own in self.constraints}
+        self.chains: list[list[Names]] = []  # of each strongest constraint, closed sets from the weakest on
+        self.chosen: dict[Names, str] = {}  # the strongest constraint of each such set
+        for own in self.constraints:
+            if own.name in included:
+                continue
+            chain = [own.name]
+            while by_name[chain[-1]].includes:
+                chain.append(by_name[chain[-1]].includes)
+            levels = [frozenset(chain[k:]) for k in reversed(range(len(chain)))]
+            self.chains.append(levels)
+            self.chosen.update(zip(levels, reversed(chain), strict=True))
+
+    def solved(self, problem: Problem, *, certify: bool = False) -> Solution:
+        """Return the answer to a problem; what a motion keeps is remembered."""
+        self.solves += 1
+        solution = solve(problem, certify=certify)
+        if solution.usable:
+            passed = excesses(self.problem, solution)
+            self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))
+        return solution
+
+    def alone(self, names: Names) -> Solution:
+        """Return the answer with these constraints alone."""
+        if names not in self._asked:
+            self._asked[names] = self.solved(without(self.problem, self.names - names))
+        return self._asked[names]
+
+    def feasible(self, names: Names) -> bool:
+        """Tell whether a motion keeps these constraints; known as soon as one motion keeps them."""
+        return any(names <= kept for kept in self.kept) or self.alone(names).usable
+
+    # ----------------------------------------------------------------------------------------------------- clashes
+
+    def smallest(self, whole: Solution) -> tuple[list[Clash], bool]:
+        """Return the smallest clashes, and whether these are all.
+
+        Sets are tried by size, so that all smaller ones are feasible when a clash is found, and weaker constraints
+        before those that include them.
+        """
+        self._asked[self.names] = whole
+        for size in range(len(self.chains) + 1):
+            found: list[Names] = []
+            for names in self._sets(size):
+                if any(clash <= names for clash in found):
+                    continue
+                if self.solves > MOST_ASKED:
+                    found = found or [self._irreducible()]
+                    return self._clashes(found), False
+                if not self.feasible(names):
+                    found.append(names)
+                    if len(found) == MOST_CLASHES:
+                        return self._clashes(found), False
+            found = [names for names in found if not any(names <= kept for kept in self.kept)]  # a later motion refutes
+            if found:
+                return self._clashes(found), True
+        return self._clashes([self.names]), False
+
+    def _sets(self, size: int) -> Iterator[Names]:
+        """Yield all closed sets with constraints of `size` chains, those with weaker ones first."""
+        for chains in combinations(self.chains, size):
+            for levels in sorted(product(*(range(len(chain)) for chain in chains)), key=sum):
+                yield frozenset().union(*(chain[level] for chain, level in zip(chains, levels, strict=True)))
+
+    def _irreducible(self) -> Names:
+        """Return a clash from which nothing can be dropped, by dropping one after the other."""
+        names = self.names
+        for chain in self.chains:
+            for level in (frozenset[str](), *chain[:-1]):
+                fewer = names - chain[-1] | level
+                if not self.feasible(fewer):
+                    names = fewer
+                    break
+        return names
+
+    def _clashes(self, found: list[Names]) -> list[Clash]:
+        made = []
+        for names in found:
+            status = self.alone(names).status
+            listed = [self.chosen[max(parts, key=len)] for chain in self.chains
+                      if (parts := [level for level in chain if level <= names])]  # fmt: skip
+            made.append(Clash(names=tuple(listed), proved=status is Status.INFEASIBLE, status=status))
+        return made
+
+    def certified(self, clash: Clash) -> Clash:
+        """Return a clash with a proof where branch and bound has one."""
+        if clash.proved:
+            return clash
+        closed = frozenset().union(*(level for level, name in self.chosen.items() if name in clash.names))
+        status = self.solved(without(self.problem, self.names - closed), certify=True).status
+        return replace(clash, proved=status is Status.INFEASIBLE, status=status)
+
+    # ------------------------------------------------------------------------------------------------- relaxations
+
+    def least_relaxation(self, own: Constraint) -> Relaxation:
+        """Return the least relaxation of a constraint, all others kept."""
+        others = self.names - {own.name} - {one.name for one in self.constraints if one.includes == own.name}
+        dropped = self.alone(others)
+        common = Relaxation(name=own.name, cures=dropped.usable, unit=own.unit)
+        if not dropped.usable:
+            impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
+            return replace(common, failing=math.inf, impossible=impossible, note=f"without it: {dropped.status.name}")
+        if own.unit == "halvings":
+            return self._finer_steps(own, common, dropped)
+        if math.isnan(own.most):
+            return replace(common, by=math.inf, failing=math.nan, solution=dropped)
+        return self._bracketed(own, common, dropped)
+
+    def _finer_steps(self, own: Constraint, common: Relaxation, dropped: Solution) -> Relaxation:
+        """Halve the steps: what coarser steps reach finer ones reach too; which are tried is sampled."""
+        for count in range(1, MOST_HALVINGS + 1):
+            solution = self.solved(own.relaxed(self.problem, count))
+            if solution.usable:
+                return replace(common, by=float(count), failing=count - 1.0, solution=solution)
+        return replace(common, by=math.inf, failing=float(MOST_HALVINGS), solution=dropped)
+
+    def _bracketed(self, own: Constraint, common: Relaxation, dropped: Solution) -> Relaxation:
+        """Narrow in the least relaxation between one that does and one that does not.
+
+        Every motion that is found shows a relaxation that does: that by which it passes the constraint. Where that is
+        less than it was allowed to, it may be the least, so that the next look is just below; else the bracket is
+        halved.
+        """
+        fuzz, best, best_by = self._fuzz(own), dropped, math.inf
+        low, high = 0.0, excesses(self.problem, dropped)[own.name]
+        impossible = 0.0 if self._asked[self.names].status is Status.INFEASIBLE else math.nan
+        nearest = self._nearest(own, high)
+        if nearest is not None:
+            high = min(high, excesses(self.problem, nearest)[own.name])
+        step = near = max(fuzz if nearest is not None else fuzz / 2.0, DEFAULT.requirement * high)
+        if nearest is None and high >= own.most:
+            step = math.inf
+        for _ in range(MOST_ROUNDS):
+            while high - low > ENOUGH * near:
+                by = max(high - step, (low + high) / 2.0)
+                solution = self.solved(own.relaxed(self.problem, by))
+                if solution.usable:
+                    best, best_by = solution, by
+                    high = max(min(by, excesses(self.problem, solution)[own.name]), low)
+                    step = near if high < by - near else step * GALLOP if nearest is not None else math.inf
+                else:
+                    low, step = by, math.inf
+                    if solution.status is Status.INFEASIBLE:
+                        impossible = by
+                    else:
+                        near = max(near, fuzz)  # nearer than this it cannot be told any more, at a high price
+            if impossible >= (1.0 - PROVABLE) * low:
+                break
+            by = (1.0 - PROVABLE) * high
+            solution = self.solved(own.relaxed(self.problem, by))
+            if solution.status is Status.INFEASIBLE:
+                impossible = by
+            if not solution.usable:
+                break
+            best, best_by = solution, by  # so that what failed above it was missed by the solver
+            high = min(by, excesses(self.problem, solution)[own.name])
+            low = min(high, 0.0 if math.isnan(impossible) else impossible)
+        for by in (high, min(high + fuzz, own.most)):  # at the very limit there may be no room for rounding
+            if best_by > by:
+                solution = self.solved(own.relaxed(self.problem, by))
+                if solution.usable:
+                    best, high = solution, by
+                    break
+        return replace(
+            common, by=high, value=own.relaxed_value(high), failing=low, impossible=impossible, solution=best
+        )
+
+    def _fuzz(self, own: Constraint) -> float:
+        """Return twice what the judge lets pass, of the constraint itself and of the contact, in its unit."""
+        slack = own.slack(self.problem)
+        if own.parameter:
+            slack *= 1.0 + self.problem.size / self.problem.length  # a motion that much longer opens the contact
+        return 2.0 * slack
+
+    def _nearest(self, own: Constraint, most: float) -> Solution | None:
+        """Return the motion that passes a limit by least, where that is one with the least size of the parameter.
+
+        It is where rest keeps the limit: all motions are then beyond it, and the nearest to rest passes it by least.
+        """
+        if not own.kept_at_rest:
+            return None
+        names = [parameter.name for parameter in self.problem.motion.parameters]
+        weights = {
+            name: weight * (1.0 if name == own.parameter else LIGHT)
+            for name, weight in zip(names, self.problem.weights.tolist(), strict=True)
+        }
+        easier = own.relaxed(self.problem, most).changed(amount="weighted", weights=weights)
+        solution = self.solved(easier)
+        return solution if solution.usable else None
+
+    def largest_deviation(self) -> Relaxation | None:
+        """Return the largest share found of the deviation from nominal that can be made good; None without deviation.
+
+        Whether it can is not monotone: some shares are tried, and from the largest that can the next are narrowed in.
+        """
+        if not self.problem.signs.any():
+            return None
+        low, high, best = 0.0, 1.0, None
+        for k in range(SHARES - 1, 0, -1):
+            solution = self.solved(self._deviating(k / SHARES))
+            if solution.usable:
+                low, best = k / SHARES, solution
+                break
+            high = k / SHARES
+        name, note = "deviation from nominal", "sampled"
+        if best is None:
+            return Relaxation(name=name, cures=False, note=note)
+        while high - low > FINE:
+            share = (low + high) / 2.0
+            solution = self.solved(self._deviating(share))
+            if solution.usable:
+                low, best = share, solution
+            else:
+                high = share
+        return Relaxation(name=name, cures=True, by=1.0 - low, value=low, failing=1.0 - high, solution=best, note=note)
+
+    def _deviating(self, share: float) -> Problem:
+        """Return the problem with a share of the deviation from nominal."""
+        problem = self.problem
+        if problem.tolerance is not None:
+            return problem.changed(tolerance=(share * problem.tolerance).tolist())
+        nominal = problem.nominal_pair
+        return problem.changed(target=(nominal + share * (problem.target - nominal)).tolist())
+
+    def trials(self) -> Iterator[Trial]:
+        """Ask, with all constraints dropped, whether any motion can do it, and whether another goal can be met."""
+        bare = without(self.problem, self.names)
+        given = {"weights": None, "published": None, "amount": "weighted"}
+        if self.problem.motion.parameters != Free().parameters:
+            yield Trial(change="motion Free()", solution=self.solved(bare.changed(motion=Free(), **given)))
+        for goal in ("touch", "clear"):
+            if goal != self.problem.goal:
+                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal)))

@@ -1,0 +1,180 @@
+"""What if: change anything in a solved problem and see what changes, beside what the derivatives foretell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.design.whatif.prediction import Prediction, prediction
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.tolerances import DEFAULT
+
+ARGUMENTS = tuple(item.name for item in fields(Problem) if item.init)
+
+
+class Difference(NamedTuple):
+    """One thing of the answer that changed: plain values before and after, None where there is none."""
+
+    name: str
+    before: Any
+    after: Any
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WhatIf:
+    """A solved problem, a changed one, and what the change did.
+
+    Attributes
+    ----------
+    changed : tuple of str
+        The arguments of `Problem` that were changed.
+    before, after : Solution
+    prediction : Prediction
+        What the derivatives of `before` foretell for the amount.
+    seconds : dict
+        Wall time of "before" (0 where a solution was given), "after" and "prediction" (which works the derivatives
+        out where `before` has none yet).
+    """
+
+    changed: tuple[str, ...]
+    before: Solution
+    after: Solution
+    prediction: Prediction
+    seconds: Mapping[str, float]
+
+    @property
+    def predicted_amount(self) -> float:
+        """Amount to first order, length units; nan where `prediction` has a reason."""
+        return self.prediction.amount
+
+    @property
+    def change(self) -> float:
+        """By how much the amount grew; nan where there is no motion on either side."""
+        return self.after.amount - self.before.amount
+
+    @cached_property
+    def differences(self) -> tuple[Difference, ...]:
+        """What changed in the answer: parameters, amount, bound, status, features, what holds it, target pair."""
+        return tuple(_differences(self.before, self.after))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None."""
+        return {
+            "changed": list(self.changed),
+            "before": self.before.to_dict(),
+            "after": self.after.to_dict(),
+            "change": _number(self.change),
+            "predicted_amount": _number(self.predicted_amount),
+            "prediction": self.prediction.to_dict(),
+            "differences": [difference._asdict() for difference in self.differences],
+            "seconds": dict(self.seconds),
+        }
+
+    def __str__(self) -> str:
+        """Return one line: the change, the amount before, after and foretold."""
+        amounts = f"amount {self.before.amount:.6g} -> {self.after.amount:.6g}"
+        told = f"foretold {self.predicted_amount:.6g}"
+        if np.isnan(self.predicted_amount):
+            told = "not foretold: " + ("; ".join(self.prediction.reasons) or "no amount before")
+        status = self.after.status.name
+        return f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {status}"
+
+
+def whatif(problem: Problem | Solution, **changes: Any) -> WhatIf:
+    """Change a solved problem, solve it again, and say what changed.
+
+    The changed problem shares what did not change: bodies, decision curve, compiled programs. A solution that is
+    certified is compared with one that is.
+
+    Parameters
+    ----------
+    problem : Problem or Solution
+        A problem is solved first. A solution's problem names the features that it tracks, where there was a choice:
+        give the problem to leave it open again.
+    **changes
+        Arguments of `Problem`. A target drops requirement and tolerance, and these drop a target, unless given too;
+        another motion drops `published`.
+
+    Returns
+    -------
+    WhatIf
+
+    Raises
+    ------
+    InputError
+        For an argument that `Problem` does not have or does not take, and what is neither problem nor solution.
+    """
+    if not isinstance(problem, Problem | Solution):
+        found = type(problem).__name__
+        raise InputError("wrong kind of argument", key="problem", found=found, allowed="a Problem or a Solution")
+    for name in changes:
+        if name not in ARGUMENTS:
+            raise InputError("a problem has no such argument", key=name, allowed=", ".join(ARGUMENTS))
+    asked = problem.problem if isinstance(problem, Solution) else problem
+    other = asked.changed(**{**_dropped(changes), **changes})
+    times = [perf_counter()]
+    before = problem if isinstance(problem, Solution) else solve(problem)
+    times.append(perf_counter())
+    after = solve(other, certify=before.evidence is not None)
+    times.append(perf_counter())
+    foretold = prediction(before, other)
+    times.append(perf_counter())
+    names = ("before", "after", "prediction")
+    seconds = {name: end - start for name, start, end in zip(names, times, times[1:], strict=False)}
+    return WhatIf(changed=tuple(changes), before=before, after=after, prediction=foretold, seconds=seconds)
+
+
+def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that a change leaves without meaning."""
+    dropped: dict[str, Any] = {}
+    if changes.get("target") is not None:
+        dropped |= {"requirement": None, "tolerance": None}
+    elif changes.get("requirement") is not None or changes.get("tolerance") is not None:
+        dropped |= {"target": None}
+    if "motion" in changes:
+        dropped |= {"published": None, "published_text": ""}
+    return dropped
+
+
+# ------------------------------------------------------------------------------------------------------- differences
+
+
+def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
+    floor = DEFAULT.tie * max(before.problem.size, after.problem.size)  # of lengths: below it, rounding
+    weights = _weights(before) | _weights(after)
+    for name in dict.fromkeys((*before.parameters, *after.parameters)):
+        one, two = before.parameters.get(name), after.parameters.get(name)
+        if one is None or two is None or abs(one - two) * weights[name] > floor:
+            yield Difference(f"parameters.{name}", one, two)
+    for name in ("amount", "lower_bound", "pair_gap"):
+        one, two = _number(getattr(before, name)), _number(getattr(after, name))
+        if one != two and (one is None or two is None or abs(one - two) > floor):
+            yield Difference(name, one, two)
+    plain: tuple[tuple[str, Any, Any], ...] = (
+        ("status", before.status.name, after.status.name),
+        ("usable", before.usable, after.usable),
+        ("pair_state", before.pair_state, after.pair_state),
+        ("pair", before.pair.tolist(), after.pair.tolist()),
+        ("features", [own.label for own in before.features], [own.label for own in after.features]),
+        ("active", list(before.active), list(after.active)),
+    )
+    for name, was, now in plain:
+        if was != now:
+            yield Difference(name, was, now)
+
+
+def _weights(solution: Solution) -> dict[str, float]:
+    names = [parameter.name for parameter in solution.problem.motion.parameters]
+    return dict(zip(names, solution.problem.weights.tolist(), strict=True))
+
+
+def _number(x: float) -> float | None:
+    return None if np.isnan(x) else float(x)

@@ -1,0 +1,169 @@
+"""What the command line prints of studies, what-ifs, maps, yields and poses."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, wrapped
+from fcdm_opt.show.tables import amount_text, asked_text, motion_text
+
+if TYPE_CHECKING:
+    from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
+    from fcdm_opt.design.compensation.compensation_map import CompensationMap
+    from fcdm_opt.design.fixed_pose.best_pose import BestPose
+    from fcdm_opt.design.fixed_pose.clearances import Clearances
+    from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.design.whatif.budget import Budgets
+    from fcdm_opt.design.whatif.compare import Comparison
+    from fcdm_opt.design.whatif.conflicts import Conflicts
+    from fcdm_opt.design.whatif.drop import Costs, Dropped
+    from fcdm_opt.design.whatif.whatif import WhatIf
+    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.solution import Solution
+
+
+def print_case(file: str, problem: Problem) -> None:
+    """Print which case is asked about."""
+    console().print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")
+
+
+def print_study(result: StudyResult) -> None:
+    """Print how many points ended how, and the yield where a budget is given."""
+    out = console()
+    out.print(str(result))
+    out.print()
+
+
+def print_whatif(found: WhatIf) -> None:
+    """Print both answers, what the derivatives foretold, and what else changed."""
+    out = console()
+    rows = [_solved("before", found.before), _solved("after", found.after)]
+    foretold = amount_text(found.predicted_amount)
+    rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
+    print_rows(out, rows, numbers=("amount",))
+    for reason in found.prediction.reasons:
+        print_text(out, f"foretold: {reason}", indent="   ")
+    for what in found.differences:
+        if what.name in ("features", "active", "status"):
+            print_text(out, f"{what.name}: {_words(what.before)} -> {_words(what.after)}", indent="   ")
+    out.print()
+
+
+def print_budgets(found: Budgets) -> None:
+    """Print the largest tolerance of each requirement, and what ends it."""
+    out = console()
+    limit = "its own limits" if found.limit is None else f"an amount of {found.limit:g}"
+    out.print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
+    rows = [
+        {
+            "requirement": own.requirement,
+            "tolerance": f"{100 * own.tolerance:.7g} %",
+            "amount there": amount_text(own.amount),
+            "above it": own.end.value,
+            "smaller ones": "proved" if own.proved else f"sampled, {own.points} points",
+        }
+        for own in found.values()
+    ]
+    print_rows(out, rows, numbers=("tolerance", "amount there"))
+    for own in found.values():
+        print_text(out, f"{own.requirement}: {own.reason}", indent="   ")
+    out.print()
+
+
+def print_conflicts(found: Conflicts) -> None:
+    """Print the smallest clashes, and what cures them."""
+    _print_lines(str(found))
+
+
+def print_costs(found: Costs) -> None:
+    """Print what each constraint costs."""
+    out = console()
+    out.print(f"amount {amount_text(found.solution.amount)}: {motion_text(found.solution)}")
+    rows = [_dropped("without", row) for row in found.rows] + [_dropped("with", row) for row in found.goals]
+    if rows:
+        print_rows(out, rows, numbers=("amount", "saved", "by its multiplier"))
+    else:
+        out.print("No constraint but the goal itself.")
+    out.print()
+
+
+def print_comparison(found: Comparison) -> None:
+    """Print the families of motions, the cheapest first."""
+    _print_lines(str(found))
+
+
+def print_map(found: CompensationMap) -> None:
+    """Print what the map holds: regions, error, effort."""
+    _print_lines(str(found))
+
+
+def print_yield(found: AssemblyYield) -> None:
+    """Print the share of pairs that pass, and which body's tolerance contributes how much."""
+    out = console()
+    print_text(out, str(found), indent="   ")
+    rows = [
+        {
+            "body": own.body,
+            "of the variance alone": f"{own.first_order:.2%}",
+            "with the other": f"{own.total:.2%}",
+            "yield without its scatter": f"{own.share_without:.3%}",
+        }
+        for own in found.contributions
+    ]
+    print_rows(out, rows, numbers=tuple(rows[0])[1:])
+    out.print()
+
+
+def print_clearances(found: Clearances) -> None:
+    """Print the range of the gap over all sizes, and how it is spread."""
+    out = console()
+    print_text(out, str(found), indent="   ")
+    rows = [
+        {
+            "end": name,
+            "gap": f"{end.gap:+.6g}",
+            "at sizes": ", ".join(f"{x:.6g}" for x in end.rho),
+            "between": end.feature,
+        }
+        for name, end in (("least", found.least), ("largest", found.most))
+    ]
+    print_rows(out, rows, numbers=("gap",))
+    out.print()
+
+
+def print_best_pose(found: BestPose) -> None:
+    """Print the pose that is best for all sizes, and how well that is proved."""
+    _print_lines(str(found))
+
+
+def _print_lines(text: str) -> None:
+    out = console()
+    for line in text.splitlines():
+        print_text(out, line, indent="   ")
+    out.print()
+
+
+def _solved(name: str, solution: Solution) -> dict[str, str]:
+    return {
+        "": name,
+        "asked": asked_text(solution.problem),
+        "amount": amount_text(solution.amount),
+        "motion": motion_text(solution),
+        "pair made": solution.pair_state,
+        "verified": "yes" if solution.usable else solution.status.name,
+    }
+
+
+def _dropped(word: str, row: Dropped) -> dict[str, str]:
+    nothing = row.saving == 0.0
+    return {
+        "": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
+        "amount": amount_text(row.amount),
+        "saved": "nothing" if nothing else f"{row.saving:.5g}" if math.isfinite(row.saving) else row.status.name,
+        "by its multiplier": f"{row.estimate:.5g}" if math.isfinite(row.estimate) and not nothing else "",
+    }
+
+
+def _words(value: Any) -> str:
+    return ", ".join(map(str, value)) or "none" if isinstance(value, list | tuple) else str(value)

@@ -1,0 +1,70 @@
+"""Tables and text on a terminal and through a pipe."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
+"""Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
+
+
+def console(*, stderr: bool = False) -> Any:
+    """Return a rich console; wide enough for everything where it is not a terminal."""
+    from rich.console import Console
+
+    terminal = (sys.stderr if stderr else sys.stdout).isatty()
+    return Console(
+        stderr=stderr,
+        width=None if terminal else PIPED_WIDTH,
+        markup=False,
+        highlight=False,
+        emoji=False,
+        soft_wrap=not terminal,
+    )
+
+
+def print_rows(out: Any, rows: Sequence[dict[str, str]], numbers: Sequence[str] = ()) -> None:
+    """Print rows as a table, closer set where it is too wide, and one below the other where that does not do."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
+    for column in rows[0]:
+        justify: Any = "right" if column in numbers else "left"
+        table.add_column(column, no_wrap=True, justify=justify, vertical="top")
+    for row in rows:
+        table.add_row(*row.values())
+    unlimited = out.options.update(width=PIPED_WIDTH)
+    if out.measure(table, options=unlimited).maximum > out.width:
+        table.padding = 0
+    if out.measure(table, options=unlimited).maximum <= out.width:
+        out.print(table)
+        return
+    for row in rows:
+        (_, head), *rest = row.items()
+        out.print(head, style="bold")
+        for column, cell in rest:
+            name = column.replace("-\n", "").replace("\n", " ")
+            out.print(f"  {name}: {' '.join(cell.split())}")
+
+
+def print_text(out: Any, text: str, indent: str = "") -> None:
+    """Print text, its lines broken between words; lines after the first start with `indent`."""
+    out.print(wrapped(text, min(TEXT_WIDTH, out.width), indent))
+
+
+def print_head(out: Any, name: str, title: str, note: str) -> None:
+    """Print what stands above a file's tables."""
+    out.print(f"{name}: {title}" if title else name, style="bold")
+    if note:
+        print_text(out, note)
+    out.print()
+
+
+def wrapped(text: str, width: int, indent: str = "") -> str:
+    """Return text in lines of at most `width` characters."""
+    from textwrap import fill
+
+    return fill(" ".join(text.split()), width, subsequent_indent=indent)

@@ -1,0 +1,258 @@
+"""Budgets: against closed forms with windows, jumps and nested questions, and against brute force."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, budget
+from fcdm_opt.design.whatif.nested import Order, order
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Rotation, Translation
+from fcdm_opt.tolerance.files import load_problems
+from fcdm_opt.tolerance.keep_out import KeepOut
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solver import solve
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+NEAR = 3e-9  # of closed forms: the bracket is 1e-9 wide, and amounts are known to 1e-10
+X = Translation("x")
+
+
+def block(low: Any, high: Any, name: str = "block", seed: Any = None) -> Body:
+    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
+    return Body.convex(corners, seed=np.add(low, high) / 2.0 if seed is None else seed, name=name)
+
+
+@cache
+def of_file(name: str, case: str) -> Problem:
+    (problem,) = (problem for problem in load_problems(PROBLEMS / f"{name}.toml") if problem.name == case)
+    return problem
+
+
+@cache
+def between_walls(**arguments: Any) -> Problem:
+    """A cube on the right wall; static wall faces at 7 and 10, from a seed at 0.
+
+    In C the walls move right by 7 tau and 10 tau and the cube's half-width shrinks by tau: the gaps are 11 tau on the
+    right and 1 - 6 tau on the left. The least way to touch is the smaller of them until the left wall hits the cube at
+    tau = 1/6, and 6 tau - 1 from there: it rises to 11/17 at tau = 1/17, falls to 0 and rises for good.
+    """
+    cube = block((8, -1, -1), (10, 1, 1), "cube")
+    left = [[x, y, z] for x in (1.0, 7.0) for y in (-4.0, 4.0) for z in (-4.0, 4.0)]
+    right = [[x, y, z] for x in (10.0, 13.0) for y in (-4.0, 4.0) for z in (-4.0, 4.0)]
+    walls = Body.from_parts([left, right], seed=(0.0, 0.0, 0.0), name="walls")
+    return Problem(cube, walls, motion=X, goal="touch", requirement="C", tolerance=0.01, **arguments)
+
+
+def least(tau: float) -> float:
+    return min(11 * tau, abs(1 - 6 * tau)) if tau <= 1 / 6 else 6 * tau - 1
+
+
+def one(problem: Problem, limit: float | None, letter: str, **arguments: Any) -> Budget:
+    return budget(problem, limit, requirements=[letter], **arguments)[letter]
+
+
+def assert_closed(found: Budget, tau: float, end: End = End.LIMIT) -> None:
+    low, high = found.bracket
+    assert low == found.tolerance
+    assert 0 < high - low <= 1e-9 * high
+    assert found.tolerance == pytest.approx(tau, rel=NEAR)
+    assert found.end is end
+    assert found.above is not None
+    assert found.solution is not None
+    assert found.solution.usable
+
+
+# ------------------------------------------------------------------------------------------------------------ windows
+
+
+def test_the_scene_of_windows_is_what_it_says() -> None:
+    for tau in (0.05, 0.15, 0.28):
+        assert solve(between_walls().changed(tolerance=tau)).amount == pytest.approx(least(tau), abs=1e-9)
+
+
+@pytest.mark.parametrize("limit", [0.5, 0.6, 11 / 17 * (1 - 1e-4)])
+def test_the_first_crossing_counts_not_the_last(limit: float) -> None:
+    """For .5 the window is [.045, .083] and the last crossing at .25; the third is 2e-5 wide, about a kink."""
+    found = one(between_walls(), limit, "C", largest=0.3)
+    assert_closed(found, limit / 11)
+    assert not found.proved
+    assert found.spacing > 0
+
+
+def test_a_peak_below_the_limit_is_no_crossing() -> None:
+    assert_closed(one(between_walls(), 0.66, "C", largest=0.3), 1.66 / 6)
+
+
+def test_a_window_without_a_motion_ends_it_too() -> None:
+    """Limits of the motion in place of one of the amount: the same crossing, where no motion is left."""
+    found = one(between_walls().changed(limits={"TX": (-0.5, 0.5)}), None, "C", largest=0.3)
+    assert_closed(found, 0.5 / 11, End.NO_MOTION)
+    assert found.end_proved
+    assert found.amount == pytest.approx(0.5, abs=1e-8)
+
+
+# ----------------------------------------------------------------------------------------- closed forms, brute force
+
+
+def test_budgets_of_a_peg_at_the_wall() -> None:
+    """TX = S - .25 and TY = min(S - .125, 0), S = 10 rho_2 - 9.75 rho_1: .25 + .25 tau in A, .25 - 19.75 tau in B."""
+    problem = of_file("peg_square", "A at the wall")
+    found = budget(problem, 0.03, requirements="ABC", largest=0.005)
+    assert [own.end for own in found.values()] == [End.LARGEST, End.LIMIT, End.LIMIT]
+    assert_closed(found["B"], 0.03 / 19.75)
+    assert_closed(found["C"], 0.03 / 19.75)
+    assert found["A"].bracket == (0.005, 0.005)
+    assert found["A"].amount == pytest.approx(0.00125, abs=1e-9)
+    assert found.tolerance == min(found["B"].tolerance, found["C"].tolerance)
+
+
+def test_the_shape_of_a_tolerance_is_kept() -> None:
+    """Only the plate is off: S = .25 - 10 tau in B; with the peg off by half of that, .25 - (10 + 4.875) tau."""
+    plate = of_file("peg_square", "B at the wall").changed(tolerance=(0.0, 0.03))
+    found = budget(plate, 0.03, requirements="B", largest=0.02)
+    assert_closed(found["B"], 0.003)
+    np.testing.assert_allclose(found["B"].table, [[0, 0], [0.003, 0.003]], rtol=1e-8)
+    half = plate.changed(tolerance=((0.01, 0.02), (0.04, 0.0)))
+    assert_closed(one(half, 0.03, "B", largest=0.02), 0.03 / 14.875)
+    assert_closed(one(half, 0.03, "B", largest=0.02, scale=False), 0.03 / 19.75)
+
+
+@pytest.mark.parametrize(
+    ("name", "case", "limit", "letter"),
+    [
+        ("example1", "A", 0.004, "A"), ("example1", "A", 0.004, "D"), ("example1", "B", 0.02, "B"),
+        ("example1", "C", 0.05, "C"), ("example2", "B", 0.01, "B"), ("example2", "B", 0.01, "C"),
+        ("example1_touch", "B", 0.002, "A"), ("example1_touch", "B", 0.002, "B"), ("example1_touch", "B", 0.002, "C"),
+        ("example1_touch", "B", 0.002, "D"),
+    ],
+)  # fmt: skip
+def test_budgets_agree_with_brute_force(name: str, case: str, limit: float, letter: str) -> None:
+    problem = of_file(name, case)
+    found = one(problem, limit, letter, largest=0.02)
+    assert 0 < found.tolerance < 0.02
+    for tau in np.linspace(0, 1.5 * found.tolerance, 12)[1:]:
+        solution = solve(problem.changed(requirement=letter, tolerance=tau))
+        assert (solution.usable and solution.amount <= limit) == (tau <= found.tolerance)
+    assert found.amount == pytest.approx(limit, rel=1e-7)
+
+
+# -------------------------------------------------------------------------------------------------- nested questions
+
+
+def apart(gap: float, **arguments: Any) -> Problem:
+    """Two cubes of half-width 1, their walls `gap` apart at rest."""
+    other = block((1 + gap, -1, -1), (3 + gap, 1, 1), "other")
+    given = {"goal": "clear", "requirement": "A", "tolerance": 0.01, "motion": X, **arguments}
+    return Problem(block((-1, -1, -1), (1, 1, 1), "cube"), other, **given)
+
+
+def test_growing_bodies_are_nested() -> None:
+    """Gap g - 2 tau must be c: the least way is c - g + 2 tau."""
+    found = one(apart(0.1, clearance=0.15), 0.2, "A")
+    assert_closed(found, (0.2 - 0.15 + 0.1) / 2)
+    assert found.proved
+    assert found.spacing == 0.0
+    assert "grow" in found.reason
+
+
+@pytest.mark.parametrize(("limit", "end", "tolerance"), [(0.2, End.LARGEST, 0.15), (0.049, End.LIMIT, 0.0)])
+def test_shrinking_bodies_are_all_good_or_none(limit: float, end: End, tolerance: float) -> None:
+    """The least way, c - g - 2 tau, is largest for the smallest tolerance: .05."""
+    found = one(apart(0.1, clearance=0.15), limit, "D", largest=0.15)
+    assert (found.end, found.tolerance) == (end, tolerance)
+    assert found.proved
+    assert "shrink" in found.reason
+
+
+def test_touching_from_afar_is_nested() -> None:
+    found = one(apart(0.0, goal="touch"), 0.1, "D")
+    assert_closed(found, 0.05)
+    assert found.proved
+
+
+def test_beyond_with_another_motion_may_have_no_budget() -> None:
+    found = one(of_file("example1", "A"), 0.02, "B")
+    assert (found.tolerance, found.end) == (0.0, End.NO_MOTION)
+    assert found.bracket == (0.0, SMALLEST)
+    assert found.solution is None
+    assert np.isnan(found.amount)
+
+
+def asked(problem: Problem, letter: str) -> Order:
+    return order(problem.changed(requirement=letter))[0]
+
+
+def test_what_is_nested_and_what_is_not() -> None:
+    clear, touch = apart(0.1), apart(0.0, goal="touch")
+    assert [asked(clear, letter).name for letter in "ABCD"] == ["FROM_ZERO", "ANY", "ANY", "ALL_OR_NONE"]
+    assert [asked(touch, letter).name for letter in "ABCD"] == ["FROM_ZERO", "ANY", "ANY", "FROM_ZERO"]
+    assert asked(apart(0.1, goal="touch"), "A") is Order.ANY  # the gap closes before it is an overlap
+    assert asked(clear.changed(tolerance=((0, 0.01), (0, 0.01))), "B") is Order.FROM_ZERO  # only the cube is off
+    assert asked(clear.changed(resolution=0.01), "A") is Order.ANY
+    assert asked(clear.changed(amount="displacement"), "A") is Order.ANY
+    assert asked(touch.changed(limits={"TX": (0.1, 1.0)}), "A") is Order.ANY
+    kept = KeepOut(block((5, 5, 5), (6, 6, 6)))
+    assert asked(clear.changed(keep_out=(kept,)), "A") is Order.FROM_ZERO
+    assert asked(touch.changed(keep_out=(kept,)), "A") is Order.ANY
+    aside = block((-1, -1, -1), (1, 1, 1), seed=(0, 0, 5))
+    assert asked(clear.changed(movable=aside), "A") is Order.ANY
+    beyond = of_file("example1", "B")
+    assert {asked(beyond, letter) for letter in "ABCD"} == {Order.FROM_ZERO}
+    assert asked(beyond.changed(pair="clear"), "B") is Order.ANY
+    assert asked(beyond.changed(goal="at", motion=X >> Translation("y")), "B") is Order.FROM_ZERO
+    assert asked(beyond.changed(goal="at", motion=X, limits={"TX": (0.1, 1.0)}, published=None), "B") is Order.ANY
+    assert asked(beyond.changed(goal="at"), "B") is Order.ANY
+
+
+@pytest.mark.parametrize(
+    ("problem", "letter"),
+    [
+        (lambda: apart(0.1, clearance=0.15, motion=X >> Rotation("z")), "A"),
+        (lambda: of_file("example1_touch", "B"), "A"),
+        (lambda: of_file("example1_touch", "B"), "D"),
+        (lambda: of_file("example1", "C"), "C"),
+        (lambda: of_file("example1", "B").changed(goal="at", motion=X >> Translation("y")), "B"),
+    ],
+)
+def test_least_amounts_of_nested_questions_only_rise(problem: Any, letter: str) -> None:
+    own = problem()
+    assert asked(own, letter) is Order.FROM_ZERO
+    found = [solve(own.changed(requirement=letter, tolerance=tau)) for tau in np.linspace(0.002, 0.05, 7)]
+    amounts = [solution.amount for solution in found if solution.usable]
+    assert len(amounts) >= 2
+    assert all(solution.usable for solution in found[: len(amounts)])  # and none comes back
+    assert np.all(np.diff(amounts) > 0)
+
+
+# ---------------------------------------------------------------------------------------------------- plain data, input
+
+
+def test_budgets_are_plain_data_and_words() -> None:
+    found = budget(apart(0.1, clearance=0.15), 0.2, requirements=("A", "D"))
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert list(data["requirements"]) == list(found) == ["A", "D"]
+    assert data["requirements"]["A"]["end"] == "LIMIT"
+    assert data["tolerance"] == found["A"].tolerance
+    assert str(found).splitlines()[0] == "A: up to 7.5 % (proved); above, the least amount exceeds the limit"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"limit": -1.0}, "limit"), ({"limit": float("nan")}, "limit"), ({"requirements": ("E",)}, "requirements"),
+        ({"requirements": ()}, "no requirement"), ({"largest": 1.0}, "largest"), ({"largest": 0.0}, "largest"),
+        ({"accuracy": 0.0}, "accuracy"), ({"scale": 1}, "scale"), ({"problem": "peg"}, "expected a Problem"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_named(arguments: dict[str, Any], said: str) -> None:
+    given = {"problem": apart(0.1), "limit": 0.1, **arguments}
+    with pytest.raises(InputError, match=said):
+        budget(given.pop("problem"), given.pop("limit"), **given)

@@ -1,0 +1,166 @@
+"""Compensation maps against closed forms and against solving single pairs of sizes."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt.design.compensation.compensation_map import CompensationMap, compensation_map
+from fcdm_opt.design.compensation.nodes import asked
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.task import Task
+
+PROBLEMS = "problems"
+
+
+def cube(half: float, centre=(0.0, 0.0, 0.0), name: str = "cube") -> fo.Body:
+    corners = np.array([[(-1, 1)[k >> axis & 1] for axis in range(3)] for k in range(8)], dtype=float)
+    return fo.Body.convex(half * corners + centre, seed=np.array(centre), name=name)
+
+
+def slab(goal: str = "touch", **more) -> fo.Problem:
+    """A probe, a cube of half-width 1 at x = 4, before a slab of half-width 3: the gap is 4 - rho_1 - 3 rho_2."""
+    given = {"nominal": (1.0, 1.0), "tolerance": 0.02, "requirement": "A", "motion": fo.Translation("x")}
+    return fo.Problem(cube(1.0, (4.0, 0.0, 0.0), "probe"), cube(3.0, name="slab"), **{**given, "goal": goal, **more})
+
+
+@cache
+def slab_map(goal: str) -> CompensationMap:
+    return compensation_map(slab(goal))
+
+
+@cache
+def example(name: str, case: int) -> tuple[fo.Problem, CompensationMap]:
+    problem = fo.load_problems(f"{PROBLEMS}/{name}.toml")[case]
+    return problem, compensation_map(problem)
+
+
+def pairs(found: CompensationMap, count: int, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(found.box[:, 0], found.box[:, 1], (count, 2))
+
+
+def test_touching_a_slab_is_linear_on_both_sides_of_contact():
+    found = slab_map("touch")
+    rho = pairs(found, 1000, 1)
+    gap = 4.0 - rho[:, 0] - 3.0 * rho[:, 1]
+    at = found.at(*rho.T)
+    assert (np.abs(at.amount - np.abs(gap)) <= at.error).all()
+    assert (np.abs(at.parameters[:, 0] + gap) <= at.displacement_error).all()
+    assert (at.error <= found.error).all()
+    assert {region.active for region in found.regions} == {("closes a gap",), ("removes an overlap",)}
+    (boundary,) = found.boundaries
+    assert np.abs(4.0 - boundary.points @ [1.0, 3.0]).max() <= 1e-8
+    assert not boundary.jumps
+
+
+def test_half_of_the_box_needs_no_motion_to_be_clear():
+    found = slab_map("clear")
+    rho = pairs(found, 1000, 2)
+    gap = 4.0 - rho[:, 0] - 3.0 * rho[:, 1]
+    at = found.at(*rho.T)
+    assert (np.abs(at.amount - np.maximum(-gap, 0.0)) <= at.error).all()
+    assert sorted(region.kind for region in found.regions) == ["already satisfied", "motion"]
+    assert [region.share for region in found.regions] == pytest.approx([0.5, 0.5], abs=1e-6)
+
+
+def test_beyond_a_limit_there_is_no_motion():
+    found = compensation_map(slab(limits={"TX": (-0.05, 0.05)}))
+    rho = pairs(found, 1000, 3)
+    gap = 4.0 - rho[:, 0] - 3.0 * rho[:, 1]
+    at = found.at(*rho.T)
+    far = np.abs(np.abs(gap) - 0.05) > 1e-7
+    assert (np.isfinite(at.amount) == (np.abs(gap) <= 0.05))[far].all()
+    assert "no motion" in {region.kind for region in found.regions}
+    edge = [own for own in found.boundaries if "no motion" in {found.regions[k].kind for k in own.regions}]
+    for boundary in edge:
+        assert np.abs(np.abs(4.0 - boundary.points @ [1.0, 3.0]) - 0.05).max() <= 1e-8
+
+
+def test_map_agrees_with_single_solves_on_example_1():
+    problem, found = example("example1_touch", 0)
+    assert len(found.regions) == 4
+    assert found.reached <= found.error
+    rho = pairs(found, 100, 4)
+    at, task = found.at(*rho.T), Task.of(problem)
+    for k, pair in enumerate(rho):
+        solution = fo.solve(asked(problem, pair))
+        assert solution.usable
+        assert abs(solution.amount - at.amount[k]) <= at.error[k]
+        change = task.transform(np.array(list(solution.parameters.values()))) - task.transform(at.parameters[k])
+        made = problem.movable.seed + pair[0] * (problem.movable.vertices - problem.movable.seed)
+        assert np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1).max() <= at.displacement_error[k]
+
+
+def test_boundaries_of_example_1_are_the_switching_point_and_the_contact_lines():
+    problem, found = example("example1_touch", 0)
+    for boundary in found.boundaries:
+        active = {found.regions[k].active for k in boundary.regions}
+        if len(active) == 2:  # from a gap to an overlap: the decision curve at rest
+            assert max(abs(float(problem.curve.gap(pair))) for pair in boundary.points) <= 1e-8
+        else:
+            features = {found.regions[k].features for k in boundary.regions}
+            assert len(features) == 2
+
+
+def test_a_map_survives_json_and_csv(tmp_path):
+    found = slab_map("clear")
+    found.to_json(tmp_path / "map.json")
+    again = CompensationMap.read(tmp_path / "map.json")
+    assert json.dumps(again.to_dict()) == json.dumps(found.to_dict())
+    found.to_csv(tmp_path / "map.csv")
+    rho = pairs(found, 50, 5)
+    table = type(found.table).read(tmp_path / "map.csv")
+    assert (table.at(*rho.T).amount == found.at(*rho.T).amount).all()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map-regions.csv", "map.csv", "map.json"]
+    assert len((tmp_path / "map-regions.csv").read_text().splitlines()) == 1 + len(found.regions)
+
+
+def test_a_spent_budget_is_told():
+    problem = fo.load_problems(f"{PROBLEMS}/example1_touch.toml")[0]
+    found = compensation_map(problem, budget=1, error=1e-9)
+    assert found.reached > found.error
+    at = found.at(*pairs(found, 100, 6).T)
+    assert np.isfinite(at.amount).all()
+    assert (at.region >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        ({"box": ((1.0, 1.0), (0.9, 1.1))}, "box"),
+        ({"box": ((-0.1, 1.0), (0.9, 1.1))}, "box"),
+        ({"box": ((0.0, 1.0), (0.9, 1.1))}, "box"),
+        ({"box": ((0.9, float("nan")), (0.9, 1.1))}, "box"),
+        ({"box": (0.9, 1.1)}, "box"),
+        ({"box": "wide"}, "box"),
+        ({"error": 0.0}, "error"),
+        ({"error": float("nan")}, "error"),
+        ({"budget": 0}, "budget"),
+        ({"jobs": 1.5}, "jobs"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, key):
+    with pytest.raises(InputError, match=key):
+        compensation_map(slab(), **arguments)
+
+
+def test_what_has_no_map_is_refused():
+    with pytest.raises(InputError, match="beyond"):
+        compensation_map(fo.load_problems(f"{PROBLEMS}/example1.toml")[0])
+    with pytest.raises(InputError, match="resolution"):
+        compensation_map(slab("clear", resolution=0.01))
+    with pytest.raises(InputError, match="box"):
+        compensation_map(slab(tolerance=None, requirement=None, target=(1.0, 1.0)))
+    with pytest.raises(InputError, match="box"):
+        compensation_map(slab(tolerance=0.0))
+
+
+def test_the_picture_names_regions_and_corners():
+    from fcdm_opt.show.maps import map_figure
+
+    figure = map_figure(slab_map("clear"))
+    words = " ".join(text.get_text() for text in (*figure.texts, *figure.axes[0].texts))
+    assert "already satisfied" in words
+    assert {"A", "B", "C", "D"} <= set(words.split())

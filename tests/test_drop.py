@@ -1,0 +1,215 @@
+"""Which constraint of a problem that can be solved costs how much."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcdm_opt.design.whatif.constraints import constraints, without
+from fcdm_opt.design.whatif.drop import Costs, Dropped, drop
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Translation
+from fcdm_opt.tolerance.files import load_problems
+from fcdm_opt.tolerance.keep_out import KeepOut
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.solver import solve
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+X, Y = Translation("x"), Translation("y")
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float], name: str = "box") -> Body:
+    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
+    return Body.convex(corners, seed="box", name=name)
+
+
+CUBE = box((-1, -1, -1), (1, 1, 1))
+FAR = box((80, -1, -1), (90, 1, 1))
+
+
+@cache
+def costs(file: str, case: str) -> Costs:
+    return drop(next(own for own in load_problems(PROBLEMS / file) if own.name == case))
+
+
+def rows(found: Costs) -> dict[str, Dropped]:
+    return {row.name: row for row in (*found.rows, *found.goals)}
+
+
+def test_ribs_and_their_clearance_cost_what_the_formulas_say():
+    """TX = 14 - c - 15 beside the ribs with clearance c, TZ = -2."""
+    found = costs("bracket.toml", "past the ribs")
+    assert [row.name for row in found.rows] == ["keep-out 'ribs'", "keep-out 'ribs': clearance"]
+    whole, clearance = found.rows
+    assert whole.saving == pytest.approx(2.5 - 2.0, abs=1e-9)
+    assert clearance.saving == pytest.approx(2.5 - math.hypot(1, 2), abs=1e-9)
+    assert (whole.excess, clearance.excess) == pytest.approx((1.5, 0.5), abs=1e-7)
+    # by the clearance the amount changes as TX / amount = 1.5 / 2.5
+    assert (whole.rate, clearance.rate) == pytest.approx((0.6, 0.6), abs=1e-9)
+    assert (whole.estimate, clearance.estimate) == pytest.approx((0.9, 0.3), abs=1e-7)
+    assert found.free == ()
+    assert found.solves == 4
+
+
+def test_a_clearance_of_the_pair_costs_itself():
+    found = costs("dovetail.toml", "room to slide")
+    (clearance,) = found.rows
+    assert (clearance.saving, clearance.estimate) == pytest.approx((0.25, 0.25), abs=1e-9)
+    assert clearance.rate == pytest.approx(1.0, abs=1e-9)
+    assert clearance.excess == pytest.approx(0.25, abs=1e-7)
+
+
+def test_other_goals_are_rows_of_their_own():
+    found = costs("example1.toml", "B")
+    goals = rows(found)
+    assert [row.name for row in found.goals] == ['goal "clear"', 'goal "touch"', 'goal "at"']  # by what they save
+    for name, goal in (('goal "touch"', "touch"), ('goal "at"', "at")):
+        alone = solve(found.solution.problem.changed(goal=goal))
+        assert goals[name].amount == alone.amount
+        assert goals[name].saving == pytest.approx(found.solution.amount - alone.amount, abs=1e-15)
+    assert goals['goal "at"'].saving < 0
+    assert "adds" in str(goals['goal "at"'])
+    assert goals['goal "clear"'].amount == 0.0
+
+
+def test_a_goal_without_a_motion_stands_last_with_its_status():
+    found = costs("keyway.toml", "C bottom and wall at once")
+    last = found.goals[-1]
+    assert math.isnan(last.amount)
+    assert not last.status.found
+    assert last.status.name in str(last)
+
+
+def test_the_clearance_goes_with_the_goal_that_asks_for_it():
+    asked = Problem(CUBE, box((0.5, -9, -9), (4, 9, 9)), target=(1, 1), goal="clear", clearance=0.25, motion=X)
+    found = rows(drop(asked))
+    assert found['goal "touch"'].solution.problem.clearance == 0.0
+    assert found['goal "touch"'].saving == pytest.approx(0.25, abs=1e-9)
+    assert found["clearance"].saving == pytest.approx(0.25, abs=1e-9)
+
+
+def test_limits_cost_what_closed_forms_say_and_the_others_nothing():
+    """Out of a block by TX = -1.25 or TY = -1.5; the limit of TX keeps the first from being reached."""
+    block = box((-0.25, -0.5, -1), (9, 9, 1))
+    asked = Problem(CUBE, block, target=(1, 1), goal="clear", motion=X >> Y, limits={"TX": (-0.25, 3), "TY": (-5, 5)})
+    found = drop(asked)
+    named = rows(found)
+    assert found.solution.amount == pytest.approx(1.5, abs=1e-9)
+    assert named["lower limit of TX"].saving == pytest.approx(0.25, abs=1e-9)
+    assert named["lower limit of TX"].excess == pytest.approx(1.0, abs=1e-9)
+    assert set(found.free) == {"upper limit of TX", "lower limit of TY", "upper limit of TY"}
+    assert found.rows[0].name == "lower limit of TX"
+
+
+def test_a_parameter_that_is_held_costs_by_its_multiplier():
+    """A slanted wall x + y <= 1 of the cube's corner: held TX = 0 leaves TY = -1, free (-1/2, -1/2)."""
+    wedge = Body.convex(
+        [[3, -2, -9], [-2, 3, -9], [9, 9, -9], [3, -2, 9], [-2, 3, 9], [9, 9, 9]], seed="centroid", name="wedge"
+    )
+    asked = Problem(CUBE, wedge, target=(1, 1), goal="clear", motion=X >> Y, limits={"TX": (0, 0)})
+    (held,) = drop(asked).rows
+    assert held.name == "TX held"
+    assert held.amount == pytest.approx(math.sqrt(0.5), abs=1e-9)
+    assert held.saving == pytest.approx(1 - math.sqrt(0.5), abs=1e-9)
+    assert held.excess == pytest.approx(0.5, abs=1e-7)
+    assert held.rate == pytest.approx(1.0, abs=1e-9)  # the amount is 1 - dx
+    assert held.estimate == pytest.approx(0.5, abs=1e-7)
+    assert held.estimate >= held.saving  # the amount is convex in the limit
+
+
+def test_whole_steps_cost_what_rounding_adds():
+    asked = Problem(
+        CUBE, box((0.5, -1, -1), (4, 1, 1)), target=(1, 1), goal="clear", motion=X, resolution=0.3,
+        limits={"TX": (-2, 0)},
+    )  # fmt: skip
+    found = drop(asked)
+    assert found.solution.amount == pytest.approx(0.6)
+    assert rows(found)["whole steps"].saving == pytest.approx(0.1, abs=1e-9)
+    assert math.isinf(rows(found)["whole steps"].excess)
+    assert math.isnan(rows(found)["whole steps"].estimate)
+
+
+def random_scene(seed: int) -> Problem:
+    rng = np.random.default_rng(seed)
+
+    def block(name: str, reach: float) -> Body:
+        middle, half = rng.uniform(-reach, reach, 2), rng.uniform(0.5, 2.5, 2)
+        low, high = middle - half, middle + half
+        return box((low[0], low[1], -1), (high[0], high[1], 1), name)
+
+    limits = {name: (-rng.uniform(1, 4), rng.uniform(1, 4)) for name in ("TX", "TY")}
+    keep_out = [block(f"K{k}", 3.0) for k in range(2)]
+    return Problem(CUBE, block("static", 1.0), target=(1, 1), goal="clear", motion=X >> Y, limits=limits,
+                   keep_out=keep_out)  # fmt: skip
+
+
+def test_savings_are_those_of_solves_without():
+    looked_at, costing = 0, 0
+    for seed in range(60):
+        solution = solve(random_scene(seed))
+        if not solution.usable:
+            continue
+        looked_at += 1
+        found = drop(solution)
+        assert {row.name for row in found.rows} == {own.name for own in constraints(solution.problem)}
+        assert [row.saving for row in found.rows] == sorted((row.saving for row in found.rows), reverse=True)
+        for row in found.rows:
+            alone = solve(without(solution.problem, [row.name]))
+            assert alone.usable
+            assert row.saving == pytest.approx(solution.amount - alone.amount, abs=2e-7)
+            assert row.amount == pytest.approx(alone.amount, abs=2e-7)
+            costing += row.saving > 0
+            if row.saving > 0:
+                assert row.excess > 0
+        if looked_at == 10:
+            break
+    assert looked_at == 10
+    assert costing >= 5
+
+
+def test_where_nothing_smaller_is_found_dropping_costs_nothing():
+    post = KeepOut(box((2, -1, -1), (4, 1, 1), "post"), clearance=0.5)
+    found = drop(Problem(CUBE, FAR, target=(1, 1), goal="clear", motion=X, keep_out=[post]))
+    assert found.solution.amount == 0.0
+    assert set(found.free) == {"keep-out 'post'", "keep-out 'post': clearance"}
+    assert "cost nothing: keep-out 'post'" in str(found)
+
+
+def test_a_solution_is_taken_as_it_is():
+    problem = Problem(
+        CUBE, box((0.5, -9, -9), (4, 9, 9)), target=(1, 1), goal="clear", motion=X, limits={"TX": (-2, 9)}
+    )
+    solution = solve(problem)
+    one, two = drop(solution), drop(problem)
+    assert one.solution is solution
+    assert [row.saving for row in one.rows] == [row.saving for row in two.rows]
+    assert one.solves == two.solves - 1
+
+
+def test_a_problem_without_a_motion_is_refused_and_points_to_conflicts():
+    stuck: Any = Problem(
+        CUBE, box((0.5, -9, -9), (4, 9, 9)), target=(1, 1), goal="clear", motion=X, limits={"TX": (-0.25, 1)}
+    )
+    for asked in (stuck, solve(stuck)):
+        with pytest.raises(InputError, match="conflicts") as caught:
+            drop(asked)
+        assert caught.value.found == Status.INFEASIBLE.name
+    with pytest.raises(InputError, match="Solution"):
+        drop("bracket.toml")  # type: ignore[arg-type]
+
+
+def test_results_are_plain_data():
+    found = costs("bracket.toml", "past the ribs")
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert data["amount"] == found.solution.amount
+    assert [row["saving"] for row in data["rows"]] == [row.saving for row in found.rows]
+    assert data["goals"][0]["excess"] is None
+    assert str(found).startswith("amount 2.5\nwithout keep-out 'ribs': saves 0.5")

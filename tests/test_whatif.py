@@ -1,0 +1,269 @@
+"""What-if: predictions against closed forms and to second order, what is told of changes, what is handed on."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcdm_opt.design.whatif.whatif import WhatIf, whatif
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion import Rotation, Translation
+from fcdm_opt.tolerance.files import load_problems
+from fcdm_opt.tolerance.keep_out import KeepOut
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solver import solve
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+EXACT = 1e-11  # of closed forms, relative to the size
+XY = Translation("x") >> Translation("y")
+
+
+def block(low: Any, high: Any, name: str = "block") -> Body:
+    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
+    return Body.convex(corners, seed=np.add(low, high) / 2.0, name=name)
+
+
+@cache
+def of_file(name: str, case: str) -> Solution:
+    (problem,) = (problem for problem in load_problems(PROBLEMS / f"{name}.toml") if problem.name == case)
+    return solve(problem)
+
+
+CUBE = block((-1, -1, -1), (1, 1, 1), "cube")
+WALL = block((0.9, -0.5, -1), (3, 0.5, 1), "wall")
+ROOF = block((-0.5, 0.95, -1), (0.5, 3, 1), "roof")
+
+
+@cache
+def cornered() -> Solution:
+    """A cube .1 deep in a wall and .05 in a roof: amount hypot(.1 + c, .05 + k) for clearances c and k."""
+    kept = KeepOut(ROOF, clearance=0.03)
+    return solve(Problem(CUBE, WALL, target=(1.0, 1.0), motion=XY, goal="clear", clearance=0.02, keep_out=(kept,)))
+
+
+@cache
+def held() -> Solution:
+    """The same, pushed further by a limit: amount hypot(.15, .08)."""
+    return solve(cornered().problem.changed(limits={"TX": (-1.0, -0.15)}))
+
+
+# -------------------------------------------------------------------------------------------------------- predictions
+
+
+def stretched(body: Body, row: int, shift: Any) -> Body:
+    vertices = body.vertices.copy()
+    vertices[row] += shift
+    return Body.convex(vertices, seed=body.seed, name=body.name)
+
+
+def seeded(body: Body, shift: Any) -> Body:
+    return Body.convex(body.vertices, seed=body.seed + np.array(shift), name=body.name)
+
+
+CHANGES: dict[str, tuple[Callable[[], Solution], Callable[[Problem, float], dict[str, Any]]]] = {
+    "tolerance": (lambda: of_file("example1_touch", "B"), lambda p, h: {"tolerance": 0.02 * (1 + h)}),
+    "tolerance of one side": (
+        lambda: of_file("example1", "C"),
+        lambda p, h: {"tolerance": ((0.02 + 0.01 * h, 0.02), (0.02, 0.02))},
+    ),
+    "tracked tolerance": (lambda: of_file("example1", "B"), lambda p, h: {"tolerance": 0.02 * (1 + h)}),
+    "tie of constraints": (lambda: of_file("peg_square", "B at the wall"), lambda p, h: {"tolerance": 0.01 * (1 + h)}),
+    "target": (
+        lambda: of_file("peg_square", "turned until it jams"),
+        lambda p, h: {"target": p.target * [1 + 0.003 * h, 1 - 0.001 * h]},
+    ),
+    "target for a requirement": (
+        lambda: of_file("example1_touch", "B"),
+        lambda p, h: {"target": p.target * [1 + 0.002 * h, 1.0]},
+    ),
+    "weight": (lambda: of_file("example1_touch", "B"), lambda p, h: {"weights": {"TZ": 1 + 0.1 * h}}),
+    "length": (lambda: of_file("example1", "C"), lambda p, h: {"length": p.length * (1 + h)}),
+    "clearance": (cornered, lambda p, h: {"clearance": 0.02 * (1 + h)}),
+    "keep-out's clearance": (cornered, lambda p, h: {"keep_out": (KeepOut(ROOF, clearance=0.03 * (1 + h)),)}),
+    "limit": (held, lambda p, h: {"limits": {"TX": (-1.0, -0.15 * (1 + h))}}),
+    "vertex": (
+        lambda: of_file("example2", "B"),
+        lambda p, h: {"movable": stretched(p.movable, 4, [0.2 * h, 0.05 * h, 0.03 * h])},
+    ),
+    "seed": (
+        lambda: of_file("example1_touch", "B"),
+        lambda p, h: {"movable": seeded(p.movable, [0.1 * h, 0, 0.1 * h])},
+    ),
+    "all at once": (
+        lambda: of_file("example1_touch", "B"),
+        lambda p, h: {
+            "tolerance": 0.02 * (1 - h),
+            "length": p.length * (1 + h),
+            "static": seeded(p.static, [0, 0.02 * h, 0]),
+            "limits": {"TZ": (-1.0, 1.0)},
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_prediction_is_right_to_second_order(name: str) -> None:
+    solved, changes = CHANGES[name]
+    before = solved()
+    errors, shifts = [], []
+    for h in (0.08, 0.04):
+        found = whatif(before, **changes(before.problem, h))
+        assert found.after.usable
+        assert found.prediction.reasons == ()
+        errors.append(found.after.amount - found.predicted_amount)
+        shifts.append(found.change)
+    assert abs(shifts[1]) > 1e-7 * before.amount  # something happened
+    if abs(errors[0]) > 1e-9 * before.amount:
+        assert 3.4 < errors[0] / errors[1] < 4.6  # halving the change quarters the error
+    else:
+        assert abs(errors[1]) <= 1e-9 * before.amount  # the amount is linear in it
+
+
+def test_amounts_are_those_of_closed_forms() -> None:
+    before = cornered()
+    assert before.amount == pytest.approx(math.hypot(0.12, 0.08), abs=EXACT)
+    found = whatif(before, clearance=0.03, keep_out=(KeepOut(ROOF, clearance=0.05),))
+    assert found.after.amount == pytest.approx(math.hypot(0.13, 0.10), abs=EXACT)
+    slope = np.array([0.12, 0.08]) / math.hypot(0.12, 0.08)
+    assert found.predicted_amount == pytest.approx(before.amount + slope @ [0.01, 0.02], abs=1e-9)
+    assert found.prediction.terms == {
+        "clearance": pytest.approx(slope[0] * 0.01, abs=1e-9),
+        "keep_out 'roof' clearance": pytest.approx(slope[1] * 0.02, abs=1e-9),
+    }
+
+
+def test_walls_that_shift_are_foretold_by_their_faces() -> None:
+    """Peg against the lower wall: TY = .125 - S with S = 10 rho_2 - w rho_1 for a peg of half-width w."""
+    before = of_file("peg_square", "against the lower wall")
+    peg, target = before.problem.movable, before.problem.target
+    arms = peg.vertices - peg.seed
+    wide = Body.convex(peg.seed + arms * np.where([True, True, False], 9.8 / 9.75, 1.0), seed=peg.seed, name="peg")
+    found = whatif(before, movable=wide, length=before.problem.length)
+    amount = 10 * target[1] - 9.8 * target[0] - 0.125
+    assert found.after.amount == pytest.approx(amount, abs=1e-9)
+    assert found.predicted_amount == pytest.approx(amount, abs=1e-9)
+    assert set(found.prediction.terms) == {"P1 faces"}
+    tapered = peg.vertices + np.where(arms[:, 2:] > 0, 0.01, 0.0) * np.sign(arms) * [1, 1, 0]
+    turned = whatif(before, movable=Body.convex(tapered, seed=peg.seed, name="peg"), length=before.problem.length)
+    assert np.isnan(turned.predicted_amount)
+    assert "breaks or turns a face" in turned.prediction.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"goal": "beyond"}, "goal is another"),
+        ({"motion": Translation("x")}, "motion is another"),
+        ({"requirement": "A"}, "requirement is another"),
+        ({"amount": "displacement"}, "amount is another"),
+        ({"nominal": 2}, "another switching point"),
+    ],
+)
+def test_a_discrete_change_is_not_foretold(changes: dict[str, Any], reason: str) -> None:
+    found = whatif(of_file("example1_touch", "B"), **changes)
+    assert np.isnan(found.predicted_amount)
+    assert any(reason in text for text in found.prediction.reasons)
+
+
+def test_limits_that_come_and_go() -> None:
+    before = held()
+    gone = whatif(before, limits=None)
+    assert np.isnan(gone.predicted_amount)
+    assert gone.after.amount == pytest.approx(cornered().amount, abs=EXACT)
+    idle = whatif(before, limits={"TX": (-2.0, -0.15), "TY": (-1.0, 1.0)})
+    assert idle.predicted_amount == before.amount == pytest.approx(idle.after.amount, abs=EXACT)
+    broken = whatif(cornered(), limits={"TX": (-1.0, -0.15)})
+    assert "breaks the new limit of TX" in broken.prediction.reasons[0]
+    assert np.isnan(broken.predicted_amount)
+
+
+def test_no_derivative_where_the_requirement_is_only_just_met() -> None:
+    touching = Problem(CUBE, block((1, -1, -1), (3, 1, 1)), target=(1.0, 1.0), motion=XY, goal="clear")
+    before = solve(touching)
+    assert before.amount == 0.0
+    found = whatif(before, target=(1.01, 1.0))
+    assert found.after.amount == pytest.approx(0.01, abs=EXACT)
+    assert np.isnan(found.predicted_amount)
+    assert "one-sided" in found.prediction.reasons[0]
+
+
+def test_nothing_is_foretold_without_a_motion_before() -> None:
+    stuck = of_file("example1_touch", "B").problem.changed(limits={"TZ": (0, 1e-6), "RZ": (0, 1e-6)})
+    found = whatif(stuck, limits=None)
+    assert not found.before.status.found
+    assert found.after.usable
+    assert np.isnan(found.predicted_amount)
+    assert {"amount", "status", "usable"} <= {difference.name for difference in found.differences}
+    assert "no motion was found" in str(found)
+
+
+# ---------------------------------------------------------------------------------------------------- what is told
+
+
+def test_differences_name_what_changed_and_nothing_else() -> None:
+    before = of_file("peg_square", "against the lower wall")
+    assert whatif(before).differences == ()
+    assert whatif(before).predicted_amount == before.amount
+    found = whatif(before, target=(0.97, 1.0))
+    told = {difference.name: difference for difference in found.differences}
+    assert set(told) == {"parameters.TY", "amount", "lower_bound", "pair"}
+    assert told["parameters.TY"].after - told["parameters.TY"].before == pytest.approx(-0.0975, abs=1e-9)
+    assert found.change == pytest.approx(0.0975, abs=1e-9)
+    assert str(found).startswith("target changed: amount 0.32 -> 0.4175 (foretold 0.4175)")
+
+
+def test_another_motion_replaces_the_parameters() -> None:
+    found = whatif(of_file("peg_square", "against the lower wall"), motion=Rotation("z"), limits=None)
+    told = {difference.name: (difference.before, difference.after) for difference in found.differences}
+    assert told["parameters.TY"][1] is None
+    assert told["parameters.RZ"][0] is None
+
+
+@pytest.mark.parametrize("changes", [{"tolerance": 0.03}, {"motion": Translation("x"), "goal": "beyond"}])
+def test_it_can_be_written_as_json(changes: dict[str, Any]) -> None:
+    found: WhatIf = whatif(of_file("example1_touch", "B").problem, **changes)
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert data["changed"] == list(changes)
+    assert Solution.from_dict(data["after"]).amount == pytest.approx(found.after.amount, abs=0.0, nan_ok=True)
+    assert set(data["seconds"]) == {"before", "after", "prediction"}
+
+
+def test_what_stays_is_handed_on_and_the_answer_is_that_of_a_fresh_problem() -> None:
+    before = of_file("example1", "B")
+    found = whatif(before, tolerance=0.025)
+    assert found.after.problem.curve is before.problem.curve
+    assert found.after.problem.movable is before.problem.movable
+    fresh = solve(Problem.from_dict(found.after.problem.to_dict()))
+    assert fresh.parameters == found.after.parameters
+
+
+def test_a_certified_solution_is_compared_with_a_certified_one() -> None:
+    certified = solve(of_file("example1_touch", "B").problem, certify=True)
+    assert certified.evidence is not None
+    assert whatif(certified, tolerance=0.021).after.evidence is not None
+    assert whatif(of_file("example1_touch", "B"), tolerance=0.021).after.evidence is None
+
+
+def test_a_target_takes_the_place_of_a_requirement_and_back() -> None:
+    before = of_file("example1_touch", "B")
+    found = whatif(before, target=tuple(before.problem.target))
+    assert found.differences == ()
+    assert whatif(found.after, requirement="B", tolerance=0.02).differences == ()
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(InputError, match="tolrance: a problem has no such argument"):
+        whatif(of_file("example1", "B"), tolrance=0.03)
+    with pytest.raises(InputError, match="problem: wrong kind of argument; found 'str'"):
+        whatif("example1.toml")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="tolerance"):
+        whatif(of_file("example1", "B"), tolerance=-1.0)
