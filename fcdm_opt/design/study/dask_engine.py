@@ -69,6 +69,11 @@ class DaskEngine:
     work : callable, optional
         Rows from a payload; a function of a module, which workers import.
 
+    Attributes
+    ----------
+    address : str
+        Of the scheduler, once entered: others may join it.
+
     Raises
     ------
     InputError
@@ -93,8 +98,8 @@ class DaskEngine:
         self._version = __version__
         with ExitStack() as stack:
             stack.enter_context(_quiet())
-            self._address = self._scheduler or stack.enter_context(_own_cluster(self._jobs))
-            self._client = stack.enter_context(_connected(self._address))
+            self.address = self._scheduler or stack.enter_context(_own_cluster(self._jobs))
+            self._client = stack.enter_context(_connected(self.address))
             self._workers()
             self._check_versions()
             self._open = stack.pop_all()
@@ -206,7 +211,7 @@ class DaskEngine:
                 raise InputError(
                     f"no worker joined within {PATIENCE:g} s; what is finished is stored",
                     key="scheduler",
-                    found=self._address,
+                    found=self.address,
                     allowed="a scheduler with workers",
                 )
             time.sleep(WATCH)
@@ -228,7 +233,7 @@ class DaskEngine:
         return InputError(
             "the scheduler went away or dropped the work; what is finished is stored: run again to go on",
             key="scheduler",
-            found=self._address,
+            found=self.address,
         )
 
 
@@ -324,13 +329,13 @@ def _own_cluster(jobs: int | None) -> Iterator[str]:
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # None would be Dask's usual port, which others may have
                 memory_limit=0,
                 silence_logs=logging.CRITICAL + 1,
                 local_directory=scratch,
                 env=SINGLE,
                 preload=[__name__],
-                scheduler_kwargs={"allowed_failures": 0},
+                scheduler_kwargs={"allowed_failures": 0, "dashboard": False},
             )
         except (RuntimeError, OSError) as reason:
             raise InputError(

@@ -214,8 +214,8 @@ class StudyResult:
         """Return the columns as arrays of an xarray dataset, over the axes of the study.
 
         Where several keys vary together, their values along the axis are coordinates of their own, and the axis counts
-        from 0. Where what is drawn is not known yet, it is nan. Select with `.sel({"tolerance": 0.02})`: as an argument,
-        xarray takes that name for its own.
+        from 0. Where what is drawn is not known yet, it is nan. Select with `.sel({"tolerance": 0.02})`: as an
+        argument, xarray takes that name for its own.
         """
         xarray, pandas = _extra("xarray"), _extra("pandas")
         sizes = {_told(name): len(values) for name, values in self.axes.items()}

@@ -30,6 +30,28 @@ def run_study(
 
     The rows are the same whatever the engine, the number of processes and the order, times apart. A run may be killed
     at any moment: what is stored is not worked out again.
+
+    Parameters
+    ----------
+    study : Study or path
+        A study, or its file.
+    out : path
+        Folder of the store; made where it does not exist.
+    engine : "joblib", "dask" or Engine
+        Processes of this machine, or workers of a Dask scheduler.
+    jobs : int, optional
+        How many processes; default: one a core. With 1 "joblib" stays in this process, unless points have a time limit.
+    scheduler : str, optional
+        Address of a Dask scheduler; default: a cluster on this machine.
+    progress : bool
+        Show a bar where standard error is a terminal, lines elsewhere.
+    say : callable, optional
+        Takes these lines.
+
+    Raises
+    ------
+    InputError
+        For a study, folder, store or engine that cannot be used; what is stored by then stays.
     """
     from fcdm_opt.design.study.results import StudyResult
     from fcdm_opt.design.study.study import Study

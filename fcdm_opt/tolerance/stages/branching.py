@@ -150,17 +150,20 @@ def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) 
 
 
 def near(task: Task, q: Array) -> Found | None:
-    """Return the least motion that a local search from a motion finds."""
+    """Return the least motion that a local search from a motion finds.
+
+    It is to beat motions that meet the requirement exactly, so what it gains may not come from the slack.
+    """
     found: list[Found] = []
     for nudge in NUDGES:
         at = np.clip(q * (1.0 + nudge), *task.limits.T)
         if not task.tracked:
             at = rays.shortened(task, at)
-        if task.meets(at, DEFAULT.requirement):
+        if task.meets(at, DEFAULT.cut):
             found.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled_by_gaps(at)))
             break
     for relaxation in choices(task, q, near=True):
         better = relaxation.smallest([q], "sqpmethod")
-        if better is not None and task.meets(better.q, DEFAULT.requirement):
+        if better is not None and task.meets(better.q, DEFAULT.cut):
             found.append(better)
     return min(found, key=lambda own: own.amount, default=None)
