@@ -126,7 +126,7 @@ def whatif_command(
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         if changes:
-            yield "whatif", whatif(problem, _changed(file.path, problem, values)), tables.print_whatif
+            yield "whatif", whatif(*_changed(file.path, problem.name, values)), tables.print_whatif
         if budget is not None:
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
         solution: Solution | None = solve(problem) if plain else None
@@ -179,7 +179,7 @@ def map_command(
         if budget is not None:
             pairs = _pairs(sizes, columns, nominals) if sizes is not None else _normal(found.box)
             share = assembly_yield(found, sizes=pairs, budget=budget, seed=seed)
-            pictures.add_yield(f"{stem}-yield", share)
+            pictures.add_yield(f"{stem}-yield", share, title=f"{file.name}: case {problem.name}")
             yield "yield", share, tables.print_yield
 
     _each_case(files, case, as_json, asked, failed=lambda: pictures.failed)
@@ -283,12 +283,12 @@ def _change(text: str) -> tuple[str, Any]:
         return key, value
 
 
-def _changed(path: Path, problem: Problem, values: dict[str, Any]) -> Problem:
-    """Return a case of a file with other values at some places."""
+def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Problem, Problem]:
+    """Return a case of a file as it is, and with other values at some places."""
     from fcdm_opt.design.question import Question
 
-    question = next(own for own in Question.read(path) if own.name == problem.name)
-    return question.changed(values).problem()
+    question = next(own for own in Question.read(path) if own.name == name)
+    return question.problem(), question.changed(values).problem()
 
 
 def _amount(text: str) -> float | None:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Meeting, meetings
 from fcdm_opt.curve.envelope import Run, Union, boundary, inside
+from fcdm_opt.curve.flush import Flush, flush_contacts
 from fcdm_opt.curve.region import Region, pair_region, same_pair
 from fcdm_opt.curve.segments import Box, Branch, Segment, SwitchingPoint, clipped, in_box, is_point, shared
 from fcdm_opt.errors import InputError
@@ -205,6 +206,21 @@ class DecisionCurve:
     @cached_property
     def _places(self) -> dict[tuple[float, ...], Segment | SwitchingPoint | None]:
         """What was found at the last scale pairs: many problems ask for the same nominal one."""
+        return {}
+
+    def flush(self, rho: ArrayLike) -> tuple[Flush, ...]:
+        """Return the flush contacts of the bodies as drawn, without `transform`, at a scale pair on their curve."""
+        point = _pair(rho)
+        asked = tuple(point.tolist())
+        if asked not in self._flush:
+            if len(self._flush) >= REMEMBERED:
+                del self._flush[next(iter(self._flush))]
+            self._flush[asked] = flush_contacts(self.movable, self.static, point)
+        return self._flush[asked]
+
+    @cached_property
+    def _flush(self) -> dict[tuple[float, ...], tuple[Flush, ...]]:
+        """What was found at the last scale pairs, as `_places`."""
         return {}
 
     def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:

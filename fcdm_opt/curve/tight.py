@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from itertools import combinations
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -34,12 +37,24 @@ class TightLine(NamedTuple):
     line: Array
 
 
+_LINES: WeakKeyDictionary[SwitchingPoint, tuple[TightLine, ...]] = WeakKeyDictionary()
+_CHOICES: WeakKeyDictionary[SwitchingPoint, tuple[tuple[Feature, Feature], ...]] = WeakKeyDictionary()
+# what was found once of a switching point, which many problems share
+
+
 def tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
     """Return the contact lines that meet at a switching point, one a feature: those of its segments, then all others.
 
     Those of the facets of Minkowski differences that touch there, to `Tolerances.nominal` of the size: a motion may
     bring any of them to the curve.
     """
+    known = _LINES.get(point)
+    if known is None:
+        known = _LINES[point] = _tight_lines(point)
+    return known
+
+
+def _tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
     movable, static = point.bodies
     sides = zip(point.features, point.pieces, strict=True)
     found = {name: TightLine(name, own.parts, own.site, own.normal, own.line) for name, own in sides}
@@ -57,6 +72,37 @@ def tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
             kind, first, second = (int(x) for x in sites[k])
             found.setdefault(name, TightLine(name, (i, j), (kind, first, second), rows[k, :3], rows[k, 3:]))
     return tuple(found.values())
+
+
+def parallel(one: Array, two: Array) -> bool:
+    """Tell whether two contact lines fix no point."""
+    (a, b, _), (d, e, _) = one, two
+    return bool(abs(a * e - b * d) <= DEFAULT.determinant * math.hypot(a, b) * math.hypot(d, e))
+
+
+def choices(point: SwitchingPoint) -> tuple[tuple[Feature, Feature], ...]:
+    """Return the pairs of features that a switching point may keep under a motion, where three or more lines meet.
+
+    Which two of them stay consecutive on the curve depends on the motion: those of its segments, neighbours on a part
+    pair's Minkowski difference, or two part pairs'. Empty where there is no choice.
+    """
+    known = _CHOICES.get(point)
+    if known is None:
+        known = _CHOICES[point] = _choices(point)
+    return known
+
+
+def _choices(point: SwitchingPoint) -> tuple[tuple[Feature, Feature], ...]:
+    movable, static = point.bodies
+    lines, found = tight_lines(point), []
+    if len(lines) < 3:
+        return ()
+    for k, (one, two) in enumerate(combinations(lines, 2)):
+        (i, j), others = one.parts, two.parts
+        beside = edge_and_corner(one.site, two.site, movable.parts[i], static.parts[j])
+        if (k == 0 or (i, j) != others or beside is not None) and not parallel(one.line, two.line):
+            found.append((one.feature, two.feature))
+    return tuple(found)
 
 
 def edge_and_corner(

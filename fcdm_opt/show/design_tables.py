@@ -90,7 +90,23 @@ def print_costs(found: Costs) -> None:
 
 def print_comparison(found: Comparison) -> None:
     """Print the families of motions, the cheapest first."""
-    _print_lines(str(found))
+    out = console()
+    out.print(str(found))
+    rows = [
+        {
+            "family": row.name,
+            "amount": amount_text(row.amount),
+            "motion": "-" if row.solution is None else motion_text(row.solution),
+            "pair made": "" if row.solution is None else row.solution.pair_state,
+            "verified": "yes" if row.usable else row.status,
+        }
+        for row in found.table
+    ]
+    print_rows(out, rows, numbers=("amount",))
+    for row in found.table:
+        if row.note:
+            print_text(out, f"{row.name}: {row.note}", indent="   ")
+    out.print()
 
 
 def print_map(found: CompensationMap) -> None:

@@ -118,11 +118,10 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis]) -> Figure:
             axes.plot(along.values, part.amounts, color=colour, linestyle=style, marker=".", markersize=4, label=name)
             for status, marker in markers.items():
                 where = [x for x, own_status in zip(along.values, part.statuses, strict=True) if own_status == status]
-                height = 0.02 + 0.03 * (k % 10)  # beside each other, not upon
-                axes.plot(
-                    where, [height] * len(where), marker, color=colour, markersize=4,
-                    transform=axes.get_xaxis_transform(), clip_on=False,
-                )  # fmt: skip
+                if where:
+                    height = [0.02 + 0.03 * (k % 10)] * len(where)  # beside each other, not upon
+                    over = axes.get_xaxis_transform()
+                    axes.plot(where, height, marker, color=colour, markersize=4, transform=over, clip_on=False)
         if _geometric(along.values):
             axes.set_xscale("log")
         axes.set_xlabel(_told(along.label), fontsize=9)

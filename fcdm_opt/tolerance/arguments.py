@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
 
 LARGEST = 1e30  # of any number: sums and products of lengths, weights and scales stay finite
 
@@ -88,10 +89,17 @@ def tolerance(value: Any) -> Any:
     return numbers(value, 0)
 
 
-def per_body(value: Any) -> list[tuple[float, float]]:
-    """Return (minus, plus) of both bodies, of a tolerance that was checked."""
+def rows(value: Any) -> Array | None:
+    """Return (minus, plus) of both bodies, (2, 2), of a tolerance that was checked; None for None."""
+    if value is None:
+        return None
     bodies = (value, value) if isinstance(value, float) else value
-    return [(x, x) if isinstance(x, float) else x for x in bodies]
+    return frozen([(x, x) if isinstance(x, float) else x for x in bodies])
+
+
+def target(value: Any) -> tuple[float, float] | None:
+    """Return the scales made; None for None."""
+    return None if value is None else pair(value, "target", "two scales > 0", positive=True)
 
 
 def box(value: Any) -> tuple[tuple[float, float], ...]:

@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import cached_property
-from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -160,9 +159,7 @@ class Problem:
         self._set(
             nominal=arguments.nominal(self.nominal),
             tolerance=arguments.tolerance(self.tolerance),
-            target=None
-            if self.target is None
-            else arguments.pair(self.target, "target", "two scales > 0", positive=True),
+            target=arguments.target(self.target),
             box=arguments.box(self.box),
             clearance=arguments.length(self.clearance, "clearance"),
             keep_out=keep_outs(self.keep_out),
@@ -183,7 +180,7 @@ class Problem:
         )
         self._check_choices()
         self._check_nominal()
-        self._set(request={item.name: getattr(self, item.name) for item in fields(self) if item.init})
+        self._set(request={name: self.__dict__[name] for name in _ARGUMENTS})
         self._resolve(names)
 
     def _set(self, **values: Any) -> None:
@@ -198,9 +195,10 @@ class Problem:
         count = len(self.motion.parameters)
         if count == 0:
             raise InputError("the motion has no parameters", key="motion", found=self.motion)
+        if not any(isinstance(step, Screw) and step.axis == "seeds" for step in self.motion.steps):
+            return
         away = float(np.linalg.norm(self.static.seed - self.movable.seed))
-        between = any(isinstance(step, Screw) and step.axis == "seeds" for step in self.motion.steps)
-        if between and away <= DEFAULT.seeds * self.size:
+        if away <= DEFAULT.seeds * self.size:
             raise InputError(
                 "the seeds coincide: they define no screw axis",
                 key="motion.Screw.axis",
@@ -265,15 +263,15 @@ class Problem:
     # --------------------------------------------------------------------------------------------- resolved values
 
     def _resolve(self, names: list[str]) -> None:
-        tolerance = None if self.tolerance is None else frozen(arguments.per_body(self.tolerance))
         weights, limits = self.weights, self.limits
         length = self.movable.size / 2 if self.length is None else self.length
-        made = np.array(self.motion.weights(length))
-        made[[names.index(key) for key in weights]] = list(weights.values())
-        bounds = np.tile([-math.inf, math.inf], (len(names), 1))
-        for key, interval in limits.items():
-            bounds[names.index(key)] = interval
-        self._set(tolerance=tolerance, length=length, weights=frozen(made), limits=frozen(bounds))
+        own = dict(zip(names, self.motion.weights(length).tolist(), strict=True))
+        self._set(
+            tolerance=arguments.rows(self.tolerance),
+            length=length,
+            weights=frozen([weights.get(name, own[name]) for name in names]),
+            limits=frozen([limits.get(name, (-math.inf, math.inf)) for name in names]),
+        )
         if self.resolution is not None:
             self._set(resolution=frozen([self.resolution.get(name, 0.0) for name in names]))
         self._set(goal=self._chosen_goal())
@@ -284,12 +282,11 @@ class Problem:
     def _made_pair(self) -> Array:
         if self.requirement is None:
             return frozen(self.target)
-        signs = np.array(SIGNS[self.requirement])
-        tau = np.where(signs < 0, self.tolerance[:, 0], self.tolerance[:, 1])
-        target = self.nominal_pair * (1.0 + tau * signs)
-        if not (np.isfinite(target).all() and target.min() > 0):
+        sides = zip(self.nominal_pair.tolist(), SIGNS[self.requirement], self.tolerance.tolist(), strict=True)
+        target = [scale * (1.0 + sign * (minus if sign < 0 else plus)) for scale, sign, (minus, plus) in sides]
+        if not all(0.0 < scale < math.inf for scale in target):
             raise InputError(
-                f"requirement {self.requirement} would make the scales {target.tolist()}",
+                f"requirement {self.requirement} would make the scales {target}",
                 key="tolerance",
                 found=self.request["tolerance"],
                 allowed="below 1 (100 %) where a body is made smaller",
@@ -352,6 +349,8 @@ class Problem:
         """Return the features that were named, which must touch at the nominal switching point."""
         if self.features is None:
             return None
+        from fcdm_opt.curve.tight import parallel
+
         lines = {line.feature: line for line in self._tight_lines}
         if not lines:
             found = f'goal "{self.goal}"' if self.goal not in TRACKING else "a nominal pair off the switching points"
@@ -369,7 +368,7 @@ class Problem:
                     "no such feature touches at the nominal point", key=f"features[{k}]", found=label, allowed=listed
                 )
             chosen.append(lines[feature])
-        if _parallel(chosen[0].line, chosen[1].line):
+        if parallel(chosen[0].line, chosen[1].line):
             others = "; ".join(str(name) for name in lines)
             raise InputError(
                 "the lines of these two features are parallel: they fix no point",
@@ -392,21 +391,15 @@ class Problem:
     def feature_pairs(self) -> tuple[tuple[str, str], ...]:
         """Two features each, by label, that the nominal point may keep, where three or more lines meet in it.
 
-        Which two of them stay consecutive on the curve depends on the motion: those of its segments, neighbours on a
-        part pair's Minkowski difference, or two part pairs'. Empty where two were named, or there is no choice.
+        See `fcdm_opt.curve.tight.choices`. Empty where two were named, or there is no choice.
         """
-        from fcdm_opt.curve.tight import edge_and_corner
+        from fcdm_opt.curve.segments import SwitchingPoint
+        from fcdm_opt.curve.tight import choices
 
-        lines = self._tight_lines
-        if self.features is not None or len(lines) < 3:
+        contact = self.nominal_contact
+        if self.features is not None or self.goal not in TRACKING or not isinstance(contact, SwitchingPoint):
             return ()
-        found = []
-        for k, (one, two) in enumerate(combinations(lines, 2)):
-            (i, j), others = one.parts, two.parts
-            beside = edge_and_corner(one.site, two.site, self.movable.parts[i], self.static.parts[j])
-            if (k == 0 or (i, j) != others or beside is not None) and not _parallel(one.line, two.line):
-                found.append((one.feature.label, two.feature.label))
-        return tuple(found)
+        return tuple((one.label, two.label) for one, two in choices(contact))
 
     @property
     def tracked_lines(self) -> tuple[TightLine | Piece, ...]:
@@ -508,11 +501,7 @@ class Problem:
     @cached_property
     def nominal_seats(self) -> tuple[Flush, ...]:
         """The flush contacts at the nominal pair, tracked or besides; none off the curve."""
-        from fcdm_opt.curve.flush import flush_contacts
-
-        if self.nominal_contact is None:
-            return ()
-        return flush_contacts(self.movable, self.static, self.nominal_pair)
+        return () if self.nominal_contact is None else self.curve.flush(self.nominal_pair)
 
     @property
     def nominal_features(self) -> tuple[Feature, ...]:
@@ -559,8 +548,23 @@ class Problem:
     # --------------------------------------------------------------------------------------------------- plain data
 
     def changed(self, **arguments: Any) -> Problem:
-        """Return the same question with other arguments, resolved anew; raises as the constructor does."""
+        """Return the same question with other arguments, resolved anew; raises as the constructor does.
+
+        Of what does not depend on these nothing is checked again.
+        """
+        if all(key in _SIZES and (value is None) == (self.request[key] is None) for key, value in arguments.items()):
+            return self._resized(arguments)
         return Problem(**{**self.request, **arguments})
+
+    def _resized(self, sizes: Mapping[str, Any]) -> Problem:
+        """Return the same question for another tolerance or target, of which nothing depends but the pair made."""
+        request = {**self.request, **{key: check(sizes[key]) for key, check in _SIZES.items() if key in sizes}}
+        other = object.__new__(Problem)
+        other.__dict__.update((key, self.__dict__[key]) for key in _STAYS if key in self.__dict__)
+        other._set(request=request, tolerance=arguments.rows(request["tolerance"]), target=request["target"])
+        other._set(target=other._made_pair())
+        other._check_goal()
+        return other
 
     def to_dict(self) -> dict[str, Any]:
         """Return the question as plain data: the keys of a problem file with one case, angles in radians."""
@@ -582,7 +586,13 @@ class Problem:
         return problem_from_dict(data)
 
 
-def _parallel(one: Array, two: Array) -> bool:
-    """Tell whether two contact lines fix no point."""
-    (a, b, _), (d, e, _) = one, two
-    return bool(abs(a * e - b * d) <= DEFAULT.determinant * math.hypot(a, b) * math.hypot(d, e))
+_ARGUMENTS = tuple(item.name for item in fields(Problem) if item.init)
+
+_SIZES = {"tolerance": arguments.tolerance, "target": arguments.target}
+"""Arguments that only the target pair depends on."""
+
+_STAYS = (
+    *(name for name in _ARGUMENTS if name not in _SIZES),
+    *("curve", "_located", "_closed", "nominal_contact", "nominal_pair", "nominal_seats", "_tight_lines"),
+)
+"""What is the same for other sizes: attributes, and cached values of the nominal contact."""

@@ -17,12 +17,12 @@ import numpy as np
 
 from fcdm_opt.design.whatif.nested import Order, order
 from fcdm_opt.design.whatif.prediction import by_tolerance
-from fcdm_opt.design.whatif.solving import solved
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance import arguments
 from fcdm_opt.tolerance.problem import SIGNS, Problem
 from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 20 % off are no longer a tolerance
@@ -275,7 +275,7 @@ class _Search:
     def at(self, tau: float) -> _Point:
         """Solve at a tolerance, once."""
         if tau not in self.points:
-            solution = solved(self.asked(tau))
+            solution = solve(self.asked(tau))
             good = solution.usable and (self.limit is None or solution.amount <= self.limit * (1.0 + DEFAULT.cut))
             self.points[tau] = _Point(tau, good, solution)
         return self.points[tau]

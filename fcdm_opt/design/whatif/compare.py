@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.whatif.solving import solved
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 BY_PARAMETER = ("limits", "weights", "resolution")  # arguments that name parameters
@@ -228,7 +228,7 @@ def _row(problem: Problem, name: str, motion: Motion, certify: bool) -> Row:
         asked = problem.changed(
             motion=motion, goal=problem.goal, length=problem.length, published=None, published_text="", **changes
         )
-        solution = solved(asked, certify=certify)
+        solution = solve(asked, certify=certify)
     except InputError as reason:
         return Row(name=name, motion=motion, solution=None, dropped=told, note=str(reason))
     return Row(name=name, motion=motion, solution=solution, dropped=told)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import pairwise
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -88,7 +89,7 @@ class WhatIf:
         return f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {status}"
 
 
-def whatif(problem: Problem | Solution, **changes: Any) -> WhatIf:
+def whatif(problem: Problem | Solution, other: Problem | None = None, /, **changes: Any) -> WhatIf:
     """Change a solved problem, solve it again, and say what changed.
 
     The changed problem shares what did not change: bodies, decision curve, compiled programs. A solution that is
@@ -99,6 +100,8 @@ def whatif(problem: Problem | Solution, **changes: Any) -> WhatIf:
     problem : Problem or Solution
         A problem is solved first. A solution's problem names the features that it tracks, where there was a choice:
         give the problem to leave it open again.
+    other : Problem, optional
+        The changed problem as a whole, in place of `changes`.
     **changes
         Arguments of `Problem`. A target drops requirement and tolerance, and these drop a target, unless given too;
         another motion drops `published`.
@@ -110,7 +113,8 @@ def whatif(problem: Problem | Solution, **changes: Any) -> WhatIf:
     Raises
     ------
     InputError
-        For an argument that `Problem` does not have or does not take, and what is neither problem nor solution.
+        For an argument that `Problem` does not have or does not take, what is neither problem nor solution, and
+        changes besides a changed problem.
     """
     if not isinstance(problem, Problem | Solution):
         found = type(problem).__name__
@@ -119,7 +123,12 @@ def whatif(problem: Problem | Solution, **changes: Any) -> WhatIf:
         if name not in ARGUMENTS:
             raise InputError("a problem has no such argument", key=name, allowed=", ".join(ARGUMENTS))
     asked = problem.problem if isinstance(problem, Solution) else problem
-    other = asked.changed(**{**_dropped(changes), **changes})
+    if other is None:
+        other = asked.changed(**{**_dropped(changes), **changes})
+    elif changes or not isinstance(other, Problem):
+        found = ", ".join(changes) or type(other).__name__
+        raise InputError("not one way to say what changes", key="other", found=found, allowed="a Problem, or changes")
+    names = tuple(changes) or tuple(name for name in ARGUMENTS if asked.request[name] != other.request[name])
     times = [perf_counter()]
     before = problem if isinstance(problem, Solution) else solve(problem)
     times.append(perf_counter())
@@ -127,9 +136,9 @@ def whatif(problem: Problem | Solution, **changes: Any) -> WhatIf:
     times.append(perf_counter())
     foretold = prediction(before, other)
     times.append(perf_counter())
-    names = ("before", "after", "prediction")
-    seconds = {name: end - start for name, start, end in zip(names, times, times[1:], strict=False)}
-    return WhatIf(changed=tuple(changes), before=before, after=after, prediction=foretold, seconds=seconds)
+    spans = zip(("before", "after", "prediction"), pairwise(times), strict=True)
+    seconds = {name: end - start for name, (start, end) in spans}
+    return WhatIf(changed=names, before=before, after=after, prediction=foretold, seconds=seconds)
 
 
 def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,134 @@
+"""The commands study, whatif, map and pose: what they print, write and refuse, and their exit codes."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from fcdm_opt.cli import app
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+STUDY = """
+problem = "{problem}"
+cases = ["A", "D"]
+[[vary]]
+key = "tolerance"
+values = [0.005, 0.01]
+"""
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.format(problem=PROBLEMS / "peg_tapered.toml"))
+    return path
+
+
+def test_a_study_writes_store_table_and_picture_and_is_not_run_twice(study: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    code, text, _ = run("study", study, "--out", out, "--jobs", 1, "--json")
+    document = json.loads(text)
+    assert code == 0
+    assert document["counts"] == {"SOLVED": 4}
+    assert {path.name for path in out.iterdir()} >= {"study.sqlite", "study.csv"}
+    lines = (out / "study.csv").read_text().splitlines()
+    first = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
+    assert len(lines) == 5
+    assert float(first["amount"]) == pytest.approx(5 * 0.005, rel=1e-9)  # of the problem file: 5 (rho_2 - 1)
+    stamp = (out / "study.sqlite").stat().st_mtime_ns
+    assert run("study", study, "--out", out, "--jobs", 1)[0] == 0
+    assert (out / "study.sqlite").stat().st_mtime_ns == stamp
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ('[[vary]]\nkey = "tolerence"\nvalues = [1]', "did you mean 'tolerance'"),
+        ('[[vary]]\nkey = "snap"\ngrid = { from = 0.02, to = 0.01, count = 3 }', "grid.to"),
+        ('[[vary]]\nkey = "snap"\ncsv = { file = "sizes.csv", column = "peg" }\n', "row 3"),
+    ],
+)
+def test_a_wrong_study_is_refused_before_anything_is_written(
+    study: Path, tmp_path: Path, wrong: str, words: str
+) -> None:
+    (tmp_path / "sizes.csv").write_text("peg\n0.01\nnan\n")
+    count = "count = 5\n" if "csv" in wrong else ""
+    study.write_text(count + study.read_text() + wrong)
+    code, _, errors = run("study", study, "--out", tmp_path / "out")
+    assert code == 2
+    assert words in errors
+    assert not (tmp_path / "out" / "study.sqlite").exists()
+
+
+def test_the_store_of_another_study_is_refused(study: Path, tmp_path: Path) -> None:
+    assert run("study", study, "--out", tmp_path / "out", "--jobs", 1)[0] == 0
+    study.write_text(study.read_text().replace("0.01]", "0.02]"))
+    code, _, errors = run("study", study, "--out", tmp_path / "out", "--jobs", 1)
+    assert code == 2
+    assert "another study" in errors
+
+
+def test_whatif_sets_any_key(tmp_path: Path) -> None:
+    code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "B", "--set", "tolerance=0.02", "--json")
+    (case,) = json.loads(text)[0]["cases"]
+    assert code == 0
+    draft = math.tan(math.radians(5))
+    assert case["whatif"]["after"]["amount"] == pytest.approx(10 * 0.04 / draft - 5 * 0.02, rel=1e-9)
+    assert case["whatif"]["predicted_amount"] == pytest.approx(case["whatif"]["after"]["amount"], rel=1e-9)  # linear
+    code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "B", "--set", "bodies.static.seed=[0,0,6]")
+    assert code == 0
+    assert "bodies" not in text
+
+
+def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
+    code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 0.1, "--compare", "--json")
+    (case,) = json.loads(text)[0]["cases"]
+    assert code == 0
+    assert case["budget"]["requirements"]["A"]["tolerance"] == pytest.approx(0.02, rel=1e-6)  # 5 tau = 0.1
+    assert case["compare"]["rows"][0]["amount"] <= 0.05 * (1 + 1e-9)
+    code, text, _ = run("whatif", PROBLEMS / "peg_square_tight.toml", "--case", "shift")
+    assert code == 0
+    assert "clash: lower limit of TX; upper limit of TX; lower limit of TY; upper limit of TY (proved)" in text
+    code, text, _ = run("whatif", PROBLEMS / "peg_square.toml", "--case", "against the lower wall")
+    assert code == 0
+    assert 'with goal "clear"' in text
+
+
+@pytest.mark.parametrize("option", [("--set", "tolerance"), ("--budget", "much")])
+def test_whatif_refuses_what_it_cannot_read(option: tuple[str, str]) -> None:
+    code, _, errors = run("whatif", PROBLEMS / "peg_tapered.toml", *option)
+    assert code == 2
+    assert option[0] in errors
+
+
+def test_a_map_is_written_and_tells_the_yield(tmp_path: Path) -> None:
+    arguments = ("map", PROBLEMS / "peg_tapered.toml", "--case", "A", "--out", tmp_path, "--budget", 1.0)
+    code, text, _ = run(*arguments, "--json")
+    (case,) = json.loads(text)[0]["cases"]
+    names = {path.name for path in tmp_path.iterdir()}
+    assert code == 0
+    assert names >= {"peg_tapered-A-map.json", "peg_tapered-A-map.csv", "peg_tapered-A-map.png"}
+    assert case["map"]["reached"] <= case["map"]["error"]
+    assert 0.0 < case["yield"]["share"] < 1.0
+    assert run("map", PROBLEMS / "example1.toml", "--case", "A", "--out", tmp_path)[0] == 2  # "beyond" jumps
+
+
+def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> None:
+    (tmp_path / "sizes.csv").write_text("peg,hole\n1.0,1.0\n1.01,1.0\n0.99,1.0\n")
+    sizes = ("--sizes", tmp_path / "sizes.csv", "--columns", "peg,hole")
+    code, text, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", *sizes, "--json")
+    (case,) = json.loads(text)[0]["cases"]
+    assert code == 0
+    assert case["as_drawn"]["interference"] == pytest.approx(1 / 3)
+    assert run("pose", PROBLEMS / "peg_tapered.toml", "--clearance", "1")[0] == 2
