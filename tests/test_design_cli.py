@@ -41,7 +41,7 @@ def test_a_study_writes_store_table_and_picture_and_is_not_run_twice(study: Path
     document = json.loads(text)
     assert code == 0
     assert document["counts"] == {"SOLVED": 4}
-    assert {path.name for path in out.iterdir()} >= {"study.sqlite", "study.csv"}
+    assert {path.name for path in out.iterdir()} >= {"study.sqlite", "study.csv", "study.png", "study.svg"}
     lines = (out / "study.csv").read_text().splitlines()
     first = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     assert len(lines) == 5

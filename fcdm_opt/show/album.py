@@ -125,7 +125,7 @@ class Album:
         """Add the amount over what a study varied."""
         from fcdm_opt.show.studies import study_figure
 
-        self._write(f"{self._once(stem)}-study", study_figure(result))
+        self._write(self._once(stem), study_figure(result))
 
     def _once(self, wanted: str) -> str:
         safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")[:LONGEST_NAME]

@@ -6,7 +6,7 @@ import faulthandler
 import gc
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -117,9 +117,11 @@ def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Ro
 
 
 def _evaluated(key: str, scene: str, case: Mapping[str, Any], *, certify: bool) -> Row:
+    from fcdm_opt.design.question import Question
+
     start = perf_counter()
     try:
-        solution, seconds = _solved(_problem(scene, case), certify)
+        solution, seconds = _solved(Question.restored(scene, case).problem(), certify)
         answer = _answer(key, solution)
         answer["seconds"] = {**seconds, "point": perf_counter() - start}
         return answer
@@ -128,32 +130,6 @@ def _evaluated(key: str, scene: str, case: Mapping[str, Any], *, certify: bool) 
     except Exception as reason:  # whatever a library raises is this point's answer, and not the end of a study
         message = f"{type(reason).__name__}: {' '.join(str(reason).split())}"
         return row(key, ERROR, message, seconds=perf_counter() - start)
-
-
-def _problem(scene: str, case: Mapping[str, Any]) -> Problem:
-    """Return the problem; where only sizes differ from the last one's, by changing these, in half the time."""
-    from fcdm_opt.design.question import Question
-
-    for before, known in (_LATEST[scene],) if scene in _LATEST else ():
-        changed = {key: value for key, value in case.items() if before.get(key) != value}
-        if before.keys() == case.keys() and all(_is_size(key, value) for key, value in changed.items()):
-            with suppress(InputError):  # to be refused in the words of a file, whatever came before
-                return known.changed(**changed)
-    problem = Question.restored(scene, case).problem()
-    _LATEST.clear()
-    _LATEST[scene] = case, problem
-    return problem
-
-
-_LATEST: dict[str, tuple[Mapping[str, Any], Problem]] = {}
-"""The last scene of this process, with a case and its problem: points of a chunk are much alike."""
-
-
-def _is_size(key: str, value: Any) -> bool:
-    """Tell whether a key of a case, with this value, is one that a problem takes as it stands."""
-    if key == "target":
-        return isinstance(value, list) and len(value) == 2 and all(type(x) is float for x in value)
-    return key == "tolerance" and type(value) is float
 
 
 def _solved(problem: Problem, certify: bool) -> tuple[Solution, dict[str, float]]:
