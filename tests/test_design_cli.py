@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 from pathlib import Path
@@ -42,10 +43,10 @@ def test_a_study_writes_store_table_and_picture_and_is_not_run_twice(study: Path
     assert code == 0
     assert document["counts"] == {"SOLVED": 4}
     assert {path.name for path in out.iterdir()} >= {"study.sqlite", "study.csv", "study.png", "study.svg"}
-    lines = (out / "study.csv").read_text().splitlines()
-    first = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
-    assert len(lines) == 5
-    assert float(first["amount"]) == pytest.approx(5 * 0.005, rel=1e-9)  # of the problem file: 5 (rho_2 - 1)
+    with (out / "study.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4
+    assert float(rows[0]["amount"]) == pytest.approx(5 * 0.005, rel=1e-9)  # of the problem file: 5 (rho_2 - 1)
     stamp = (out / "study.sqlite").stat().st_mtime_ns
     assert run("study", study, "--out", out, "--jobs", 1)[0] == 0
     assert (out / "study.sqlite").stat().st_mtime_ns == stamp

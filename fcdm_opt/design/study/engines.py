@@ -14,13 +14,13 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 from fcdm_opt.design.study.point import Outcome, Payload, Row, evaluate, load
 from fcdm_opt.errors import FcdmError, InputError
 
 Work = Callable[[Payload], list[Row]]
-Load = Callable[[bool], None]
+Load = Callable[[bool], bool]
 
 SINGLE = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -31,7 +31,7 @@ LOOK = 0.5
 """Seconds between two looks of a worker whether its parent is still there."""
 
 PATIENCE = 20.0
-"""Seconds that further workers wait for the first one's first answer, so that not all compile the same kernels."""
+"""Seconds that further workers wait, where no kernel is compiled yet, for the first one's first answer."""
 
 DEATH_SIGNAL = 1  # prctl's PR_SET_PDEATHSIG: the signal that Linux sends when the parent ends
 
@@ -102,7 +102,8 @@ class LocalEngine:
     work : callable
         Rows from a payload; a function of a module, which workers import.
     load : callable
-        What a worker does first, with False; with True before it works under a time limit.
+        What a worker does first, with False; with True before it works under a time limit. Tells whether the worker
+        can go to work without compiling what another one compiles just now.
     """
 
     def __init__(self, jobs: int, *, work: Work = evaluate, load: Load = load) -> None:
@@ -132,9 +133,11 @@ class LocalEngine:
             return
         fresh = not self._pool
         self._pool = self._pool or [_Worker(self._work, self._load) for _ in range(self._jobs)]
-        idle, later = (self._pool[:1], self._pool[1:]) if fresh else (list(self._pool), [])
-        under_way: dict[Future[list[Row]], tuple[_Worker, Payload]] = {}
+        idle = self._pool[:1] if fresh else list(self._pool)
+        later = {worker.started: worker for worker in self._pool[len(idle) :]}
+        under_way: dict[Future[Any], tuple[_Worker, Payload]] = {}
         outcomes: list[Outcome] = []
+        loading: set[Future[Any]] = set(later)
         while True:
             while idle and ahead is not None:
                 worker = idle.pop()
@@ -144,12 +147,18 @@ class LocalEngine:
             if not under_way:
                 return
             outcomes = []
-            # the others find compiled what the first one compiles
-            for future in wait(under_way, PATIENCE if later else None, FIRST_COMPLETED).done:
+            done = wait([*under_way, *loading], PATIENCE if later else None, FIRST_COMPLETED).done
+            for started in done & loading:
+                loading.remove(started)
+                if started.exception() is None and started.result():
+                    idle.append(later.pop(started))
+            for future in done & under_way.keys():
                 worker, payload = under_way.pop(future)
                 outcomes.append((payload, worker.answer(future)))
                 idle.append(worker)
-            idle, later = idle + later, []
+            if outcomes or not done:  # the others find compiled what the first one has compiled
+                idle += later.values()
+                later, loading = {}, set()
 
 
 class _Worker:
@@ -165,7 +174,7 @@ class _Worker:
         # joblib would say on the terminal that it looked for a dead worker's children in vain
         warnings.filterwarnings("ignore", message="Failed to kill subprocesses")
         self._pool = ProcessPoolExecutor(max_workers=1, env=SINGLE, initializer=_enter, initargs=(os.getpid(),))
-        self._started = self._pool.submit(self._load, False)
+        self.started: Future[Any] = self._pool.submit(self._load, False)
         self._warm = False
 
     def ask(self, payload: Payload) -> Future[list[Row]]:
@@ -188,7 +197,7 @@ class _Worker:
         try:
             rows = future.result()
         except BrokenProcessPool as reason:
-            if self._started.exception() is not None:
+            if self.started.exception() is not None:
                 raise FcdmError(f"the worker processes do not start: {reason}") from reason
             self.end(at_once=True)
             self._start()
