@@ -256,10 +256,15 @@ def _each_case(
 
 def _code(answer: Any) -> int:
     """Return the exit code that an answer stands for."""
-    after = getattr(answer, "after", None)
-    if after is not None:
+    from fcdm_opt.design.fixed_pose.best_pose import NONE, UNDECIDED, BestPose
+    from fcdm_opt.design.whatif.whatif import WhatIf
+
+    if isinstance(answer, WhatIf):
+        after = answer.after
         return SOLVED if after.usable else NOT_VERIFIED if after.status.found else NO_MOTION
-    return SOLVED
+    if isinstance(answer, BestPose) and not answer.passed:
+        return NOT_VERIFIED
+    return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
 
 
 def _study_code(result: StudyResult) -> int:

@@ -14,8 +14,10 @@ from itertools import combinations
 
 import numpy as np
 
+from fcdm_opt.design.compensation.answers import Node
 from fcdm_opt.design.compensation.crossing import NARROW, Crossing, crossing
-from fcdm_opt.design.compensation.nodes import NOTHING, REJECTED, Node, Nodes, Way
+from fcdm_opt.design.compensation.nodes import Nodes
+from fcdm_opt.design.compensation.ways import MOTIONLESS, NOTHING, REJECTED, Way
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -31,7 +33,7 @@ FLAT = 1e-14  # of the box: area of triangles that are none
 INSIDE = 0.05  # least barycentric coordinate of a point that splits a triangle in three
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
-MOTIONLESS = ("no motion", "not verified")
+CHECKED = 24  # triangles in whose centres least motions are proved
 
 Values = dict[Way, Array]
 Ends = tuple[int, int]
@@ -122,7 +124,7 @@ class Mesh:
         self._seed = problem.movable.seed
         self._rounding = DEFAULT.touch * problem.size
         places = [np.array([x, y]) for y in GRID for x in GRID]
-        found = nodes.solved(places)
+        found = nodes.solved(places, proved=True)
         self.vertices = [Vertex(*own, number=k) for k, own in enumerate(zip(places, map(_own, found), strict=True))]
         largest = max((float(node.values[0]) for node in found if np.isfinite(node.values[0])), default=0.0)
         self.error = max(SHARE * largest, self._rounding) if error is None else error
@@ -138,6 +140,11 @@ class Mesh:
             self._look(waiting)
             self._judge(waiting, last=wave == WAVES - 1)
             self._subdivide()
+
+    def checked(self) -> list[Array]:
+        """Return centres of the largest triangles: places where to prove what is known from around."""
+        order = sorted(self.triangles, key=lambda own: (-_area(self._places(own)), own.corners))
+        return [self._places(own).mean(axis=0) for own in order[:CHECKED]]
 
     # ----------------------------------------------------------------------------------------------------------- edges
 
@@ -316,7 +323,7 @@ class Mesh:
         """Mark the edges of a triangle that are to be split."""
         places = self._places(triangle)
         lengths = np.linalg.norm(places - np.roll(places, -1, axis=0), axis=1)
-        coarse = triangle.errors.max() > self.error and 2 * len(self.nodes.known) < self.nodes.budget
+        coarse = triangle.errors.max() > self.error and 2 * self.nodes.solved_in_all < self.nodes.budget
         for edge, length, cost in zip(edges, lengths, costs, strict=True):
             bent = edge.jumps and edge.bend > STRAIGHT
             edge.must |= bool(length > SHORTEST and (bent or (coarse and cost > LARGER * self.error)))

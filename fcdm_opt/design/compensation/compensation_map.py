@@ -16,13 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.design.compensation.building import SHORTEST, Mesh
-from fcdm_opt.design.compensation.nodes import Nodes, Way, covered
-from fcdm_opt.design.compensation.table import MapPoints, Table, _write
+from fcdm_opt.design.compensation.nodes import Nodes, covered
+from fcdm_opt.design.compensation.table import MapPoints, Table, write
+from fcdm_opt.design.compensation.ways import Way
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.problem import Problem
 
 BUDGET = 20_000
+SECONDS = 60.0
 _FORMAT = "fcdm_opt compensation map 1"
 
 
@@ -200,7 +202,7 @@ class CompensationMap:
 
     def to_json(self, path: str | Path) -> None:
         """Write the whole map as JSON; the file is there as a whole or not at all."""
-        _write(path, json.dumps(self.to_dict(), allow_nan=False))
+        write(path, json.dumps(self.to_dict(), allow_nan=False))
 
     @classmethod
     def read(cls, path: str | Path) -> CompensationMap:
@@ -234,7 +236,7 @@ class CompensationMap:
                 ]
             )
         self.table.to_csv(path)
-        _write(path.with_name(f"{path.stem}-regions.csv"), text.getvalue())
+        write(path.with_name(f"{path.stem}-regions.csv"), text.getvalue())
 
 
 def compensation_map(
@@ -243,6 +245,7 @@ def compensation_map(
     box: Any = None,
     error: float | None = None,
     budget: int = BUDGET,
+    seconds: float = SECONDS,
     jobs: int = 1,
 ) -> CompensationMap:
     """Work out the smallest motion for all pairs of sizes in a box.
@@ -257,6 +260,8 @@ def compensation_map(
         Length that amount, and displacements of body 1, may be off by; default: 1e-4 of the largest amount.
     budget : int
         Number of pairs to be solved, about; when it is spent the map tells what error it reached.
+    seconds : float
+        The same of the time; what was reached by then depends on the machine.
     jobs : int
         Processes; more than one pays from about a thousand solves on.
 
@@ -276,9 +281,12 @@ def compensation_map(
             raise InputError("not a number of these", key=key, found=value, allowed="1, 2, ...")
     if error is not None and not (isinstance(error, (int, float)) and math.isfinite(error) and error > 0):
         raise InputError("not a length", key="error", found=error, allowed="a finite number > 0, or None")
-    nodes = Nodes(problem, made, budget, jobs)
-    mesh = Mesh(nodes, error)
-    mesh.refine()
+    nodes = Nodes(problem, made, budget, jobs, seconds)
+    while True:
+        mesh = Mesh(nodes, error)
+        mesh.refine()
+        if nodes.spent or nodes.agree(mesh.checked()):
+            break
     table, ways = _table(mesh, problem, nodes)
     smooth = [own.errors.max() for own in mesh.triangles if mesh.size(own) > 2.0 * SHORTEST]
     return CompensationMap(
@@ -290,7 +298,7 @@ def compensation_map(
         boundaries=tuple(_boundaries(mesh, nodes, ways)),
         error=float(mesh.error),
         reached=float(max(smooth, default=math.inf)),
-        solved=len(nodes.known),
+        solved=nodes.solved_in_all,
         seconds=perf_counter() - start,
     )
 

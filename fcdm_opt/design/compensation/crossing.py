@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.compensation.nodes import Node, Way
+from fcdm_opt.design.compensation.answers import Node
+from fcdm_opt.design.compensation.ways import Way
 from fcdm_opt.geometry.arrays import Array
 
 NARROW = 1e-5  # of the box: brackets are closed to this, then both sides' continuations are intersected; nearer, two

@@ -264,7 +264,7 @@ class Table:
 
     def to_json(self, path: str | Path) -> None:
         """Write the table as JSON; the file is there as a whole or not at all."""
-        _write(path, json.dumps(self.to_dict(), allow_nan=False))
+        write(path, json.dumps(self.to_dict(), allow_nan=False))
 
     def to_csv(self, path: str | Path) -> None:
         """Write the table as CSV, a row a triangle: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4."""
@@ -275,7 +275,7 @@ class Table:
             self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2), strict=True
         ):
             rows.writerow([region, *errors, *corners.ravel().tolist(), *values.ravel().tolist()])
-        _write(path, text.getvalue())
+        write(path, text.getvalue())
 
     @classmethod
     def read(cls, path: str | Path) -> Table:
@@ -351,7 +351,7 @@ def _with_nan(values: Any) -> Any:
     return math.nan if values is None else values
 
 
-def _write(path: str | Path, text: str) -> None:
+def write(path: str | Path, text: str) -> None:
     """Write a text file under another name, then move it."""
     path = Path(path)
     try:

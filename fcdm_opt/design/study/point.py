@@ -72,8 +72,7 @@ def load(limited: bool) -> bool:
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solver import solve
 
-    cached = any(Path(kernels.facet_rows.stats.cache_path).glob(f"*{kernels.facet_rows.__name__}*.nbc"))
-    if not (cached or limited):
+    if not (limited or _is_compiled(kernels.facet_rows)):
         return False
     corners = [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
     beside = [[1.1, 1.2, 0.1], [3.0, 1.0, 1.0], [2.0, 3.0, 1.0], [3.0, 2.0, -1.5]]
@@ -83,6 +82,12 @@ def load(limited: bool) -> bool:
     solve(problem.changed(nominal=1, tolerance=0.01, requirement="B", target=None, goal="beyond"))
     gc.freeze()  # what is loaded stays: not to be looked through again and again
     return True
+
+
+def _is_compiled(kernel: Any) -> bool:
+    """Tell whether a kernel's cache has machine code of it, as far as its folder tells."""
+    folder = kernel.stats.cache_path
+    return folder is not None and any(Path(folder).glob(f"*{kernel.__name__}*.nbc"))
 
 
 def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Row:
