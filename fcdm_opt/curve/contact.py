@@ -177,8 +177,28 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         if abs(separations.max()) <= slack:
             normals = rows[np.abs(separations) <= slack, :3]
             contact = touching_contact(one, two, normals, pose)
+            if len(normals) > 1 and _misses(one, two, pose, contact, rho) > slack:
+                # a face leans so little on another that what touches beside their edges is as near as they are
+                contact = supporting_contact(one, two, rows[separations.argmax(), :3], pose)
             found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
     return found
+
+
+def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:
+    """Return the distance of a vertex from the vertex or edge it is said to touch; 0 for other elements."""
+    X, Y = _elements(one, two, pose, contact, rho)
+    point, ends = (X, Y) if len(X) == 1 else (Y, X)
+    if len(point) > 1 or len(ends) > 2:
+        return 0.0
+    spoke, side = point[0] - ends[0], ends[-1] - ends[0]
+    share = float(spoke @ side) / max(float(side @ side), np.finfo(float).tiny)
+    return float(np.linalg.norm(spoke - min(max(share, 0.0), 1.0) * side))
+
+
+def _elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:
+    """Return the vertices of a contact's elements at a scale pair, relative to the seed of body 2."""
+    X = rho[0] * (one.vertices[list(contact.one)] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
+    return X, rho[1] * (two.vertices[list(contact.two)] - two.seed)
 
 
 def _top(part: ConvexPart, n: Array, slack: float) -> list[int]:
@@ -207,8 +227,7 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     (k, 3) array
         Relative to the seed of body 2, world axes.
     """
-    X = rho[0] * (one.vertices[list(contact.one)] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
-    Y = rho[1] * (two.vertices[list(contact.two)] - two.seed)
+    X, Y = _elements(one, two, pose, contact, rho)
     if len(X) == 1 or len(Y) == 1:
         return X if len(X) == 1 else Y
     if len(Y) > 2:

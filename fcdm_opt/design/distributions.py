@@ -231,7 +231,7 @@ def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[fl
         raise InputError(f"not a CSV file: {reason}", file=shown, key=f"row {rows.line_num}") from reason
     except InputError:
         raise
-    except ValueError as reason:  # a path with a null
+    except (TypeError, ValueError) as reason:  # no path at all, or one with a null
         raise InputError(f"the file cannot be read: {reason}", file=shown) from reason
     if not table:
         raise InputError("no row of numbers below the line of names", file=shown)
@@ -276,7 +276,7 @@ def _set_range(distribution: Uniform | Normal, key: str) -> None:
 
 def _shares(u: ArrayLike) -> Array:
     """Return shares as an array."""
-    shares = np.asarray(u, dtype=np.float64)
+    shares = numbers(u, "u")
     if not ((shares >= 0.0) & (shares <= 1.0)).all():
         raise InputError("shares of all draws lie between 0 and 1", key="u", found=u)
     return shares

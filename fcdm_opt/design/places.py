@@ -12,19 +12,22 @@ from fcdm_opt.tolerance.schema import closest
 
 Place = tuple[str | int, ...]  # keys of tables, and rows of lists from 0
 _SPELLED = re.compile(r"([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*)(\.([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*))*")
+LONGEST, DEEPEST = 300, 20  # characters, and keys and items below each other: more than any problem has
 _ITEM = re.compile(r"[^.\[\]]+")
 
 
 @lru_cache(maxsize=1024)
 def parse(text: str) -> Place:
     """Return the place that a text names; raises `InputError` where it names none."""
-    if not isinstance(text, str) or not _SPELLED.fullmatch(text):
+    if not isinstance(text, str) or len(text) > LONGEST or not _SPELLED.fullmatch(text):
         allowed = 'keys with points between and items counted from 1: "limits.RZ_deg", "target[1]"'
         raise InputError("not a place in a problem", found=text, allowed=allowed)
     place: list[str | int] = []
     for part in text.split("."):
         key, *rows = _ITEM.findall(part)
         place += [key, *(int(row) - 1 for row in rows)]
+    if len(place) > DEEPEST:
+        raise InputError("no problem is that deep", found=text, allowed=f"{DEEPEST} keys and items below each other")
     return tuple(place)
 
 

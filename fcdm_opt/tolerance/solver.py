@@ -18,6 +18,7 @@ from fcdm_opt.tolerance.stages.another_amount import another_amount, nearest_wei
 from fcdm_opt.tolerance.stages.branching import branch_and_bound, certified, confirmed
 from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.full import full
+from fcdm_opt.tolerance.stages.polar import polar
 from fcdm_opt.tolerance.stages.rounding import in_steps
 from fcdm_opt.tolerance.stages.shift import shift
 from fcdm_opt.tolerance.stages.translations import translations
@@ -32,6 +33,7 @@ STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "one parameter": models.one_parameter,
     "rotations": turns,
     "descent": descent,
+    "directions": polar,
     "branch and bound": branch_and_bound,
     "nlp": models.nonlinear,
     "full": full,  # the yardstick: "auto" does not take it

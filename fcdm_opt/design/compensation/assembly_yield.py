@@ -174,6 +174,8 @@ def assembly_yield(
     both first-order and total indices (A. Saltelli et al., Variance based sensitivity analysis of model output,
     Computer Physics Communications 181 (2010)).
     """
+    if not callable(getattr(sizes_map, "at", None)):
+        raise InputError("not a map of motions", key="sizes_map", found=type(sizes_map).__name__, allowed="a Table")
     if budget is None and not limits:
         raise InputError("nothing to keep to", key="budget", allowed="a budget, limits, or both")
     names = tuple(getattr(getattr(sizes_map, "table", sizes_map), "names", ()))

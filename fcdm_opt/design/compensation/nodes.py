@@ -113,8 +113,8 @@ class Nodes:
 
     def _questions(self, keys: Sequence[Key], everywhere: bool) -> list[Question]:
         """Return what is asked at some places, with what is known around; the same however many processes answer."""
-        pairs = [(float(pair[0]), float(pair[1])) for pair in self.pair(keys)] if keys else []
-        if everywhere or not self.known:
+        pairs = [(float(pair[0]), float(pair[1])) for pair in self.pair(np.reshape(keys, (-1, 2)))]
+        if everywhere or not keys or not self.known:
             return [Question(pair) for pair in pairs]
         places, nodes = np.array(list(self.known)), list(self.known.values())
         rows: dict[Way, list[int]] = {}

@@ -87,7 +87,7 @@ class Table:
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        names = tuple(self.names)
+        names = tuple(self.names) if isinstance(self.names, list | tuple) else (None,)
         if not all(isinstance(name, str) for name in names) or len({*names, "amount"}) != len(names) + 1:
             raise InputError("parameters need names of their own", key="names", found=self.names)
         corners = numbers(self.corners, "corners")
@@ -197,9 +197,10 @@ class Table:
         """
         from fcdm_opt.design.compensation.lookup import look_up
 
+        sizes = numbers(rho1, "rho1"), numbers(rho2, "rho2")
         try:
-            first, second = np.broadcast_arrays(np.asarray(rho1, dtype=np.float64), np.asarray(rho2, dtype=np.float64))
-        except (TypeError, ValueError) as reason:
+            first, second = np.broadcast_arrays(*sizes)
+        except ValueError as reason:
             raise InputError(f"not two arrays of sizes: {reason}", key="rho1, rho2") from reason
         shape, count = first.shape, first.size
         amount, region = np.empty(count), np.empty(count, np.int64)

@@ -170,6 +170,12 @@ def best_pose(
         missing that keep the search finite.
     """
     start = time.perf_counter()
+    if not isinstance(problem, Problem):
+        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    if not isinstance(certify, bool):
+        raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
+    if isinstance(effort, bool) or not isinstance(effort, int | np.integer) or effort < 1:
+        raise InputError("unusable number of cells", key="effort", found=effort, allowed="a whole number >= 1")
     if problem.keep_out:
         raise InputError(
             "one pose for all pairs is not looked for among keep-outs",

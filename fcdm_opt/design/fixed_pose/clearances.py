@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
 from fcdm_opt.design.fixed_pose.sizes import Sizes, box_of, drawn_pairs
+from fcdm_opt.design.proportion import proportion_interval
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
@@ -169,6 +170,8 @@ def clearances(
     InputError
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
+    if not isinstance(problem, Problem):
+        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
     whole = box_of(problem, sizes, box)
     pairs, source = drawn_pairs(sizes, whole, count, seed)
     transform = transform_of(problem, pose)
@@ -190,7 +193,7 @@ def clearances(
         source=source,
         gaps=frozen(gaps),
         interference=inside / len(gaps),
-        interference_interval=_confidence(inside, len(gaps)),
+        interference_interval=proportion_interval(inside, len(gaps), CONFIDENCE),
         quantiles=frozen(np.column_stack([shares, np.quantile(gaps, shares, method="inverted_cdf")])),
         counts=frozen(counts, np.int64),
         edges=frozen(edges),
@@ -218,13 +221,3 @@ def transform_of(problem: Problem, pose: Any) -> Array:
 def _around(pairs: Array) -> Array:
     """Return the box about size pairs."""
     return np.column_stack([pairs.min(axis=0), pairs.max(axis=0)])
-
-
-def _confidence(inside: int, count: int) -> tuple[float, float]:
-    """Return the interval of a share of which `inside` of `count` draws are known."""
-    from scipy.stats import beta
-
-    tail = (1.0 - CONFIDENCE) / 2.0
-    low = float(beta.ppf(tail, inside, count - inside + 1)) if inside else 0.0
-    high = float(beta.ppf(1.0 - tail, inside + 1, count - inside)) if inside < count else 1.0
-    return low, high

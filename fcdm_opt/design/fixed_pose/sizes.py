@@ -15,6 +15,7 @@ from fcdm_opt.tolerance import arguments
 from fcdm_opt.tolerance.problem import Problem
 
 DISTRIBUTIONS = (Uniform, Normal, Measured)
+MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +164,9 @@ def drawn_pairs(sizes: Any, box: Array, count: int, seed: int) -> tuple[Array, s
     if sizes is not None and not are_distributions(sizes):
         pairs = measured_pairs(sizes)
         return pairs, f"{len(pairs)} measured pairs"
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise InputError("unusable number of draws", key="count", found=count, allowed="a whole number >= 1")
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
+        allowed = f"a whole number from 1 to {MOST}"
+        raise InputError("unusable number of draws", key="count", found=count, allowed=allowed)
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
     u = np.random.default_rng(int(seed)).random((int(count), 2))

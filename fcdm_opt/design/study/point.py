@@ -75,11 +75,12 @@ def load(limited: bool) -> bool:
     if not (limited or _is_compiled(kernels.facet_rows)):
         return False
     corners = [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
-    beside = [[1.1, 1.2, 0.1], [3.0, 1.0, 1.0], [2.0, 3.0, 1.0], [3.0, 2.0, -1.5]]
+    beside = [[1.2, 1.3, 0.2], [3.1, 0.2, 1.2], [1.3, 3.0, 0.9], [2.9, 2.5, -1.4]]
     motion = Translation("x") >> Rotation("z", centre="origin")
-    problem = Problem(Body.convex(corners), Body.convex(beside), target=(1.0, 1.0), goal="touch", motion=motion)
+    bodies, box = (Body.convex(corners), Body.convex(beside)), ((0.2, 3.0), (0.2, 3.0))
+    problem = Problem(*bodies, target=(1.0, 1.0), goal="touch", motion=motion, box=box)
     solve(problem)
-    solve(problem.changed(nominal=1, tolerance=0.01, requirement="B", target=None, goal="beyond"))
+    solve(problem.changed(nominal=1, tolerance=0.01, requirement="C", target=None, goal="beyond"))
     gc.freeze()  # what is loaded stays: not to be looked through again and again
     return True
 

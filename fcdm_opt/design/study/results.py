@@ -201,7 +201,8 @@ class StudyResult:
         Columns: "number"; what varies, one column a key where several vary together, and "draw"; "status", "message",
         "usable", "amount", "lower_bound"; the parameters of the motion by name (length units, radians); "rho_1",
         "rho_2", "pair_1", "pair_2", "pair_gap", "pair_state"; "features", "active", "checks_failed" (joined by "; "),
-        "stage"; "modelled.*" and "seconds.*"; "key". A varied key named as another column has " (varied)" added.
+        "stage"; "modelled.*" and "seconds.*"; "key". What varies and is named as another column (a parameter of the
+        motion, say) has " (varied)" added.
         Values are numbers, texts, booleans or None; what is more in a problem (a list of vertices) is JSON text.
         """
         return [dict(zip(self._columns, row, strict=True)) for row in zip(*self._columns.values(), strict=True)]
@@ -218,16 +219,16 @@ class StudyResult:
         argument, xarray takes that name for its own.
         """
         xarray, pandas = _extra("xarray"), _extra("pandas")
-        sizes = {_told(name): len(values) for name, values in self.axes.items()}
+        sizes = {self._names[label][0]: len(values) for label, values in self.axes.items()}
         coordinates: dict[str, Any] = {}
         for label, values in self.axes.items():
-            keys = self._keys[label]
-            together = zip(*values, strict=True) if len(keys) > 1 else [values]
+            axis, names = self._names[label]
+            together = zip(*values, strict=True) if len(names) > 1 else [values]
             coordinates |= {
-                _told(key): (_told(label), pandas.Series(_filled(_column(own))).to_numpy())
-                for key, own in zip(keys, together, strict=True)
+                name: (axis, pandas.Series(_filled(_column(own))).to_numpy())
+                for name, own in zip(names, together, strict=True)
             }
-            coordinates.setdefault(_told(label), range(len(values)))
+            coordinates.setdefault(axis, range(len(values)))
         table = {name: pandas.Series(_filled(values)).to_numpy() for name, values in self._columns.items()}
         arrays = {
             name: (tuple(sizes), values.reshape(tuple(sizes.values())))
@@ -270,15 +271,33 @@ class StudyResult:
         return {label: varied.get(label, (label,)) for label in [*self.definition["labels"], *self.axes]}
 
     @cached_property
+    def _names(self) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """Label -> name of its axis, and of its columns; no two columns, and no axis and another's column, are alike."""
+        taken = {*OWN, *(name for row in self.answers.values() for name in row["parameters"])}
+        taken |= {f"{name}.{key}" for row in self.answers.values() for name in TABLES for key in row[name]}
+
+        def free(name: str) -> str:
+            while name in taken:
+                name += " (varied)"
+            taken.add(name)
+            return name
+
+        names: dict[str, tuple[str, tuple[str, ...]]] = {}
+        for label, keys in self._keys.items():
+            own = tuple(map(free, keys))
+            names[label] = own[keys.index(label)] if label in keys else free(label), own
+        return names
+
+    @cached_property
     def _columns(self) -> dict[str, list[Any]]:
         rows = [self._answer(key) for key, _ in self.points]
         columns: dict[str, Iterable[Any]] = {"number": range(len(self.points))}
-        for label, keys in self._keys.items():
+        for label, (_, names) in self._names.items():
             given = [values.get(label) for _, values in self.points]
             if label == DRAW:
                 given = [number % len(self.axes[DRAW]) for number in range(len(self.points))]
-            for k, key in enumerate(keys):
-                columns[_told(key)] = [value and value[k] for value in given] if len(keys) > 1 else given
+            for k, name in enumerate(names):
+                columns[name] = [value and value[k] for value in given] if len(names) > 1 else given
         columns["status"] = [row.get("status", PENDING) for row in rows]
         columns |= {name: [row.get(name) for row in rows] for name in PLAIN}
         columns |= _within(rows, "parameters", "")
@@ -343,10 +362,8 @@ OWN = {
 }  # fmt: skip
 """Names of columns that are there whatever varies."""
 
-
-def _told(label: str) -> str:
-    """Return the column of what varies, apart from all other columns."""
-    return f"{label} (varied)" if label in OWN else label
+WHOLE = 2**63 - 1
+"""Largest whole number that a column of other libraries holds; larger ones are text."""
 
 
 def _within(rows: Sequence[Row], name: str, head: str) -> dict[str, list[Any]]:
@@ -359,7 +376,8 @@ def _column(values: Iterable[Any]) -> list[Any]:
     """Return values of one kind: all numbers, all booleans, or all texts; None where there is none."""
     found = list(values)
     kinds = {type(value) for value in found if value is not None}
-    if kinds <= {int, float} or kinds == {bool} or kinds == {str}:
+    large = int in kinds and any(isinstance(value, int) and abs(value) > WHOLE for value in found)
+    if (kinds <= {int, float} and not large) or kinds == {bool} or kinds == {str}:
         return found
     return [value if value is None or isinstance(value, str) else json.dumps(value) for value in found]
 

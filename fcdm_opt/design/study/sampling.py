@@ -7,6 +7,7 @@ import numpy as np
 from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.tolerance.arguments import real
 
 SAMPLINGS = ("latin hypercube", "random")
 MOST = 10_000_000  # draws, and numbers of a grid: they are held in memory, 8 bytes each
@@ -40,6 +41,8 @@ def grid(start: float, stop: float, count: int, spacing: str = "linear") -> tupl
     InputError
         Names the key of a grid: from, to, count.
     """
+    for key, end in (("from", start), ("to", stop)):
+        real(end, key, "a finite number")
     if count > MOST:
         raise InputError("too many numbers", key="count", found=count, allowed=f"at most {MOST}")
     if spacing == "log" and start <= 0:

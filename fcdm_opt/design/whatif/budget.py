@@ -223,6 +223,8 @@ def budget(
     accuracy = arguments.real(accuracy, "accuracy", f"a number from {FINEST} to 1", lambda x: FINEST <= x < 1)
     if not isinstance(scale, bool):
         raise InputError("not a truth value", key="scale", found=scale, allowed="True or False")
+    if requirements is not None and not (isinstance(requirements, str) or arguments.items(requirements)):
+        raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed="A, B, C, D")
     letters = tuple(SIGNS) if requirements is None else tuple(requirements)
     for letter in letters:
         arguments.choice(letter, "requirements", tuple(SIGNS))

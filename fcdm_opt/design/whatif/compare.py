@@ -176,6 +176,8 @@ def compare(
     """
     if not isinstance(problem, Problem):
         raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    if not isinstance(certify, bool):  # each family would be a row that says so
+        raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
     chosen = _usual(problem) if motions is None else _named(motions)
     rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
     rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given
@@ -197,7 +199,7 @@ def _usual(problem: Problem) -> dict[str, Motion]:
 
 def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion]:
     """Return checked motions by name, those without one named by their parameters."""
-    if not isinstance(motions, Mapping | Iterable) or isinstance(motions, str | Motion):
+    if not isinstance(motions, Mapping | Iterable) or isinstance(motions, str | Motion | np.ndarray):
         found = type(motions).__name__
         raise InputError("no motions", key="motions", found=found, allowed="a mapping or a sequence of Motion")
     made: dict[str, Motion] = {}
@@ -205,6 +207,8 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
     for k, (name, motion) in enumerate(pairs, 1):
         if not isinstance(motion, Motion):
             raise InputError("not a motion", key=f"motions[{name or k}]", found=type(motion).__name__, allowed="Motion")
+        if name is not None and not isinstance(name, str):
+            raise InputError("a family's name is text", key=f"motions[{k}]", found=name, allowed="a text")
         label = name or " ".join(parameter.name for parameter in motion.parameters)
         made[label if label not in made else f"{label} ({k})"] = motion
     if not made:

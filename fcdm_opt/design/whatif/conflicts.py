@@ -107,6 +107,9 @@ def conflicts(
     if not isinstance(problem, Problem):
         found = type(problem).__name__
         raise InputError("expected a Problem or a Solution", key="problem", found=found)
+    for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
+        if not isinstance(value, bool):
+            raise InputError("not a truth value", key=key, found=value, allowed="True or False")
     start, search = perf_counter(), Search(problem)
     whole = known or search.solved(problem)
     if whole.usable:

@@ -66,8 +66,11 @@ def prediction(before: Solution, problem: Problem) -> Prediction:
         if told and blocking:
             told = [(name, NAN, blocking) for name, _, _ in told]
     terms = {name: term for name, term, _ in told}
+    amount = before.amount + sum(terms.values())
     reasons = dict.fromkeys(reason for _, _, reason in told if reason)
-    return Prediction(amount=before.amount + sum(terms.values()), terms=terms, reasons=tuple(reasons))
+    if terms and amount < -DEFAULT.tie * problem.size:
+        reasons["below zero, as no amount is: the derivatives hold for smaller changes only"] = None
+    return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
 
 
 def derivative_is_missing(found: Sensitivity) -> str:
@@ -158,6 +161,10 @@ def _limits(before: Solution, new: Problem) -> Told:
     """Yield what changed limits add."""
     rates = before.sensitivity.limits
     for k, (name, (lower, upper)) in enumerate(rates.items()):
+        held, ends = before.problem.limits[k], new.limits[k]
+        if held[0] == held[1]:
+            yield from _freed(name, lower, ends - held[0])
+            continue
         for side, rate in enumerate((lower, upper)):
             one, two = float(before.problem.limits[k, side]), float(new.limits[k, side])
             if one == two:
@@ -175,6 +182,20 @@ def _limits(before: Solution, new: Problem) -> Told:
                 yield label, NAN, f"the motion before breaks the new limit of {name}"
             else:
                 yield label, 0.0, ""
+
+
+def _freed(name: str, rate: float, moves: Array) -> Told:
+    """Yield what it adds that a parameter held at one value may be in a range about it: its best end, if it has one.
+
+    Equal limits are one datum, with one derivative.
+    """
+    if not moves.any():
+        return
+    label, best = f"limits.{name}", float((rate * moves).min()) if rate else 0.0
+    if np.isinf(best):
+        yield label, NAN, f"the limit of {name}, which holds the motion, is gone: no derivative by that"
+    else:
+        yield label, best, f"no derivative by {label} there" if np.isnan(best) else ""
 
 
 # ------------------------------------------------------------------------------------------------------------ bodies

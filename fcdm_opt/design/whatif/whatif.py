@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.whatif.clashes import plain
 from fcdm_opt.design.whatif.prediction import Prediction, prediction
 from fcdm_opt.errors import InputError
 from fcdm_opt.tolerance.problem import Problem
@@ -67,13 +68,13 @@ class WhatIf:
         return tuple(_differences(self.before, self.after))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None."""
+        """Return plain data; nan becomes None and infinity "inf"."""
         return {
             "changed": list(self.changed),
             "before": self.before.to_dict(),
             "after": self.after.to_dict(),
-            "change": _number(self.change),
-            "predicted_amount": _number(self.predicted_amount),
+            "change": plain(self.change),
+            "predicted_amount": plain(self.predicted_amount),
             "prediction": self.prediction.to_dict(),
             "differences": [difference._asdict() for difference in self.differences],
             "seconds": dict(self.seconds),
@@ -164,10 +165,11 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         if one is None or two is None or abs(one - two) * weights[name] > floor:
             yield Difference(f"parameters.{name}", one, two)
     for name in ("amount", "lower_bound", "pair_gap"):
-        one, two = _number(getattr(before, name)), _number(getattr(after, name))
-        if one != two and (one is None or two is None or abs(one - two) > floor):
+        one, two = plain(getattr(before, name)), plain(getattr(after, name))
+        numbers = isinstance(one, float) and isinstance(two, float)  # else nan or infinity, in words
+        if one != two and not (numbers and abs(one - two) <= floor):
             yield Difference(name, one, two)
-    plain: tuple[tuple[str, Any, Any], ...] = (
+    others: tuple[tuple[str, Any, Any], ...] = (
         ("status", before.status.name, after.status.name),
         ("usable", before.usable, after.usable),
         ("pair_state", before.pair_state, after.pair_state),
@@ -175,7 +177,7 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         ("features", [own.label for own in before.features], [own.label for own in after.features]),
         ("active", list(before.active), list(after.active)),
     )
-    for name, was, now in plain:
+    for name, was, now in others:
         if was != now:
             yield Difference(name, was, now)
 
@@ -183,7 +185,3 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
 def _weights(solution: Solution) -> dict[str, float]:
     names = [parameter.name for parameter in solution.problem.motion.parameters]
     return dict(zip(names, solution.problem.weights.tolist(), strict=True))
-
-
-def _number(x: float) -> float | None:
-    return None if np.isnan(x) else float(x)

@@ -10,7 +10,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.proof.columns import farthest, prove
 from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.stages import rays
+from fcdm_opt.tolerance.stages import polar, rays
 from fcdm_opt.tolerance.stages.descent import STAGE as DESCENT
 from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.relaxation import Found, choices
@@ -41,7 +41,7 @@ def branch_and_bound(task: Task) -> Answer | None:
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
         return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), gap=FINE_GAP)[0]
-    if answer.q is not None or answer.lower_bound < farthest(task):
+    if answer.q is not None or (answer.lower_bound < farthest(task) and not polar.suits(task.bare)):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
     left = beyond is not None and beyond.q is not None
@@ -71,6 +71,8 @@ def _closed(task: Task, answer: Answer) -> bool:
 
 def _doubtful(task: Task, answer: Answer) -> bool:
     """Tell whether local searches may have missed the least motion."""
+    if answer.stage == polar.STAGE:
+        return False  # no local search
     large = answer.q is not None and task.amount(answer.q) > LARGE * task.size
     return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
 

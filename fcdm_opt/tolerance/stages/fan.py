@@ -19,7 +19,8 @@ from fcdm_opt.tolerance.stages.compiled import ROW, _five, _line, _pair, _place,
 
 KERNELS = "f1e2"  # hashes of curve/kernels.py and compiled.py, to be renewed with them, see `compiled.KERNELS`
 FAR = 1e9  # amounts of motions are below this, in units; that of a ray without any is above
-GROWTH = 0.125  # relative: how much further the next step along a ray is, up to the longest
+GROWTH = 0.25  # relative: how much further the next step along a ray is, up to the longest
+FINER = 4.0  # times the points of a path that others look at: nothing is gained from what lies between those
 HALVINGS = 100  # of a stretch at whose end the requirement is met, or the contact lost
 HOPELESS = 1e-9  # radians: no window has been seen at this width
 GOLDEN = 0.3819660112501051  # (3 - sqrt(5)) / 2
@@ -74,8 +75,9 @@ def ray(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, step
     z, q, flat = np.empty(2), np.empty(2), np.empty(36)
     lines, rho = np.empty((2, 1, 6)), np.empty((1, 2))
     ints, reals, excess = np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4)
-    here = path.copy()
+    here, finer = path.copy(), path.copy()
     here[1] = 0.0  # only the end of a path, not all of it
+    finer[0], finer[2] = FINER * path[0], path[2] / FINER
     crossed = len(tracked) == 1
     z[:] = 0.0
     before, was, best = 0.0, _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho), -np.inf
@@ -120,7 +122,12 @@ def ray(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, step
                         low = middle
                 for k in range(2):
                     z[k] = high * way[k]
-                if not path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess):
+                wrong = path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess)
+                if wrong == 0:
+                    wrong = path_faults(
+                        motion, parts1, parts2, tracked, signs, pairs, z, finer, True, ints, reals, excess
+                    )
+                if wrong == 0:
                     return high
                 if not crossed:
                     return FAR * 2.0
@@ -133,11 +140,11 @@ def ray(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, step
 @kernel
 def fan(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, count, cap):
     """Return the merits of `count` directions all around; amounts beyond the least so far are not told apart."""
+    scene = (motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps)
     merits = np.empty(count)
     for k in range(count):
-        merits[k] = ray(
-            motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, 2.0 * math.pi * k / count, cap
-        )
+        merits[k] = ray(*scene, 2.0 * math.pi * k / count, cap)
+        cap = min(cap, merits[k])
     return merits
 
 
