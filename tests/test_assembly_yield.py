@@ -363,3 +363,8 @@ def test_the_picture_names_the_budget_the_bodies_and_what_fails(tmp_path):
         assert word in first
     assert "no pair has a motion" in second
     assert "budget" not in second
+
+
+def test_what_is_no_map_is_refused():
+    with pytest.raises(InputError, match="sizes_map: not a map of motions"):
+        assembly_yield(None, sizes=WHOLE_BOX, budget=1.0)  # type: ignore[arg-type]

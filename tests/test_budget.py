@@ -248,7 +248,8 @@ def test_budgets_are_plain_data_and_words() -> None:
     ("arguments", "said"),
     [
         ({"limit": -1.0}, "limit"), ({"limit": float("nan")}, "limit"), ({"requirements": ("E",)}, "requirements"),
-        ({"requirements": ()}, "no requirement"), ({"largest": 1.0}, "largest"), ({"largest": 0.0}, "largest"),
+        ({"requirements": ()}, "no requirement"), ({"requirements": 5}, "no requirement"),
+        ({"largest": 1.0}, "largest"), ({"largest": 0.0}, "largest"),
         ({"accuracy": 0.0}, "accuracy"), ({"scale": 1}, "scale"), ({"problem": "peg"}, "expected a Problem"),
     ],
 )  # fmt: skip

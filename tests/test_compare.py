@@ -172,7 +172,9 @@ def test_it_can_be_written_as_json() -> None:
     assert str(found).startswith(f"cheapest of {len(found.table)} families: {data['best']}, amount")
 
 
-@pytest.mark.parametrize("motions", ["z", [], {}, ["z"], {"z": 3}, 4, Translation("z")])
+@pytest.mark.parametrize(
+    "motions", ["z", [], {}, ["z"], {"z": 3}, {1: Translation("z")}, 4, np.array(1.0), Translation("z")]
+)
 def test_bad_motions_are_named(motions: Any) -> None:
     with pytest.raises(InputError, match="motion"):
         compare(boxes(), motions)
@@ -181,3 +183,5 @@ def test_bad_motions_are_named(motions: Any) -> None:
 def test_only_a_problem_can_be_compared() -> None:
     with pytest.raises(InputError, match="expected a Problem"):
         compare("example1.toml")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="certify: not a truth value"):
+        compare(boxes(), [Translation("z")], certify=1)  # type: ignore[arg-type]

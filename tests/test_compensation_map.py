@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.design.compensation.answers import asked
 from fcdm_opt.design.compensation.compensation_map import CompensationMap, compensation_map
-from fcdm_opt.design.compensation.nodes import asked
 from fcdm_opt.errors import InputError
 from fcdm_opt.tolerance.task import Task
 
@@ -139,6 +139,7 @@ def test_a_spent_budget_is_told():
         ({"error": float("nan")}, "error"),
         ({"budget": 0}, "budget"),
         ({"jobs": 1.5}, "jobs"),
+        ({"seconds": 0.0}, "seconds"),
     ],
 )
 def test_bad_arguments_are_refused(arguments, key):
@@ -164,3 +165,62 @@ def test_the_picture_names_regions_and_corners():
     words = " ".join(text.get_text() for text in (*figure.texts, *figure.axes[0].texts))
     assert "already satisfied" in words
     assert {"A", "B", "C", "D"} <= set(words.split())
+
+
+def peg(case: int, **changes) -> fo.Problem:
+    return fo.load_problems(f"{PROBLEMS}/peg_square.toml")[case].changed(**changes)
+
+
+@cache
+def running() -> CompensationMap:
+    limits = {"TX": (-1.0, 1.0), "TY": (-1.0, 1.0)}
+    return compensation_map(peg(4, limits=limits), box=((1.01, 1.02), (0.999, 1.0)), error=0.05)
+
+
+def test_running_clearance_follows_its_closed_form_and_ends_where_the_hole_is_too_small():
+    found = running()
+    rho = pairs(found, 1000, 7)
+    room = 10.0 * rho[:, 1] - 9.75 * rho[:, 0] - 0.05
+    at = found.at(*rho.T)
+    assert "no motion" in {region.kind for region in found.regions}
+    clear = np.abs(room) > 1e-3
+    assert (np.isfinite(at.amount) == (room >= 0))[clear].all()
+    good = np.isfinite(at.amount) & (room >= 0)
+    shift = np.column_stack([np.minimum(0.0, room - 0.25), np.maximum(0.0, 0.125 - room)])[good]
+    assert (np.abs(at.amount[good] - np.hypot(*shift.T)) <= at.error[good]).all()
+    assert (np.linalg.norm(at.parameters[good] - shift, axis=1) <= at.displacement_error[good]).all()
+
+
+def test_boundaries_of_the_running_clearance_are_where_the_walls_are():
+    found = running()
+    for boundary in found.boundaries:
+        room = boundary.points @ [-9.75, 10.0] - 0.05
+        off = np.abs(np.subtract.outer(room, [0.0, 0.125, 0.25])).min(axis=1)
+        assert off.max() <= 1e-6
+
+
+@pytest.mark.parametrize("goal", ["at", "seat"])
+def test_map_agrees_with_single_solves_of_goals_at_and_seat(goal):
+    problem = peg(0, goal=goal)
+    found = compensation_map(problem, box=((0.995, 1.0), (1.0, 1.002)))
+    rho = pairs(found, 25, 8)
+    at = found.at(*rho.T)
+    for k, pair in enumerate(rho):
+        solution = fo.solve(asked(problem, pair))
+        assert solution.usable == np.isfinite(at.amount[k])
+        if solution.usable:
+            assert abs(solution.amount - at.amount[k]) <= at.error[k]
+
+
+def test_two_processes_make_the_same_map():
+    box = ((0.995, 1.005), (0.995, 1.005))
+    one, two = (compensation_map(slab("clear"), box=box, jobs=jobs).to_dict() for jobs in (1, 2))
+    one["seconds"] = two["seconds"] = 0.0
+    assert json.dumps(one) == json.dumps(two)
+
+
+def test_time_that_is_up_is_told():
+    problem = fo.load_problems(f"{PROBLEMS}/example1_touch.toml")[0]
+    found = compensation_map(problem, seconds=1e-3, error=1e-9)
+    assert found.reached > found.error
+    assert (found.at(*pairs(found, 100, 9).T).region >= 0).all()

@@ -443,6 +443,8 @@ def test_a_problem_with_a_motion_is_refused_and_points_to_drop():
         conflicts(touching_wall())
     with pytest.raises(InputError, match="Problem"):
         conflicts("bracket.toml")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="certify: not a truth value"):
+        conflicts(touching_wall(), certify=np.ones(2))  # type: ignore[arg-type]
 
 
 def test_a_solution_without_a_motion_stands_for_its_problem():

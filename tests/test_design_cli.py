@@ -133,3 +133,6 @@ def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> 
     assert code == 0
     assert case["as_drawn"]["interference"] == pytest.approx(1 / 3)
     assert run("pose", PROBLEMS / "peg_tapered.toml", "--clearance", "1")[0] == 2
+    code, text, _ = run("pose", PROBLEMS / "peg_tapered.toml", "--case", "A", "--clearance=-inf,0.5", *sizes, "--json")
+    (case,) = json.loads(text)[0]["cases"]
+    assert (code, case["best_pose"]["window"]) == (0, [None, 0.5])

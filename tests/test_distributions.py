@@ -117,6 +117,9 @@ def test_plain_data_names_what_it_is():
         (lambda: Uniform(1.0, 2.0).quantile(1.5), "between 0 and 1"),
         (lambda: Normal(1.0, 0.1, 0.9, 1.1).quantile(float("nan")), "between 0 and 1"),
         (lambda: Measured([1.0]).quantile(-0.1), "between 0 and 1"),
+        (lambda: Uniform(1.0, 2.0).quantile("half"), "u: expected"),
+        (lambda: Measured([1.0]).quantile(10**400), "u: expected"),
+        (lambda: Measured.from_csv(None, "peg"), "cannot be read"),  # type: ignore[arg-type]
     ],
 )
 def test_what_makes_no_distribution_is_refused(make, word):

@@ -47,6 +47,10 @@ published = [{ translation = 0.0 }, { angle_deg = 0.0 }]
 """
 
 
+ENDLESS: list[Any] = []
+ENDLESS.append(ENDLESS)
+
+
 @pytest.fixture
 def study(tmp_path: Path) -> Callable[[str], Study]:
     """Return a function that reads a study of case A of a box on a plate; its text follows the line of the problem."""
@@ -714,6 +718,13 @@ WRONG = [
     ('[[vary]]\nkey = "limits.RZ_deg"\nvalues = [[0, 1]]\n[[vary]]\nkey = "limits.RZ_rad"\nvalues = [[0, 1]]',
      "say the same"),
     ('derive = { snap = "1" }\n[[vary]]\nkey = "snap"\nvalues = [1e-6]', "derive.'snap': a key is given twice"),
+    ('[[vary]]\nkey = ["target[1]", "requirement", "tolerance"]\nvalues = [[1, "A", 0.1]]',
+     "these keys exclude each other"),
+    ('[[vary]]\nkey = "bodies.static.seed[1]"\nvalues = [0.1]', "bodies.static.seed: nothing is given there"),
+    ('[[vary]]\nkey = "keep_out.rib.scale"\nvalues = [1]', r"vary\[1\].*keep-outs are counted"),
+    (f'[[vary]]\nkey = "{"a." * 140}a"\nvalues = [1]', r"vary\[1\].key: no problem is that deep"),
+    (f'[[vary]]\nkey = "{"a" * 1000}"\nvalues = [1]', r"vary\[1\].key: not a place"),
+    ('[[vary]]\nkey = "snap"\ngrid = { from = -1e308, to = 1e308, count = 3 }', r"vary\[1\].grid.from: unusable"),
     ('[[vary]]\nkey = ["target", "tolerance"]\nvalues = [[[1, 1], 0.1]]', "these keys exclude each other"),
     ('[[vary]]\nkey = "snap"\nlabel = "x"\nvalues = [1e-6]\n[[vary]]\nkey = "goal"\nlabel = "x"\nvalues = ["touch"]',
      r"vary\[2\].label: the label is that of vary\[1\]"),
@@ -734,6 +745,7 @@ WRONG = [
     ('parameters = { x = "y", y = "x" }\nderive = { snap = "x" }',
      "parameters: .*circle; found 'x -> y -> x'|'y -> x -> y'"),
     ('parameters = { x = "x" }\nderive = { snap = "x" }', "circle"),
+    ('parameters = { x = "y", y = "x" }\nderive = { snap = "x" }', "study.toml: parameters: parameters follow"),
     ('parameters = { x = nan }\nderive = { snap = "x" }', "parameters.x"),
     ('parameters = { x = true }\nderive = { snap = "x" }', "parameters.x"),
     ('parameters = { pi = 3 }\nderive = { snap = "pi" }', "parameters.pi: this name has a meaning"),
@@ -804,6 +816,10 @@ def test_a_file_that_is_no_study_is_refused(tmp_path: Path, text: str, said: str
     ("arguments", "said"),
     [
         ({"problem": 3}, "problem: nothing to study"),
+        ({"parameters": {"x": 10**400}, "derive": {"snap": "x"}}, "parameters.x: wrong value"),
+        ({"parameters": {"x": 1}, "derive": {"snap": "x"}, "vary": {"parameters.x": [10**400]}}, "x is no number"),
+        ({"vary": {"target[1]": [ENDLESS]}}, "nested too deep"),
+        ({"budget": 10**400}, "budget: wrong value"),
         ({"problem": []}, "problem: nothing to study"),
         ({"problem": ["base.toml"]}, "problem: nothing to study"),
         ({"vary": 3}, "vary: nothing that varies"),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import sqlite3
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -435,3 +437,64 @@ def _at(now: list[float], made: Any) -> Any:
 def test_nothing_is_said_unasked(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     run_study(Study(EXAMPLE, {"tolerance": [0.01]}, cases=["B"]), tmp_path, jobs=1)
     assert capfd.readouterr() == ("", "")
+
+
+# ------------------------------------------------------------------------------------------------ found by attacking it
+
+
+@pytest.mark.parametrize("name", [FILE, LOCK])
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_store_taken_away_ends_the_run_at_once(tmp_path: Path, name: str, replaced: bool) -> None:
+    with Store(tmp_path, OWNER) as store:
+        store.write([Met(0, "a", {})], [row("a", "SOLVED")])
+        (tmp_path / name).rename(tmp_path / "elsewhere")
+        if replaced:
+            (tmp_path / name).touch()
+        with pytest.raises(InputError, match=rf"{name}: (taken away|the store cannot be used)"):
+            store.write([], [row("b", "SOLVED")])
+
+
+def test_a_path_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no path of a folder"):
+        Store(tmp_path / "a\0b", OWNER)
+
+
+def test_names_that_no_text_can_hold_are_stored(tmp_path: Path) -> None:
+    with Store(tmp_path, OWNER) as store:  # a file name that is not UTF-8, in a message
+        store.write([Met(0, "a", {"x": 1})], [row("a", "BAD_INPUT", "no such file '\udcff'")])
+    assert rows(tmp_path)[0]["message"] == "no such file '?'"
+
+
+def test_what_listens_there_and_is_no_scheduler_is_refused() -> None:
+    listener = socket.create_server(("127.0.0.1", 0))
+
+    def answer() -> None:
+        connection, _ = listener.accept()
+        with connection:
+            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")  # read as a length: three exabytes
+            connection.recv(10_000)
+
+    thread = threading.Thread(target=answer, daemon=True)
+    thread.start()
+    address = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+    with listener, pytest.raises(InputError, match="no Dask scheduler answers there"):
+        chosen("dask", None, address, time_limit=None).__enter__()
+    thread.join(5.0)
+
+
+def test_another_title_or_budget_is_taken_on_and_nothing_solved_again(tmp_path: Path) -> None:
+    values = {"tolerance": [0.004]}
+    run_study(Study(EXAMPLE, values, cases=["A"]), tmp_path, engine=Watched())
+    engine = Watched()
+    found = run_study(Study(EXAMPLE, values, cases=["A"], title="Later", budget=1.0), tmp_path, engine=engine)
+    assert engine.asked == []
+    assert found.definition["title"] == "Later"
+    assert found.assembly_yield.of == 1
+
+
+def test_what_is_left_beside_a_store_that_was_taken_away_does_no_harm(tmp_path: Path) -> None:
+    for rest in ("-wal", "-shm"):
+        (tmp_path / (FILE + rest)).write_bytes(b"old" * 20_000)
+    with Store(tmp_path, OWNER) as store:
+        store.write([Met(0, "a", {})], [row("a", "SOLVED")])
+    assert rows(tmp_path)[0]["status"] == "SOLVED"

@@ -282,3 +282,49 @@ def test_a_store_can_be_read_where_nothing_can_be_written(sweep: StudyResult, tm
         assert StudyResult.read(folder).rows() == sweep.rows()
     finally:
         folder.chmod(0o755)
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [("TZ", "seconds.point"), ("amount", "amount (varied)"), ("amount (varied)", "amount"), ("goal & TZ", "goal")],
+)
+def test_no_column_takes_the_place_of_another(labels: tuple[str, str], tmp_path: Path) -> None:
+    values: list[list[Any]] = [[1.5, 2.5] if "&" not in label else [["at", 1.5], ["touch", 2.5]] for label in labels]
+    about = definition(dict(zip(labels, values, strict=True)))
+    points = [
+        (f"k{k}{m}", dict(zip(labels, (one, two), strict=True)))
+        for k, one in enumerate(values[0])
+        for m, two in enumerate(values[1])
+    ]
+    result = stored(tmp_path, about, points, [solved(key, 0.5) for key, _ in points])
+    for found, (_, given) in zip(result.rows(), points, strict=True):
+        assert (found["amount"], found["TZ"], found["seconds.point"]) == (0.5, -0.5, 0.5)
+        wanted = [own for value in given.values() for own in (value if isinstance(value, list) else [value])]
+        assert list(found.values())[1 : 1 + len(wanted)] == wanted
+    data = result.dataset()
+    assert list(data.sizes.values()) == [2, 2]
+    assert data["amount"].values.tolist() == [[0.5, 0.5], [0.5, 0.5]]
+
+
+def test_whole_numbers_that_no_column_holds_are_text(tmp_path: Path) -> None:
+    import pandas
+
+    result = stored(tmp_path, definition({"tolerance": [0.5, 10**20]}), [], [])
+    assert [r["tolerance"] for r in result.rows()] == ["0.5", str(10**20)]
+    result.to_parquet(tmp_path / "study.parquet")
+    assert pandas.read_parquet(tmp_path / "study.parquet")["tolerance"].tolist() == ["0.5", str(10**20)]
+
+
+@pytest.mark.parametrize("path", ["", ".", "a\0b"])
+def test_what_is_no_file_is_not_written(path: str, sweep: StudyResult) -> None:
+    for write in (sweep.to_csv, sweep.to_parquet):
+        with pytest.raises(InputError, match=r"no file|cannot be written"):
+            write(path)
+
+
+def test_no_file_takes_the_place_of_a_device(sweep: StudyResult, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="no file, and none is put in its place"):
+        sweep.to_csv(tmp_path / "pipe")
+    assert (tmp_path / "pipe").is_fifo()
+    assert sorted(os.listdir(tmp_path)) == ["out", "pipe"]

@@ -135,7 +135,10 @@ def test_shapes_broadcast_and_one_point_answers_as_many():
     assert own.at(x[::2], y[::2]).amount.tolist() == own.at(x, y).amount[::2].tolist()
 
 
-@pytest.mark.parametrize("sizes", [("a", 1.0), ([1.0, 1.0], [1.0, 1.0, 1.0]), ([[1.0], []], 1.0), (1.0, {})])
+@pytest.mark.parametrize(
+    "sizes",
+    [("a", 1.0), ("1.0", 1.0), (1.0, 1j), (10**400, 1.0), ([1.0, 1.0], [1.0, 1.0, 1.0]), ([[1.0], []], 1.0), (1.0, {})],
+)
 def test_what_is_no_size_pair_is_refused(sizes):
     with pytest.raises(InputError, match="not two arrays of sizes"):
         table(squares(1), *QUADRATICS).at(*sizes)
@@ -253,9 +256,12 @@ def put(place, value):
         ({"corners": put(3, [[1.0, 1.0], [1.01, 1.01], [1.02, 1.02]])}, r"corners\[3\]: a flat"),
         ({key: lambda a: a[:-1] for key in ("corners", "values", "errors", "regions")}, "exactly once"),
         ({key: lambda a: a[[0, *range(8)]] for key in ("corners", "values", "errors", "regions")}, "exactly once"),
+        ({"corners": lambda a: a[[0, 0, *range(2, 8)]]}, r"corners\[0\], corners\[1\]: triangles overlap"),
+        ({"corners": lambda a: a[[*range(7), 0]]}, "triangles overlap"),
         ({key: lambda a: a[:0] for key in ("corners", "values", "errors", "regions")}, "at least one"),
         ({"names": lambda a: ("p1", "p1")}, "names of their own"),
         ({"names": lambda a: ("p1", "amount")}, "names of their own"),
+        ({"names": lambda a: None}, "names of their own"),
     ],
 )
 def test_what_is_no_table_is_refused(changes, words):

@@ -221,6 +221,29 @@ def test_differences_name_what_changed_and_nothing_else() -> None:
     assert str(found).startswith("target changed: amount 0.32 -> 0.4175 (foretold 0.4175)")
 
 
+@pytest.mark.parametrize("ends", [(-0.3, -0.2), (-0.4, -0.2), (-0.2, -0.2), (-0.4, -0.3), (-0.3, -0.3), (-0.31, -0.29)])
+def test_a_held_parameter_is_foretold_to_go_to_the_better_end_of_its_new_range(ends: tuple[float, float]) -> None:
+    """The peg has to go left by .1475 at least, up by .0225: the amount is the root of TX^2 + .0225^2."""
+    held = of_file("peg_square", "running clearance").problem.changed(limits={"TX": (-0.3, -0.3)})
+    found = whatif(held, limits={"TX": ends})
+    slope = 0.3 / np.hypot(0.3, 0.0225)
+    assert found.predicted_amount == pytest.approx(found.before.amount - slope * (0.3 + ends[1]), abs=1e-8)
+    assert found.after.amount == pytest.approx(np.hypot(ends[1], 0.0225), abs=1e-8)
+
+
+def test_a_held_parameter_that_is_let_go_is_not_foretold() -> None:
+    held = of_file("peg_square", "running clearance").problem.changed(limits={"TX": (-0.3, -0.3)})
+    found = whatif(held, limits={"TX": (-0.3, np.inf)})
+    assert np.isnan(found.predicted_amount)
+    assert found.prediction.reasons == ("the limit of TX, which holds the motion, is gone: no derivative by that",)
+
+
+def test_an_amount_foretold_below_zero_is_said_to_be_none() -> None:
+    found = whatif(of_file("peg_square", "against the lower wall"), target=(1.05, 1.0))
+    assert found.predicted_amount < 0.0  # .32 - 9.75 * .07, as the peg passes the wall
+    assert any(reason.startswith("below zero") for reason in found.prediction.reasons)
+
+
 def test_another_motion_replaces_the_parameters() -> None:
     found = whatif(of_file("peg_square", "against the lower wall"), motion=Rotation("z"), limits=None)
     told = {difference.name: (difference.before, difference.after) for difference in found.differences}
@@ -235,6 +258,13 @@ def test_it_can_be_written_as_json(changes: dict[str, Any]) -> None:
     assert data["changed"] == list(changes)
     assert Solution.from_dict(data["after"]).amount == pytest.approx(found.after.amount, abs=0.0, nan_ok=True)
     assert set(data["seconds"]) == {"before", "after", "prediction"}
+
+
+def test_infinity_is_a_word_in_json() -> None:
+    found = whatif(of_file("peg_square", "against the lower wall"), goal="seat")  # proved impossible: the bound is inf
+    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))["differences"]
+    (bound,) = (difference for difference in told if difference["name"] == "lower_bound")
+    assert bound["after"] == "inf"
 
 
 def test_what_stays_is_handed_on_and_the_answer_is_that_of_a_fresh_problem() -> None:

@@ -310,7 +310,7 @@ def _two(text: str, key: str) -> tuple[float, float]:
         low, high = map(float, text.split(","))
     except ValueError:
         low = high = math.nan
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if math.isnan(low) or math.isnan(high):
         raise InputError("not two numbers", key=key, found=text, allowed="two numbers with a comma between, as 0.1,0.3")
     return low, high
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain
@@ -241,15 +241,28 @@ class SceneTables:
     def with_value(self, place: Place, value: Any) -> SceneTables:
         """Return the scene with a value at a place, which starts with bodies.movable, bodies.static or keep_out[k]."""
         if place[0] == "keep_out":
-            k = int(place[1])
+            k = place[1]
+            if isinstance(k, str):
+                raise InputError("keep-outs are counted", key=written(place), found=k, allowed="keep_out[1], ...")
             look_up({"keep_out": self.keep_out}, place[:2])
-            others = (*self.keep_out[:k], self.keep_out[k].with_value(place[2:], value), *self.keep_out[k + 1 :])
+            with _inside(place[:2]):
+                others = (*self.keep_out[:k], self.keep_out[k].with_value(place[2:], value), *self.keep_out[k + 1 :])
             return replace(self, keep_out=others)
         role = place[1] if len(place) > 1 else ""
         if role not in ROLES:
             what = f"no such body{closest(str(role), ROLES)}" if role else "both bodies at once"
             raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
-        return replace(self, **{role: getattr(self, role).with_value(place[2:], value)})
+        with _inside(place[:2]):
+            return replace(self, **{role: getattr(self, role).with_value(place[2:], value)})
+
+
+@contextmanager
+def _inside(place: Place) -> Iterator[None]:
+    """Say in errors which table they are in."""
+    try:
+        yield
+    except InputError as reason:
+        raise reason.within(key=written(place)) from reason
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -320,7 +333,7 @@ class Question:
         """
         scene, case = self.scene, self.case
         places = {parse(text): value for text, value in values.items()}
-        together = {place[-1] for place in places}
+        together = {item for place in places for item in place}
         for place, value in places.items():
             given = plain_value(value)
             if place[0] == "bodies" or (place[0] == "keep_out" and len(place) > 1):

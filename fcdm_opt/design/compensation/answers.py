@@ -16,7 +16,7 @@ from fcdm_opt.tolerance.solver import STAGES, reported, solve
 from fcdm_opt.tolerance.stages.branching import near
 from fcdm_opt.tolerance.task import Answer, Task
 
-QUICK = ("satisfied", "shift", "straight", "translations", "one parameter", "rotations", "descent")  # milliseconds each
+QUICK = ("satisfied", "shift", "straight", "one parameter", "rotations", "descent", "translations")  # dearest last
 CONTINUED = "continued from motions around"
 
 

@@ -1,23 +1,21 @@
-"""Triangles over the box of sizes, refined until the motion is known to within an error everywhere.
+"""Refines a mesh until the motion is known to within an error everywhere.
 
-Every triangle lies in one region, in which one way of holding the motion makes it a smooth function. Vertices are
-places with the values of each region that they belong to: those on a boundary have several. An edge whose ends have no
-way in common is split where the way changes; one along a boundary is bent to it; any is halved where quadratic
-interpolation along it is too coarse.
+An edge whose ends have no way in common is split where the way changes; one along a boundary is bent to it; any is
+halved where quadratic interpolation along it is too coarse.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Generator, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from fcdm_opt.design.compensation.answers import Node
 from fcdm_opt.design.compensation.crossing import NARROW, Crossing, crossing
+from fcdm_opt.design.compensation.mesh import STRIP, Edge, Ends, Mesh, Triangle, Values, Vertex, area
 from fcdm_opt.design.compensation.nodes import Nodes
-from fcdm_opt.design.compensation.ways import MOTIONLESS, NOTHING, REJECTED, Way
+from fcdm_opt.design.compensation.ways import MOTIONLESS, REJECTED, Way
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -25,82 +23,19 @@ from fcdm_opt.tolerances import DEFAULT
 GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be
 SHARE = 1e-4  # of the largest amount: error that is asked for by default
 SAFETY = 2.0  # times the errors at the four points that fix a cubic's part beyond the quadratic
-STRIP = 1.5  # times what both sides differ by in the middle of the strip between a boundary and its chord
 SHORTEST = 2.0**-14  # of the box: edges are not split further
 ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
-FLAT = 1e-14  # of the box: area of triangles that are none
 INSIDE = 0.05  # least barycentric coordinate of a point that splits a triangle in three
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
 CHECKED = 24  # triangles in whose centres least motions are proved
 
-Values = dict[Way, Array]
-Ends = tuple[int, int]
 Looking = Generator[list[Array], list[Node], None]
 
 
-@dataclass(eq=False)
-class Vertex:
-    """A place with the values of every region it belongs to."""
-
-    place: Array
-    values: Values
-    number: int = -1
-
-
-@dataclass(eq=False)
-class Edge:
-    """What is known of an edge.
-
-    Attributes
-    ----------
-    middle : dict
-        Way -> values in its middle.
-    off : dict
-        Way -> errors, (2,), of quadratic interpolation along it: of amount and motion.
-    step : (2,) array
-        What both sides' values differ by in its middle, where it runs along a boundary.
-    bend : float
-        How far the boundary is off its middle.
-    jumps : bool
-        Whether the motion jumps at that boundary.
-    split : Vertex or None
-        Where it is to be split, should it be; `must` if so.
-    """
-
-    middle: Values = field(default_factory=dict)
-    off: Values = field(default_factory=dict)
-    step: Array = field(default_factory=lambda: np.zeros(2))
-    bend: float = 0.0
-    jumps: bool = False
-    split: Vertex | None = None
-    must: bool = False
-
-
-@dataclass(eq=False)
-class Triangle:
-    """Three vertices, counter-clockwise; its way, values at six nodes and errors once it is finished.
-
-    One in which regions meet has the values of its centre.
-    """
-
-    corners: tuple[int, int, int]
-    way: Way = NOTHING
-    values: Array = field(default_factory=lambda: np.empty((0, 0)))
-    errors: Array = field(default_factory=lambda: np.zeros(2))
-    split: Vertex | None = None
-    finished: bool = False
-
-    @property
-    def edges(self) -> list[Ends]:
-        """Edges 12, 23, 31, each with the smaller vertex first."""
-        a, b, c = self.corners
-        return [(min(i, j), max(i, j)) for i, j in ((a, b), (b, c), (c, a))]
-
-
-class Mesh:
-    """The triangles, and how they are refined.
+class Building(Mesh):
+    """A mesh that is refined.
 
     Parameters
     ----------
@@ -111,9 +46,6 @@ class Mesh:
     Attributes
     ----------
     error : float
-    vertices : list of Vertex
-    edges : dict of (int, int) to Edge
-    triangles : list of Triangle
     """
 
     def __init__(self, nodes: Nodes, error: float | None) -> None:
@@ -125,11 +57,9 @@ class Mesh:
         self._rounding = DEFAULT.touch * problem.size
         places = [np.array([x, y]) for y in GRID for x in GRID]
         found = nodes.solved(places, proved=True)
-        self.vertices = [Vertex(*own, number=k) for k, own in enumerate(zip(places, map(_own, found), strict=True))]
+        super().__init__([Vertex(place, _own(node)) for place, node in zip(places, found, strict=True)], len(GRID))
         largest = max((float(node.values[0]) for node in found if np.isfinite(node.values[0])), default=0.0)
         self.error = max(SHARE * largest, self._rounding) if error is None else error
-        self.edges: dict[Ends, Edge] = {}
-        self.triangles = [Triangle(corners) for corners in _grid(len(GRID))]
 
     def refine(self) -> None:
         """Refine until every triangle is within the error, or the budget is spent."""
@@ -139,12 +69,14 @@ class Mesh:
                 return
             self._look(waiting)
             self._judge(waiting, last=wave == WAVES - 1)
-            self._subdivide()
+            fresh = [own.split for own in self.triangles if own.split is not None and not own.finished]
+            self._run([self._filled(vertex) for vertex in fresh])
+            self.subdivide()
 
     def checked(self) -> list[Array]:
         """Return centres of the largest triangles: places where to prove what is known from around."""
-        order = sorted(self.triangles, key=lambda own: (-_area(self._places(own)), own.corners))
-        return [self._places(own).mean(axis=0) for own in order[:CHECKED]]
+        order = sorted(self.triangles, key=lambda own: (-area(self.places(own)), own.corners))
+        return [self.places(own).mean(axis=0) for own in order[:CHECKED]]
 
     # ----------------------------------------------------------------------------------------------------------- edges
 
@@ -251,6 +183,7 @@ class Mesh:
         edge.bend = float(np.linalg.norm(shift))
         edge.jumps = bool(self._apart(*here.values, middle).max() > max(self.error / 2, self._rounding))
         edge.split = Vertex(middle + shift, dict(zip(here.ways, here.values, strict=True)))
+        edge.straight = Vertex(middle, dict(edge.middle))
         return True
 
     def _across(
@@ -290,7 +223,7 @@ class Mesh:
     def _settle(self, triangle: Triangle, last: bool) -> Looking:
         own = [self.vertices[k].values for k in triangle.corners]
         ways = [way for way in own[0] if way in own[1] and way in own[2]]
-        centre = self._places(triangle).mean(axis=0)
+        centre = self.places(triangle).mean(axis=0)
         (node,) = yield [centre]
         if node.way not in ways:
             beside = yield from self._beside(centre, node, list(np.eye(2)))
@@ -321,9 +254,9 @@ class Mesh:
 
     def _mark(self, triangle: Triangle, edges: list[Edge], costs: Array) -> None:
         """Mark the edges of a triangle that are to be split."""
-        places = self._places(triangle)
+        places = self.places(triangle)
         lengths = np.linalg.norm(places - np.roll(places, -1, axis=0), axis=1)
-        coarse = triangle.errors.max() > self.error and 2 * self.nodes.solved_in_all < self.nodes.budget
+        coarse = triangle.errors.max() > self.error and self.nodes.effort < 0.5
         for edge, length, cost in zip(edges, lengths, costs, strict=True):
             bent = edge.jumps and edge.bend > STRAIGHT
             edge.must |= bool(length > SHORTEST and (bent or (coarse and cost > LARGER * self.error)))
@@ -337,7 +270,7 @@ class Mesh:
         found = [own for own in (*values, node.values) if np.isfinite(own[0])]
         if not must and (len(found) <= len(values) or any(self.edges[ends].must for ends in triangle.edges)):
             return False
-        centre = self._places(triangle).mean(axis=0)
+        centre = self.places(triangle).mean(axis=0)
         apart = max((self._apart(node.values, own, centre) for own in found), key=max, default=np.zeros(2))
         apart = np.max([self._apart(one, two, centre) for one, two in combinations(found, 2)] or [apart], axis=0)
         errors = SAFETY * apart + self._rounding
@@ -352,7 +285,7 @@ class Mesh:
 
     def _within(self, triangle: Triangle, centre: Array, node: Node) -> Array:
         """Return where a triangle in which regions meet is split: where they should, else in its centre."""
-        places = self._places(triangle)
+        places = self.places(triangle)
         size = float(np.ptp(places, axis=0).max())
         ways = list(dict.fromkeys(way for k in triangle.corners for way in self.vertices[k].values))
         fitted = {way: self._plane(way, centre, size) for way in ways if way.kind not in MOTIONLESS}
@@ -383,99 +316,9 @@ class Mesh:
         values = np.array([own.values[way] for own in near]) * weight[:, None]
         return np.asarray(np.linalg.lstsq(matrix, values)[0])
 
-    def finished(self) -> Iterator[tuple[Array, Array, Array, Way]]:
-        """Yield (corners, values, errors, way) of triangles that cover the box, (3, 2), (6, 1 + k), (2,).
-
-        Where the motion jumps at a boundary, the strip between it and its chord is a triangle's worth of its own: only
-        there the other motion may be the least.
-        """
-        for triangle in self.triangles:
-            corners, values = self._places(triangle), triangle.values
-            for k, ends in enumerate(triangle.edges):
-                edge = self.edges.get(ends)
-                if edge is None or not edge.jumps:
-                    continue
-                order = [k, (k + 1) % 3, (k + 2) % 3]
-                length = float(np.linalg.norm(corners[order[1]] - corners[order[0]]))
-                share = min(0.5, (2.0 * edge.bend + NARROW) * length / (2.0 * abs(_area(corners))))
-                inner = np.eye(3)  # barycentric coordinates of what is left
-                inner[order[0], [order[0], order[2]]] = 1.0 - share, share
-                inner[order[1], [order[1], order[2]]] = 1.0 - share, share
-                one, two = np.eye(3)[order[0]], np.eye(3)[order[1]]
-                for strip in ((one, two, inner[order[1]]), (one, inner[order[1]], inner[order[0]])):
-                    yield *_part(corners, values, np.array(strip)), triangle.errors + STRIP * edge.step, triangle.way
-                corners, values = _part(corners, values, inner)
-            yield corners, values, triangle.errors, triangle.way
-
-    def boundaries(self) -> dict[tuple[Way, Way], list[Ends]]:
-        """Return the edges between triangles of different ways, by those ways."""
-        ways: dict[Ends, list[Way]] = {}
-        for triangle in self.triangles:
-            for ends in triangle.edges:
-                ways.setdefault(ends, []).append(triangle.way)
-        found: dict[tuple[Way, Way], list[Ends]] = {}
-        for ends, own in ways.items():
-            if len(own) == 2 and own[0] != own[1]:
-                one, two = sorted(own)
-                found.setdefault((one, two), []).append(ends)
-        return found
-
-    def size(self, triangle: Triangle) -> float:
-        """Return the longest edge of a triangle."""
-        return max(float(np.linalg.norm(a - b)) for a, b in combinations(self._places(triangle), 2))
-
-    def jumps(self, ends: Ends) -> bool:
-        """Tell whether the motion jumps across an edge."""
-        return ends in self.edges and self.edges[ends].jumps
-
-    # -------------------------------------------------------------------------------------------------------- splitting
-
-    def _subdivide(self) -> None:
-        """Split the triangles whose edges are to be split, on both sides of an edge alike, and those split within."""
-        fresh = [own.split for own in self.triangles if own.split is not None and not own.finished]
-        self._run([self._filled(vertex) for vertex in fresh])
-        made: list[Triangle] = []
-        for triangle in self.triangles:
-            cuts = [edge.split if (edge := self.edges.get(ends)) and edge.must else None for ends in triangle.edges]
-            if not any(cuts):
-                if triangle.split is not None and not triangle.finished:
-                    k = self._numbered(triangle.split)
-                    a, b, c = triangle.corners
-                    made += [Triangle((a, b, k)), Triangle((b, c, k)), Triangle((c, a, k))]
-                else:
-                    made.append(triangle)
-                continue
-            made += [Triangle(own) for own in self._pieces(triangle.corners, cuts)]
-        self.triangles = [own for own in made if own.finished or _area(self._places(own)) > FLAT]
-
     def _filled(self, vertex: Vertex) -> Looking:
         (node,) = yield [vertex.place]
         vertex.values.update((yield from self._beside(vertex.place, node, list(np.eye(2)))))
-
-    def _pieces(self, corners: tuple[int, int, int], cuts: list[Vertex | None]) -> list[tuple[int, int, int]]:
-        """Return the triangles that one with one to three split edges is cut into."""
-        number = [None if cut is None else self._numbered(cut) for cut in cuts]
-        while number[0] is None or (number[2] is not None and number[1] is None):  # first edge is split, third last
-            corners, number = (corners[1], corners[2], corners[0]), [number[1], number[2], number[0]]
-        (a, b, c), (m, n, o) = corners, number
-        assert m is not None
-        if n is None:
-            return [(a, m, c), (m, b, c)]
-        if o is not None:
-            return [(a, m, o), (m, b, n), (n, c, o), (m, n, o)]
-        ring = [self.vertices[k].place for k in (a, m, n, c)]
-        if np.linalg.norm(ring[0] - ring[2]) <= np.linalg.norm(ring[1] - ring[3]):
-            return [(m, b, n), (a, m, n), (a, n, c)]
-        return [(m, b, n), (a, m, c), (m, n, c)]
-
-    def _numbered(self, vertex: Vertex) -> int:
-        if vertex.number < 0:
-            vertex.number = len(self.vertices)
-            self.vertices.append(vertex)
-        return vertex.number
-
-    def _places(self, triangle: Triangle) -> Array:
-        return np.array([self.vertices[k].place for k in triangle.corners])
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
         """Return by what two motions differ: in amount, and in the largest displacement of a vertex of body 1."""
@@ -485,13 +328,6 @@ class Mesh:
         made = self._seed + self.nodes.pair(place)[0] * self._arms
         moved = np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1)
         return np.array([abs(one[0] - two[0]), moved.max()])
-
-
-def _part(corners: Array, values: Array, shares: Array) -> tuple[Array, Array]:
-    """Return corners and values of a triangle in another, given its corners' barycentric coordinates, row by row."""
-    r, s, t = np.vstack([shares, (shares + np.roll(shares, -1, axis=0)) / 2]).T
-    basis = np.column_stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
-    return shares @ corners, basis @ values
 
 
 def _own(node: Node) -> Values:
@@ -505,17 +341,6 @@ def _sent(search: Looking, nodes: list[Node]) -> list[Array] | None:
         return None
 
 
-def _grid(count: int) -> list[tuple[int, int, int]]:
-    """Return the triangles of a grid of vertices, row by row."""
-    made = []
-    for j in range(count - 1):
-        for i in range(count - 1):
-            a = j * count + i
-            b, c, d = a + 1, a + count + 1, a + count
-            made += [(a, b, c), (a, c, d)] if (i + j) % 2 else [(a, b, d), (b, c, d)]
-    return made
-
-
 def _normal(start: Array, end: Array) -> Array:
     """Return the unit vector to the left of an edge."""
     x, y = (end - start) / np.linalg.norm(end - start)
@@ -525,8 +350,3 @@ def _normal(start: Array, end: Array) -> Array:
 def _at_quarter(start: Array, middle: Array, end: Array) -> Array:
     """Return the parabola through three values at a quarter of the way."""
     return np.asarray(0.375 * start + 0.75 * middle - 0.125 * end)
-
-
-def _area(places: Array) -> float:
-    (a, b), (c, d) = places[1] - places[0], places[2] - places[0]
-    return float(a * d - b * c) / 2

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.building import SHORTEST, Mesh
+from fcdm_opt.design.compensation.building import SHORTEST, Building
+from fcdm_opt.design.compensation.mesh import Mesh
 from fcdm_opt.design.compensation.nodes import Nodes, covered
 from fcdm_opt.design.compensation.table import MapPoints, Table, write
 from fcdm_opt.design.compensation.ways import Way
@@ -24,7 +25,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.problem import Problem
 
 BUDGET = 20_000
-SECONDS = 60.0
+SECONDS = 120.0
 _FORMAT = "fcdm_opt compensation map 1"
 
 
@@ -281,9 +282,11 @@ def compensation_map(
             raise InputError("not a number of these", key=key, found=value, allowed="1, 2, ...")
     if error is not None and not (isinstance(error, (int, float)) and math.isfinite(error) and error > 0):
         raise InputError("not a length", key="error", found=error, allowed="a finite number > 0, or None")
+    if not (isinstance(seconds, (int, float)) and seconds > 0):
+        raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
     nodes = Nodes(problem, made, budget, jobs, seconds)
     while True:
-        mesh = Mesh(nodes, error)
+        mesh = Building(nodes, error)
         mesh.refine()
         if nodes.spent or nodes.agree(mesh.checked()):
             break

@@ -98,7 +98,7 @@ def _search(x, y, bucket, slack, starts, members, frames):
 
 
 @kernel
-def _locate(rho_1, rho_2, bounds, side, starts, members, frames, triangles, weights):
+def locate(rho_1, rho_2, bounds, side, starts, members, frames, triangles, weights):
     """Fill in which triangles size pairs are in, -1 for none, and their barycentric coordinates there."""
     low_1, low_2, high_1, high_2, rim = bounds[LOW_1], bounds[LOW_2], bounds[HIGH_1], bounds[HIGH_2], bounds[RIM]
     scale_1, scale_2 = side / (high_1 - low_1), side / (high_2 - low_2)
@@ -158,7 +158,7 @@ def look_up(
     for begin in range(0, len(rho_1), CHUNK):
         end = min(begin + CHUNK, len(rho_1))
         some, places = triangles[: end - begin], weights[: end - begin]
-        _locate(rho_1[begin:end], rho_2[begin:end], bounds, side, starts, members, frames, some, places)
+        locate(rho_1[begin:end], rho_2[begin:end], bounds, side, starts, members, frames, some, places)
         _interpolate(
             some,
             places,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from time import perf_counter
 from typing import Any
 
@@ -19,9 +20,10 @@ from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 AROUND = 2e-5  # of the box: a way that does not hold so far off a place is a strip between two regions
-CIRCLE = tuple((math.cos(0.3 + k * math.pi / 4), math.sin(0.3 + k * math.pi / 4)) for k in range(8))
+CIRCLE = tuple((math.cos(0.3 + 0.4 * math.pi * k), math.sin(0.3 + 0.4 * math.pi * k)) for k in range(5))
 FEWEST = 2  # of these directions in which the way of a region holds
 CHUNK = 16  # pairs that a process is handed at once
+BEYOND = 4.0  # times the distance of the nearest: ways whose motions are continued
 HINTS = 3  # ways, nearest first, whose motions are continued to a place
 
 Key = tuple[float, float]
@@ -69,7 +71,12 @@ class Nodes:
     @property
     def spent(self) -> bool:
         """Whether the budget or the time is used up."""
-        return self.solved_in_all >= self.budget or perf_counter() - self._start >= self.seconds
+        return self.effort >= 1.0
+
+    @property
+    def effort(self) -> float:
+        """The share of the budget, or of the time, that is used up."""
+        return max(self.solved_in_all / self.budget, (perf_counter() - self._start) / self.seconds)
 
     def pair(self, place: Any) -> Array:
         """Return the sizes at a place, or at several, (..., 2)."""
@@ -128,9 +135,13 @@ class Nodes:
         made = []
         for k, pair in enumerate(pairs):
             order = sorted(nearest, key=lambda own: float(own[1][k]))
-            hints = [nodes[own[2][k]].values[1:] for own in order if own[0].kind not in MOTIONLESS]
+            reach = BEYOND * float(order[0][1][k])
+            close = [own for own in order if own[0].kind not in MOTIONLESS and (self._doubt or own[1][k] <= reach)]
+            hints = [nodes[own[2][k]].values[1:] for own in close]
             nothing = order[0][0] == NOTHING
-            made.append(Question(pair, False, tuple(map(tuple, np.array(hints[:HINTS]).tolist())), nothing, bool(self._doubt)))
+            made.append(
+                Question(pair, False, tuple(map(tuple, np.array(hints[:HINTS]).tolist())), nothing, bool(self._doubt))
+            )
         return made
 
     def _beside(self, place: Array, node: Node) -> Node:
@@ -141,14 +152,18 @@ class Nodes:
         key = float(place[0]), float(place[1])
         if key not in self.moved:
             x, y = place
-            near = self._remembered([(x + AROUND * c, y + AROUND * s) for c, s in CIRCLE])
+            ring = [(x + AROUND * c, y + AROUND * s) for c, s in CIRCLE]
+            near = self._remembered(ring)
             if sum(own.way == node.way for own in near) >= FEWEST:
                 self._wide.add(node.way)
                 return node
-            far = self._remembered([(x + 2 * AROUND * c, y + 2 * AROUND * s) for c, s in CIRCLE])
-            pairs = [(one, two) for one, two in zip(near, far, strict=True) if one.way == two.way]
-            best = [pair for pair in pairs if pair[0].way in self._wide] or pairs
-            self.moved[key] = Node(best[0][0].way, 2 * best[0][0].values - best[0][1].values) if best else node
+            self.moved[key] = node
+            order = sorted(range(len(ring)), key=lambda k: (near[k].way not in self._wide, k))
+            for k in order:  # continued from a region beside
+                (far,) = self._remembered([(2 * ring[k][0] - x, 2 * ring[k][1] - y)])
+                if far.way == near[k].way:
+                    self.moved[key] = Node(far.way, 2 * near[k].values - far.values)
+                    break
         return self.moved[key]
 
     def _solve(self, questions: list[Question]) -> Iterator[Node]:
@@ -159,7 +174,7 @@ class Nodes:
 
         count = min(len(questions), max(self.jobs, len(questions) // CHUNK))
         ends = np.linspace(0, len(questions), count + 1).astype(int)
-        chunks = [[tuple(own) for own in questions[a:b]] for a, b in zip(ends, ends[1:], strict=False)]
+        chunks = [[tuple(own) for own in questions[a:b]] for a, b in pairwise(ends)]
         with Parallel(n_jobs=self.jobs, return_as="generator", inner_max_num_threads=1, backend="loky") as run:
             for nodes in run(delayed(nodes_at)(self._plain, chunk) for chunk in chunks):
                 yield from (Node(Way(*way), np.array(values)) for way, values in nodes)

@@ -25,6 +25,9 @@ NODES = 6
 """Nodes of a triangle: its corners 1, 2, 3 and the midpoints of its edges 12, 23, 31."""
 
 _FORMAT = "fcdm_opt compensation table 1"
+_INNER = np.array([[1.0, 1.0, 1.0], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]]) / 3.0
+"""Points well inside a triangle, as weights of its corners: its middle, and one near each corner."""
+
 _BUCKETS = 16  # a triangle: few enough to be made quickly, and most points have one triangle to look at, or two
 
 
@@ -141,6 +144,26 @@ class Table:
                 key="corners",
                 found=f"{areas.sum():.9g} of {whole:.9g}",
             )
+        self._check_overlap(2.0 * areas / lengths.max(axis=1))
+
+    def _check_overlap(self, heights: Array) -> None:
+        """Raise `InputError` where points well inside a triangle are in another: what is there twice lacks elsewhere.
+
+        Points nearer to the rim of their triangle than seams may be wide tell nothing.
+        """
+        from fcdm_opt.design.compensation.lookup import locate
+
+        points = np.einsum("kc,mcx->mkx", _INNER, self.corners).reshape(-1, 2)
+        found = np.empty(len(points), np.int64)
+        locate(*np.ascontiguousarray(points.T), *self._index, found, np.empty((len(points), 2)))
+        own = np.repeat(np.arange(len(self.corners)), len(_INNER))
+        told = np.repeat(_INNER.min() * heights > 2.0 * DEFAULT.line * self.corners.max(), len(_INNER))
+        wrong = np.flatnonzero(told & (found != own))
+        if wrong.size:
+            one, two = sorted((int(own[wrong[0]]), int(found[wrong[0]])))
+            raise InputError(
+                "triangles overlap", key=f"corners[{one}], corners[{two}]", found=points[wrong[0]].tolist()
+            )
 
     @cached_property
     def box(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -197,10 +220,9 @@ class Table:
         """
         from fcdm_opt.design.compensation.lookup import look_up
 
-        sizes = numbers(rho1, "rho1"), numbers(rho2, "rho2")
         try:
-            first, second = np.broadcast_arrays(*sizes)
-        except ValueError as reason:
+            first, second = np.broadcast_arrays(numbers(rho1, "rho1"), numbers(rho2, "rho2"))
+        except ValueError as reason:  # InputError, too
             raise InputError(f"not two arrays of sizes: {reason}", key="rho1, rho2") from reason
         shape, count = first.shape, first.size
         amount, region = np.empty(count), np.empty(count, np.int64)
@@ -289,7 +311,7 @@ class Table:
         """
         try:
             text = Path(path).read_text(encoding="utf-8-sig")
-        except (OSError, ValueError) as reason:
+        except (OSError, TypeError, ValueError) as reason:
             what = getattr(reason, "strerror", None) or str(reason)
             raise InputError(f"the file cannot be read: {what}", file=repr(str(path))) from reason
         try:
@@ -354,8 +376,8 @@ def _with_nan(values: Any) -> Any:
 
 def write(path: str | Path, text: str) -> None:
     """Write a text file under another name, then move it."""
-    path = Path(path)
     try:
+        path = Path(path)
         handle, other = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
         try:
             with open(handle, "w", encoding="utf-8", newline="") as stream:
@@ -364,6 +386,6 @@ def write(path: str | Path, text: str) -> None:
         except BaseException:
             os.unlink(other)
             raise
-    except (OSError, ValueError) as reason:
+    except (OSError, TypeError, ValueError) as reason:
         what = getattr(reason, "strerror", None) or str(reason)
         raise InputError(f"the file cannot be written: {what}", file=repr(str(path))) from reason

@@ -14,7 +14,7 @@ from fcdm_opt.design.question import canonical, excluded
 from fcdm_opt.design.study import sampling
 from fcdm_opt.design.study.variables import PARAMETERS
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.arguments import is_real, positive
+from fcdm_opt.tolerance.arguments import LARGEST, is_real, positive
 from fcdm_opt.tolerance.files import Defaults
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def check_arguments(study: Study) -> None:
         raise InputError("wrong value", key="certify", found=study.certify, allowed="true or false")
     if study.time_limit is not None:
         positive(study.time_limit, "time_limit")
-    if study.budget is not None and not (is_real(study.budget) and 0 <= study.budget < math.inf):
+    if study.budget is not None and not (is_real(study.budget) and 0 <= study.budget <= LARGEST):
         raise InputError("wrong value", key="budget", found=study.budget, allowed="a finite amount >= 0")
     for key in ("title", "note"):
         if not isinstance(getattr(study, key), str):
@@ -147,7 +147,7 @@ def _without_units(place: Place) -> Place:
 
 def _of_derivation(reason: InputError) -> bool:
     """Tell whether an expression had no value, as it may at one point and not at others."""
-    return (reason.key or "").startswith((f"{PARAMETERS}.", "derive."))
+    return reason.key == PARAMETERS or (reason.key or "").startswith((f"{PARAMETERS}.", "derive."))
 
 
 def _telling(values: Sequence[Any]) -> list[int]:

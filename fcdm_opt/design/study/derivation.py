@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -12,7 +11,7 @@ from typing import Any
 from fcdm_opt.design.places import written
 from fcdm_opt.design.study.expressions import CONSTANTS, FUNCTIONS, Expression
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.arguments import is_real
+from fcdm_opt.tolerance.arguments import LARGEST, is_real
 from fcdm_opt.tolerance.schema import closest
 
 
@@ -53,7 +52,7 @@ class Derivation:
             _check_name(name, key)
             if isinstance(value, str):
                 formulas[name] = _expression(value, key)
-            elif not is_real(value) or not math.isfinite(value):
+            elif not is_real(value) or not abs(value) <= LARGEST:
                 raise InputError("wrong value", key=key, found=value, allowed="a finite number or an expression")
             else:
                 numbers[name] = float(value)

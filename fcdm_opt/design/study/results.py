@@ -272,7 +272,7 @@ class StudyResult:
 
     @cached_property
     def _names(self) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """Label -> name of its axis, and of its columns; no two columns, and no axis and another's column, are alike."""
+        """Label -> name of its axis, and of its columns; each is a name of its own in all tables."""
         taken = {*OWN, *(name for row in self.answers.values() for name in row["parameters"])}
         taken |= {f"{name}.{key}" for row in self.answers.values() for name in TABLES for key in row[name]}
 
@@ -404,8 +404,10 @@ def _extra(name: str) -> Any:
 def _moved(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a name to write to, and move it to the wanted one when all is written; a file that fails is taken away."""
     path = Path(path)
-    other = path.with_name(f".{path.name}.{os.getpid()}")
     try:
+        if path.exists() and not path.is_file():  # a device, say, that a file must not take the place of
+            raise InputError("no file, and none is put in its place", file=path, allowed="a file in a folder")
+        other = path.with_name(f".{path.name}.{os.getpid()}")
         try:
             yield other
             os.replace(other, path)
@@ -413,6 +415,13 @@ def _moved(path: str | os.PathLike[str]) -> Iterator[Path]:
             with suppress(OSError):
                 other.unlink()
             raise
-    except OSError as reason:
-        found = reason.strerror or str(reason)
-        raise InputError("the file cannot be written", file=path, found=found, allowed="a file in a folder") from reason
+    except (OSError, ValueError) as reason:  # a path with a null, say
+        if isinstance(reason, InputError):
+            raise
+        found = getattr(reason, "strerror", None) or str(reason)
+        raise InputError(
+            "the file cannot be written",
+            file=repr(str(path)) if "\0" in str(path) else path,
+            found=found,
+            allowed="a file in a folder",
+        ) from reason

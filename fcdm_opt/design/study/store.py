@@ -34,7 +34,12 @@ TABLES = {
     "results": "key TEXT PRIMARY KEY, status TEXT NOT NULL, usable INTEGER NOT NULL, amount REAL, row TEXT NOT NULL",
 }
 
-_encoded = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), check_circular=False).encode
+_json = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), check_circular=False).encode
+
+
+def _encoded(data: Any) -> str:
+    """Return plain data as JSON; "?" stands for what is no text in any encoding, as a file's name may have it."""
+    return _json(data).encode(errors="replace").decode()
 
 
 class Belonging(NamedTuple):
@@ -85,9 +90,13 @@ class Store:
         with _refusals(self.path), ExitStack() as stack:
             folder.mkdir(parents=True, exist_ok=True)
             stack.enter_context(_locked(folder / LOCK))
+            if not self.path.exists():  # what SQLite left beside a store that was taken away would spoil a new one
+                for rest in ("-wal", "-shm"):
+                    self.path.with_name(FILE + rest).unlink(missing_ok=True)
             self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             stack.callback(self._base.close)
             self._prepare(owner)
+            self._own = {path: _identity(path) for path in (self.path, folder / LOCK)}
             self._open = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -115,8 +124,15 @@ class Store:
         met = [(number, key, _encoded(values)) for number, key, values in points]
         made = [(row["key"], row["status"], row["usable"], row["amount"], _encoded(row)) for row in rows]
         with _refusals(self.path), self._transaction():
+            self._check_place()
             self._base.executemany("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", met)
             self._base.executemany("INSERT INTO results VALUES (?, ?, ?, ?, ?)", made)
+
+    def _check_place(self) -> None:
+        """Refuse to go on where the files were taken away: what is written to them then is lost, or another run's."""
+        for path, known in self._own.items():
+            if _identity(path) != known:
+                raise InputError("taken away while a run was writing to it", file=path, allowed="running it again")
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -168,6 +184,10 @@ class Store:
             if meta.get(name) != wanted:
                 allowed = f"{wanted}; or {EMPTY}"
                 raise InputError(what, file=self.path, key=name, found=meta.get(name, "nothing"), allowed=allowed)
+        definition = _encoded(owner.definition)
+        if meta.get("definition") != definition:  # another title, note or budget: of no answer
+            with self._transaction():
+                self._base.execute("UPDATE meta SET value = ? WHERE name = 'definition'", (definition,))
 
 
 EMPTY = "another folder for --out"
@@ -181,6 +201,12 @@ def _title(meta: Mapping[str, str]) -> str:
     return f" ({title!r})" if title else ""
 
 
+def _identity(path: Path) -> tuple[int, int]:
+    """Return which file a path leads to."""
+    found = path.stat()
+    return found.st_dev, found.st_ino
+
+
 @contextmanager
 def _refusals(path: Path) -> Iterator[None]:
     """Say why a store cannot be read or written, as bad input."""
@@ -192,6 +218,10 @@ def _refusals(path: Path) -> Iterator[None]:
         raise InputError(
             f"the store cannot be used: {reason}", file=path, allowed=f"room to write; or {EMPTY}"
         ) from reason
+    except ValueError as reason:
+        if isinstance(reason, InputError):
+            raise
+        raise InputError(f"no path of a folder: {reason}", file=repr(str(path.parent)), key="out") from reason
     except OSError as reason:
         file = reason.filename or path
         allowed = "a folder that can be written"

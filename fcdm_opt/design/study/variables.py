@@ -13,7 +13,7 @@ from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import canonical, located, plain_value
 from fcdm_opt.design.study import sampling
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.arguments import is_real, items
+from fcdm_opt.tolerance.arguments import LARGEST, is_real, items
 
 PARAMETERS = "parameters"  # head of the places that are names of a study's own
 _ONE_KEY = "one key; keys that follow from one number: a parameter and [derive]"
@@ -92,16 +92,18 @@ class Variable:
         return tuple(self._plain(value, f"{self.listed}[{k}]") for k, value in enumerate(values, 1))
 
     def _plain(self, value: Any, key: str) -> Any:
-        plain = plain_value(value)
         try:
+            plain = plain_value(value)
             canonical(plain)
         except InputError as reason:
             raise reason.within(key=key) from reason
+        except RecursionError as reason:  # a list in itself
+            raise InputError("nested too deep", key=key, allowed="plain data") from reason
         if len(self.keys) > 1 and (not isinstance(plain, list) or len(plain) != len(self.keys)):
             allowed = f"a list of {len(self.keys)}: {', '.join(self.keys)}"
             raise InputError("not one value a key", key=key, found=value, allowed=allowed)
         for own, item in self.at(plain).items():
-            if parse(own)[0] == PARAMETERS and not is_real(item):
+            if parse(own)[0] == PARAMETERS and not (is_real(item) and abs(item) <= LARGEST):
                 raise InputError(f"{own} is no number", key=key, found=item, allowed="a finite number")
         return plain
 

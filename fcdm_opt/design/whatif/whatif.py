@@ -165,10 +165,10 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         if one is None or two is None or abs(one - two) * weights[name] > floor:
             yield Difference(f"parameters.{name}", one, two)
     for name in ("amount", "lower_bound", "pair_gap"):
-        one, two = plain(getattr(before, name)), plain(getattr(after, name))
-        numbers = isinstance(one, float) and isinstance(two, float)  # else nan or infinity, in words
-        if one != two and not (numbers and abs(one - two) <= floor):
-            yield Difference(name, one, two)
+        was_told, now_told = plain(getattr(before, name)), plain(getattr(after, name))
+        tied = isinstance(was_told, float) and isinstance(now_told, float) and abs(was_told - now_told) <= floor
+        if was_told != now_told and not tied:  # infinity is a word
+            yield Difference(name, was_told, now_told)
     others: tuple[tuple[str, Any, Any], ...] = (
         ("status", before.status.name, after.status.name),
         ("usable", before.usable, after.usable),

@@ -41,7 +41,7 @@ def branch_and_bound(task: Task) -> Answer | None:
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
         return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), gap=FINE_GAP)[0]
-    if answer.q is not None or (answer.lower_bound < farthest(task) and not polar.suits(task.bare)):
+    if answer.q is not None or (answer.lower_bound < farthest(task) and not polar.nothing(task)):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
     left = beyond is not None and beyond.q is not None

@@ -17,13 +17,14 @@ import numpy as np
 from fcdm_opt.curve.kernels import kernel
 from fcdm_opt.tolerance.stages.compiled import ROW, _five, _line, _pair, _place, path_faults
 
-KERNELS = "f1e2"  # hashes of curve/kernels.py and compiled.py, to be renewed with them, see `compiled.KERNELS`
+KERNELS = "4b86aa94d826"  # hash of curve/kernels.py and compiled.py, to be renewed with them, see `compiled.KERNELS`
 FAR = 1e9  # amounts of motions are below this, in units; that of a ray without any is above
-GROWTH = 0.25  # relative: how much further the next step along a ray is, up to the longest
+GROWTH = 0.3  # relative: how much further the next step along a ray is, up to the longest
 FINER = 4.0  # times the points of a path that others look at: nothing is gained from what lies between those
-HALVINGS = 100  # of a stretch at whose end the requirement is met, or the contact lost
-HOPELESS = 1e-9  # radians: no window has been seen at this width
-GOLDEN = 0.3819660112501051  # (3 - sqrt(5)) / 2
+HALVINGS = 100  # of a stretch at whose end the requirement is met
+CROSSING = 3e-7  # sine of the angle between two tracked lines, below which their pair is hardly known
+ROUNDING = 4e-15  # of lines, relative: over that sine, what a pair is to be beyond its target by, to be so for anyone
+PARALLEL = 1e-15  # of a direction: it leaves a parameter as it is
 
 
 @kernel
@@ -37,18 +38,30 @@ def _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lin
         _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
     if len(tracked) == 1:
         return lines[0, 0, 3] * pairs[1, 0] + lines[0, 0, 4] * pairs[1, 1] - lines[0, 0, 5]
-    if not _pair(lines, 2, pairs[0], pairs[1], 1.0, rho):
+    a, b, d, e = lines[0, 0, 3], lines[0, 0, 4], lines[1, 0, 3], lines[1, 0, 4]
+    parallel = not abs(a * e - b * d) > CROSSING * math.sqrt((a * a + b * b) * (d * d + e * e))
+    if parallel or not _pair(lines, 2, pairs[0], pairs[1], 1.0, rho):
         return -np.inf
     least = np.inf
+    noise = ROUNDING * math.sqrt((a * a + b * b) * (d * d + e * e)) / abs(a * e - b * d)
     for body in range(2):
         if hands[body] != 0.0:
-            least = min(least, hands[body] * (rho[0, body] - pairs[1, body]) / pairs[1, body])
+            least = min(least, hands[body] * (rho[0, body] - pairs[1, body]) / pairs[1, body] - noise)
     return least
 
 
 @kernel
-def ray(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, angle, cap):
-    """Return the merit of a direction, see above; amounts of `cap` and more do not interest.
+def _lost(motion, parts1, parts2, tracked, signs, pairs, path, hands, z, work):
+    """Tell whether the contact is not real at a motion, or its two lines all but parallel."""
+    q, flat, lines, rho, ints, reals, excess = work  # room, so that nothing is allocated
+    if path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess):
+        return True
+    return _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho) == -np.inf
+
+
+@kernel
+def fan(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, angles, cap, halvings):
+    """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
 
     Parameters
     ----------
@@ -58,119 +71,72 @@ def ray(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, step
         Of each z.
     steps : (3,) array
         First step along a ray, and the largest of each z.
-    angle : float
-        Of the direction, radians.
+    angles : (n,) array
+        Of the directions, radians.
+    halvings : int
+        Of a stretch at whose end the contact is lost.
     """
-    way = np.array([math.cos(angle), math.sin(angle)])
-    start, end, longest = 0.0, cap, np.inf
-    for k in range(2):
-        if abs(way[k]) > 1e-15:
-            one, two = limits[k, 0] / way[k], limits[k, 1] / way[k]
-            start, end = max(start, min(one, two)), min(end, max(one, two))
-            longest = min(longest, steps[1 + k] / abs(way[k]))
-        elif limits[k, 0] > 0.0 or limits[k, 1] < 0.0:
-            return np.inf
-    if not start <= end:
-        return np.inf
-    z, q, flat = np.empty(2), np.empty(2), np.empty(36)
+    scene = (motion, parts1, parts2, tracked, signs, pairs)
+    merits, crossed = np.full(len(angles), 2.0 * FAR), len(tracked) == 1
+    way, z, q, flat = np.empty(2), np.empty(2), np.empty(2), np.empty(36)
     lines, rho = np.empty((2, 1, 6)), np.empty((1, 2))
-    ints, reals, excess = np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4)
-    here, finer = path.copy(), path.copy()
-    here[1] = 0.0  # only the end of a path, not all of it
-    finer[0], finer[2] = FINER * path[0], path[2] / FINER
-    crossed = len(tracked) == 1
-    z[:] = 0.0
-    before, was, best = 0.0, _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho), -np.inf
-    while before < end:
-        ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
-        if before < start < ahead:
-            ahead = start
+    work = (q, flat, lines, rho, np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
+    looks = np.empty((3, len(path)))
+    looks[:] = path
+    looks[0, 1] = 0.0  # the end of a path alone; then all of it, and more of it
+    looks[2, 0], looks[2, 2] = FINER * path[0], path[2] / FINER
+    for n in range(len(angles)):
+        way[0], way[1] = math.cos(angles[n]), math.sin(angles[n])
+        start, end, longest = 0.0, cap, np.inf
         for k in range(2):
-            z[k] = ahead * way[k]
-        lost = False
-        if not crossed and path_faults(motion, parts1, parts2, tracked, signs, pairs, z, here, True, ints, reals, excess):
-            lost, low, high = True, before, ahead
-            for _ in range(HALVINGS):
+            if abs(way[k]) > PARALLEL:
+                one, two = limits[k, 0] / way[k], limits[k, 1] / way[k]
+                start, end = max(start, min(one, two)), min(end, max(one, two))
+                longest = min(longest, steps[1 + k] / abs(way[k]))
+            elif limits[k, 0] > 0.0 or limits[k, 1] < 0.0:
+                end = -np.inf
+        z[:] = 0.0
+        was = _value(*scene, hands, z, q, flat, lines, rho)
+        before, best, lost = 0.0, -np.inf, not start <= end
+        while before < end and not lost:
+            ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
+            if before < start < ahead:
+                ahead = start
+            z[:] = ahead * way
+            lost = not crossed and _lost(*scene, looks[0], hands, z, work)
+            low, high = before, ahead
+            for _ in range(halvings if lost else 0):
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
-                for k in range(2):
-                    z[k] = middle * way[k]
-                if path_faults(motion, parts1, parts2, tracked, signs, pairs, z, here, True, ints, reals, excess):
+                z[:] = middle * way
+                if _lost(*scene, looks[0], hands, z, work):
                     high = middle
                 else:
                     low = middle
-            ahead = low
-            for k in range(2):
-                z[k] = ahead * way[k]
-        value = _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho)
-        if ahead >= start:
-            best = max(best, -abs(value) if crossed else value)
-            met = was * value <= 0.0 if crossed else value >= 0.0
-            if met and ahead > 0.0:
-                low, high = before, ahead
-                for _ in range(HALVINGS if low >= start else 0):
-                    middle = 0.5 * (low + high)
-                    if not low < middle < high:
-                        break
-                    for k in range(2):
-                        z[k] = middle * way[k]
-                    there = _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho)
-                    if (was * there <= 0.0) if crossed else (there >= 0.0):
-                        high = middle
-                    else:
-                        low = middle
-                for k in range(2):
-                    z[k] = high * way[k]
-                wrong = path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess)
-                if wrong == 0:
-                    wrong = path_faults(
-                        motion, parts1, parts2, tracked, signs, pairs, z, finer, True, ints, reals, excess
-                    )
-                if wrong == 0:
-                    return high
-                if not crossed:
-                    return FAR * 2.0
-        if lost:
-            break
-        before, was = ahead, value
-    return FAR * (1.0 + min(-best, 1.0))
-
-
-@kernel
-def fan(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, count, cap):
-    """Return the merits of `count` directions all around; amounts beyond the least so far are not told apart."""
-    scene = (motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps)
-    merits = np.empty(count)
-    for k in range(count):
-        merits[k] = ray(*scene, 2.0 * math.pi * k / count, cap)
-        cap = min(cap, merits[k])
+            ahead = low if lost else ahead
+            z[:] = ahead * way
+            value = _value(*scene, hands, z, q, flat, lines, rho)
+            if ahead >= start and ahead > 0.0:
+                best = max(best, -abs(value) if crossed else value)
+                if was * value <= 0.0 if crossed else value >= 0.0:
+                    low, high = before, ahead
+                    for _ in range(HALVINGS if low >= start else 0):
+                        middle = 0.5 * (low + high)
+                        if not low < middle < high:
+                            break
+                        z[:] = middle * way
+                        there = _value(*scene, hands, z, q, flat, lines, rho)
+                        if was * there <= 0.0 if crossed else there >= 0.0:
+                            high = middle
+                        else:
+                            low = middle
+                    z[:] = high * way
+                    if not (_lost(*scene, looks[1], hands, z, work) or _lost(*scene, looks[2], hands, z, work)):
+                        merits[n], lost = high, True
+                        cap = min(cap, high)
+                    lost = lost or not crossed
+            before, was = ahead, value
+        if merits[n] >= FAR:
+            merits[n] = FAR * (1.0 + min(-best, 1.0))
     return merits
-
-
-@kernel
-def least(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, low, high, cap, fine):
-    """Return (merit, direction) of the least merit between two directions, by golden section, to within `fine`.
-
-    A window too narrow to have been seen is entered where what is missing becomes nothing.
-    """
-    scene = (motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps)
-    one, two = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
-    first, second = ray(*scene, one, cap), ray(*scene, two, cap)
-    best, at = np.inf, one
-    while high - low > fine:
-        if first < best:
-            best, at = first, one
-        if second < best:
-            best, at = second, two
-        if high - low < HOPELESS and best >= FAR:
-            break
-        if first <= second:
-            high, two, second = two, one, first
-            one = low + GOLDEN * (high - low)
-            first = ray(*scene, one, cap)
-        else:
-            low, one, first = one, two, second
-            two = high - GOLDEN * (high - low)
-            second = ray(*scene, two, cap)
-    return best, at

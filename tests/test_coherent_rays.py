@@ -1,0 +1,93 @@
+"""Least motions with two parameters whose coherent path ends before the least motion of its kind."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.coherence import contact_faults
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.stages import compiled, fan, polar
+from fcdm_opt.tolerance.stages.descent import descent
+from fcdm_opt.tolerance.task import Task
+from fcdm_opt.tolerances import DEFAULT
+
+EXAMPLE = Path(__file__).parents[1] / "problems" / "example1.toml"
+CASES = {case.name: case for case in fo.load_problems(EXAMPLE)}
+TOLERANCES = {  # before and beyond the tolerance from which on the least motion stands where coherence ends
+    "B": (0.03, 0.034, 0.0355, 0.036, 0.037, 0.038, 0.039, 0.041, 0.043, 0.045, 0.047, 0.049, 0.051, 0.054, 0.056),
+    "C": (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09),
+}
+WINDOW = 5e-4  # relative: how well motions at the end of a window, near parallel lines, are least
+
+
+def asked(name: str, tolerance: float) -> Problem:
+    return CASES[name].changed(tolerance=tolerance, published=None)
+
+
+@pytest.mark.parametrize("name", TOLERANCES)
+def test_the_least_motion_grows_with_the_tolerance(name: str) -> None:
+    """Beyond a larger target is beyond every smaller one."""
+    solutions = [fo.solve(asked(name, tolerance)) for tolerance in TOLERANCES[name]]
+    assert all(solution.usable for solution in solutions), [solution.status for solution in solutions]
+    amounts = np.array([solution.amount for solution in solutions])
+    assert (np.diff(amounts) > 0).all(), amounts
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("B", 0.036), ("B", 0.04), ("B", 0.05), ("C", 0.05)])
+def test_a_proved_bound_is_near(name: str, tolerance: float) -> None:
+    solution = fo.solve(asked(name, tolerance), certify=True)
+    assert solution.usable
+    assert (1.0 - WINDOW) * solution.amount <= solution.lower_bound <= solution.amount
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("B", 0.038), ("B", 0.05), ("C", 0.03)])
+def test_no_direction_has_a_smaller_motion(name: str, tolerance: float) -> None:
+    """By brute force: along each of many rays until the contact is lost, with the uncompiled test of the contact."""
+    problem = asked(name, tolerance)
+    task, amount = Task.of(problem), fo.solve(problem).amount
+    smaller, looked = [], 0
+    for angle in np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False) + 0.01:
+        for share in np.linspace(0.0, 1.0 - WINDOW, 25)[1:]:
+            q = share * amount * np.array([np.cos(angle), np.sin(angle)]) / task.weights
+            rho, pose, tracked = task.tracked_contact(q)
+            slack = DEFAULT.cut * task.size
+            if not (rho > 0).all() or contact_faults(task.movable, task.static, pose, rho, tracked, slack):
+                break
+            looked += 1
+            if ((rho - task.target) * task.signs >= 0).all():
+                smaller.append((angle, share))
+    assert looked > 100
+    assert not smaller
+
+
+def test_of_one_tracked_feature_rays_find_what_descent_finds() -> None:
+    """The target is brought onto one line; descent looks at fewer points of the path, and gains a little of that."""
+    task = Task.of(asked("C", 0.005))
+    for feature in task.tracked:
+        one = replace(task, tracked=(feature,), flush=(), goal="at")
+        rays = polar.polar(one)
+        found = descent(one)
+        assert rays is not None
+        assert rays.q is not None
+        assert found is not None
+        assert found.q is not None
+        assert one.amount(rays.q) == pytest.approx(one.amount(found.q), rel=WINDOW)
+
+
+def test_nothing_is_found_where_nothing_is() -> None:
+    solution = fo.solve(asked("B", 0.06))
+    assert not solution.status.found
+    assert solution.lower_bound > CASES["B"].size
+
+
+def test_the_cache_of_compiled_rays_is_renewed_with_what_they_call() -> None:
+    text = "".join(inspect.getsource(module) for module in (kernels, compiled))
+    assert hashlib.sha256(text.encode()).hexdigest().startswith(fan.KERNELS)
