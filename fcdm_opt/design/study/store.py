@@ -96,6 +96,8 @@ class Store:
             self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             stack.callback(self._base.close)
             self._prepare(owner)
+            self._fresh = self._base.execute("SELECT 1 FROM results LIMIT 1").fetchone() is None
+            self._written: set[int] = set()
             self._own = {path: _identity(path) for path in (self.path, folder / LOCK)}
             self._open = stack.pop_all()
 
@@ -108,7 +110,9 @@ class Store:
         self._open.close()
 
     def has(self, key: str) -> bool:
-        """Tell whether there is a row of this key."""
+        """Tell whether there is a row of this key; what this run did not write into a new store is not asked for."""
+        if self._fresh and hash(key) not in self._written:
+            return False
         return self._base.execute("SELECT 1 FROM results WHERE key = ?", (key,)).fetchone() is not None
 
     def write(self, points: Iterable[Met], rows: Iterable[Row]) -> None:
@@ -127,6 +131,7 @@ class Store:
             self._check_place()
             self._base.executemany("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", met)
             self._base.executemany("INSERT INTO results VALUES (?, ?, ?, ?, ?)", made)
+        self._written.update(hash(key) for key, *_ in made)
 
     def _check_place(self) -> None:
         """Refuse to go on where the files were taken away: what is written to them then is lost, or another run's."""
