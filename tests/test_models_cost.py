@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Translation, solve
+from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Translation, load_problems, solve
 from fcdm_opt.errors import InputError
 from fcdm_opt.measure.cost import models
 from fcdm_opt.measure.cost.models_picture import models_figure
@@ -15,6 +16,7 @@ from fcdm_opt.measure.cost.scenes import QUICK, names, overlapping, scene
 from fcdm_opt.measure.record import Load, Run
 from fcdm_opt.tolerance.solver import STAGES
 
+PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, RZ = Translation("x"), Translation("y"), Rotation("z")
 KEYS = {"variables", "constraints", *(f"{name}_{word}" for name in models.COUNTS for word in ("kept", "total"))}
 PAIR = 6 * 8 + 8 * 6 + 12 * 12  # of boxes: faces with vertices, and edges with edges
@@ -100,11 +102,13 @@ ASKED = {
     "largest displacement": problem(motion=X >> RZ, target=(1.2, 1.1), amount="displacement"),
     "whole steps": problem("clear", motion=X >> Y, target=(2.2, 1.0), resolution=0.03),
     "no motion": problem("clear", motion=X, target=(2.2, 1.0), limits={"TX": (0.0, 0.01)}),
+    "coherent up to the motion and no further": load_problems(PROBLEMS / "example1.toml")[1].changed(tolerance=0.04),
     "turns about all axes": problem(motion=X >> Y >> Translation("z") >> RZ, target=(1.2, 1.1), weights={"RZ": 1.0}),
 }
 
 
 SLOW = {(name, "branch and bound") for name in ("shift and turn", "largest displacement")}
+SLOW |= {("coherent up to the motion and no further", model) for model in ("nlp", "full")}
 
 
 @pytest.fixture(scope="module")
