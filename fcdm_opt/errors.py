@@ -37,7 +37,7 @@ class InputError(FcdmError, ValueError):
         place = ": ".join(str(part) for part in (file, key) if part is not None)
         text = f"{place}: {what}" if place else what
         if found is not None:
-            shown = repr(found)
+            shown = _shown(found)
             text += f"; found {shown if len(shown) <= 200 else shown[:197] + '...'}"
         if allowed:
             text += f"; allowed: {allowed}"
@@ -47,6 +47,13 @@ class InputError(FcdmError, ValueError):
         """Return the same error, placed in a file or below a key of an enclosing structure."""
         joined = ".".join(part for part in (key, self.key) if part) or None
         return InputError(self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed)
+
+
+def _shown(found: Any) -> str:
+    try:
+        return repr(found)
+    except ValueError:  # whole numbers of so many digits that Python does not write them
+        return f"{type(found).__name__} with too many digits"
 
 
 class UnsolvedError(FcdmError):

@@ -664,7 +664,7 @@ def _direction(axis: Any, key: str) -> tuple[float, ...]:
 def _point(values: Any, key: str) -> tuple[float, ...]:
     try:
         point = tuple(float(x) for x in values)
-    except (TypeError, ValueError) as reason:
+    except (TypeError, ValueError, OverflowError) as reason:
         raise InputError("expected three numbers", key=key, found=values) from reason
     if len(point) != 3 or not all(map(math.isfinite, point)):
         raise InputError("expected three finite numbers", key=key, found=values)

@@ -374,6 +374,8 @@ BAD_VERTICES = {
     "dates": (np.zeros((8, 3), "M8[s]"), "numbers"),
     "too large": (with_entry(1e60), "vertex 5: .*too large"),
     "an endless integer": ([*CUBE.tolist(), [0, 0, 10**400]], "vertex 9: .*numbers"),
+    "a masked entry": (np.ma.array(CUBE, mask=CUBE == 0), "numbers"),
+    "a masked row": ([*np.ma.array(CUBE, mask=CUBE == 0)], "vertex 1: .*numbers"),
     "beyond double precision": (CUBE * np.longdouble("1e4000"), "vertex [12]"),
     "a generator": ((x for x in CUBE), "numbers"),
     "a slab thinner than floats": (CUBE * [1, 1, 1e-13], "one plane"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -253,6 +254,29 @@ def test_a_clearance_is_named_where_the_keep_out_itself_leaves_room():
     assert found.relaxations == ()
     assert solve(relaxed(asked, "keep-out 'A': clearance", 0.1)).usable
     assert solve(relaxed(asked, "keep-out 'A': clearance", 0.1 - 1e-5)).status is Status.INFEASIBLE
+
+
+def test_where_answers_near_the_least_relaxation_tell_nothing_few_are_asked_for(monkeypatch: pytest.MonkeyPatch):
+    a, b = box((-9, -1, -1), (-1.1, 1, 1), "A"), box((1.3, -1, -1), (9, 1, 1), "B")  # as above
+    asked = clear(KeepOut(a, clearance=0.5), b, limits={"TX": (-3, 3)})
+    unsure = []
+
+    def solved(problem: Problem, **arguments: Any) -> Any:
+        solution = solve(problem, **arguments)
+        if solution.status is Status.INFEASIBLE and problem.keep_out and problem.keep_out[0].clearance < 0.401:
+            unsure.append(problem)
+            return replace(solution, status=Status.NOT_FOUND)
+        return solution
+
+    monkeypatch.setattr("fcdm_opt.design.whatif.search.solve", solved)
+    search = Search(asked)
+    own = next(own for own in search.constraints if own.name == "keep-out 'A': clearance")
+    search.alone(search.names)
+    least = search.least_relaxation(own)
+    assert 2 <= len(unsure) <= 5
+    assert least.failing < 0.1 <= least.by * (1 + 1e-8)
+    assert 1e-7 < least.by - least.failing < 1e-3
+    assert f"to within {(least.by - least.failing) / least.by:.1g} of it" in least.note
 
 
 def test_the_least_reduction_of_the_target_pairs_clearance():

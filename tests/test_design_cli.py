@@ -5,12 +5,16 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from fcdm_opt.cli import app
+from fcdm_opt.show.printing import console
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 STUDY = """
@@ -69,7 +73,24 @@ def test_a_wrong_study_is_refused_before_anything_is_written(
     code, _, errors = run("study", study, "--out", tmp_path / "out")
     assert code == 2
     assert words in errors
-    assert not (tmp_path / "out" / "study.sqlite").exists()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_study_that_is_not_there_leaves_no_folder(tmp_path: Path) -> None:
+    code, _, errors = run("study", tmp_path / "none.toml", "--out", tmp_path / "out")
+    assert code == 2
+    assert "none.toml" in errors
+    assert not (tmp_path / "out").exists()
+
+
+def test_closed_streams_swallow_what_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdout", None)
+    console().print("text")
+    monkeypatch.undo()
+    command = [sys.executable, "-c", "import fcdm_opt.cli as cli, os; cli.app = lambda **_: None; cli.main()\n"
+               "raise SystemExit(os.readlink('/proc/self/fd/1') != os.devnull)"]  # fmt: skip
+    if os.path.exists("/proc/self/fd"):
+        subprocess.run(command, check=True, preexec_fn=lambda: os.close(1))
 
 
 def test_the_store_of_another_study_is_refused(study: Path, tmp_path: Path) -> None:
@@ -78,6 +99,26 @@ def test_the_store_of_another_study_is_refused(study: Path, tmp_path: Path) -> N
     code, _, errors = run("study", study, "--out", tmp_path / "out", "--jobs", 1)
     assert code == 2
     assert "another study" in errors
+
+
+def test_a_case_with_a_target_has_a_pose_and_a_map_of_the_box_given(tmp_path: Path) -> None:
+    text = (PROBLEMS / "peg_tapered.toml").read_text()
+    path = tmp_path / "made.toml"
+    text = text[: text.index("[[case]]")].replace("tolerance = 0.01\n", "").replace("meshes", str(PROBLEMS / "meshes"))
+    path.write_text(text + '[[case]]\nname = "A"\ntarget = [1.0, 1.0]\n')
+    for command in (["pose", path], ["map", path, "--out", tmp_path]):
+        code, _, errors = run(*command)
+        assert code == 2
+        assert "--box LOW1,HIGH1,LOW2,HIGH2" in errors
+        code, text, _ = run(*command, "--box", "0.99,1.0,1.0,1.01", "--json")
+        (case,) = json.loads(text)[0]["cases"]
+        assert code == 0
+        box = case["map"]["box"] if "map" in case else case["as_drawn"]["box"]
+        assert box == [[0.99, 1.0], [1.0, 1.01]]
+        code, _, errors = run(*command, "--box", "0.99,1.0,1.0")
+        assert code == 2
+        assert "--box: not four numbers" in errors
+    assert run("pose", path, "--box", "0.9,1,1,1.1", "--sizes", path)[0] == 2
 
 
 def test_whatif_sets_any_key(tmp_path: Path) -> None:

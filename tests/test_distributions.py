@@ -141,6 +141,13 @@ def test_columns_of_a_file_are_read_in_the_order_asked_for_and_divided_by_their_
     assert Measured.from_csv(path, "peg").range == (9.99, 10.01)
 
 
+def test_blank_lines_before_the_names_are_skipped_and_rows_still_counted_from_the_first_line(tmp_path):
+    path = written(tmp_path, "\n , \r\npeg\n1.5\n")
+    np.testing.assert_array_equal(read_columns(path, ["peg"]), [[1.5]])
+    with pytest.raises(InputError, match=r"row 5.*nan"):
+        read_columns(written(tmp_path, "\n,\npeg\n1.5\nnan\n"), ["peg"])
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -11,7 +11,7 @@ import pytest
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion import Free, Rotation, Screw, Translation
-from fcdm_opt.tolerance.files import ProblemFile, load_problems
+from fcdm_opt.tolerance.files import LARGEST_FILE, ProblemFile, load_problems
 from fcdm_opt.tolerance.problem import Problem
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
@@ -367,6 +367,10 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="not a text file in UTF-8"):
         load_problems(tmp_path / "binary.toml")
+    with (tmp_path / "large.toml").open("wb") as file:
+        file.truncate(LARGEST_FILE + 1)  # nothing but zeros, as a device that has no end
+    with pytest.raises(InputError, match=r"large\.toml: the file is too large"):
+        load_problems(tmp_path / "large.toml")
 
 
 def test_body_errors_of_another_file_name_that_file(tmp_path: Path) -> None:

@@ -167,6 +167,18 @@ def test_a_change_drops_what_says_the_same_in_another_way(tmp_path: Path) -> Non
     screw = {"motion": [{"screw": "seeds", "pitch": "free"}], "limits": None}
     pitched = one.changed(screw).changed({"motion[1].pitch_per_deg": 1.0})
     assert pitched.case["motion"] == [{"screw": "seeds", "pitch_per_deg": 1.0}]
+    screws = {
+        "motion": [{"screw": "seeds", "pitch_per_rad": 1.0}, {"screw": "seeds", "pitch_per_deg": 1.0}],
+        "limits": None,
+    }
+    places = {"motion[1].pitch_per_deg": 0.5, "motion[2].pitch_per_rad": 2.0}
+    pitched = one.changed(screws).changed(places)
+    assert pitched.case["motion"] == [
+        {"screw": "seeds", "pitch_per_deg": 0.5},
+        {"screw": "seeds", "pitch_per_rad": 2.0},
+    ]
+    varied = Study(one.changed(screws), {tuple(places): [(0.5, 2.0), (1.0, 3.0)]})
+    assert [point.error for point in varied.points()] == ["", ""]
     both = one.changed({"target": [1.0, 1.0], "tolerance": 0.1, "requirement": "A"})
     with pytest.raises(InputError, match="exactly one of requirement and target"):
         both.problem()

@@ -255,6 +255,15 @@ def test_a_lost_worker_costs_the_one_point_that_loses_it_twice(
     assert "noise" not in capfd.readouterr().err
 
 
+def test_no_more_processes_are_started_than_there_are_chunks() -> None:
+    point = ["key", "scene", {}]
+    with LocalEngine(9, work=fragile, load=nothing) as engine:
+        found = list(engine.run({"time_limit": None, "points": [point]} for _ in range(2)))
+        assert len(engine._pool) == 2
+        found += engine.run(iter(()))
+    assert [[own["key"] for own in rows] for _, rows in found] == [["key"], ["key"]]
+
+
 class _Listed:
     """A study of points that are no questions."""
 

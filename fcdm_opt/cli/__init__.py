@@ -5,6 +5,7 @@ Nothing heavy is imported before it is needed: `--help` loads no numerical libra
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -56,6 +57,9 @@ for _name, _command in (
 
 def main() -> None:
     """Entry point of the command `fcdm-opt`."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed: what is printed goes nowhere, and never into the next file opened
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # names in any script, on terminals of any
             stream.reconfigure(errors="backslashreplace")

@@ -39,6 +39,14 @@ Sizes = Annotated[
     Path | None,
     typer.Option("--sizes", metavar="CSV", help="Measured pairs of parts; default: the tolerance box."),
 ]
+SizeBox = Annotated[
+    str | None,
+    typer.Option(
+        "--box",
+        metavar="LOW1,HIGH1,LOW2,HIGH2",
+        help="Sizes of both parts as shares of those drawn, in place of the tolerance box.",
+    ),
+]
 Columns = Annotated[
     str, typer.Option("--columns", metavar="A,B", help="Its columns with the movable and the static part's sizes.")
 ]
@@ -68,8 +76,6 @@ def study_command(
     from fcdm_opt.design.study.running import run_study
     from fcdm_opt.show.design_tables import print_study
 
-    pictures = album_in(out)
-    assert pictures is not None
     with refusals():
         result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
         result.to_csv(out / "study.csv")
@@ -77,6 +83,8 @@ def study_command(
         if parquet:
             result.to_parquet(out / "study.parquet")
             say(f"wrote {out / 'study.parquet'}")
+    pictures = album_in(out)
+    assert pictures is not None
     pictures.add_study("study", result)
     if not as_json:
         print_study(result)
@@ -153,6 +161,7 @@ def map_command(
         float | None,
         typer.Option("--budget", metavar="AMOUNT", help="Tell the share of pairs whose motion stays within it."),
     ] = None,
+    box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
     nominals: Nominals = "1,1",
@@ -166,11 +175,13 @@ def map_command(
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.show import design_tables as tables
 
+    with refusals():
+        covered = None if box is None else _box(box)
     pictures = album_in(out)
     assert pictures is not None
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        found = compensation_map(problem, error=error, jobs=jobs or 1)
+        found = compensation_map(problem, box=covered, error=error, jobs=jobs or 1)
         stem = pictures.add_map(f"{file.path.stem}-{problem.name}", f"{file.name}: case {problem.name}", found)
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
@@ -193,6 +204,7 @@ def pose_command(
             "--clearance", metavar="LO,HI", help="Smallest motion after which every pair's gap is in this window."
         ),
     ] = None,
+    box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
     nominals: Nominals = "1,1",
@@ -205,15 +217,19 @@ def pose_command(
     from fcdm_opt.show import design_tables as tables
 
     with refusals():
+        if box is not None and sizes is not None:
+            raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
+        within = None if box is None else _box(box)
         ends = None if window is None else _two(window, "--clearance")
         pairs = None if sizes is None else _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        yield "as drawn", clearances(problem, sizes=pairs), tables.print_clearances
-        best = best_pose(problem, sizes=pairs, clearance=ends)
+        yield "as drawn", clearances(problem, sizes=pairs, box=within), tables.print_clearances
+        best = best_pose(problem, sizes=pairs, box=within, clearance=ends)
         yield "best pose", best, tables.print_best_pose
         if best.transform is not None:
-            yield "at the best pose", clearances(problem, sizes=pairs, pose=best.transform), tables.print_clearances
+            made = clearances(problem, sizes=pairs, box=within, pose=best.transform)
+            yield "at the best pose", made, tables.print_clearances
 
     _each_case(files, case, as_json, asked)
 
@@ -306,13 +322,27 @@ def _amount(text: str) -> float | None:
 
 
 def _two(text: str, key: str) -> tuple[float, float]:
-    try:
-        low, high = map(float, text.split(","))
-    except ValueError:
-        low = high = math.nan
-    if math.isnan(low) or math.isnan(high):
+    numbers = _numbers(text)
+    if len(numbers) != 2:
         raise InputError("not two numbers", key=key, found=text, allowed="two numbers with a comma between, as 0.1,0.3")
-    return low, high
+    return numbers[0], numbers[1]
+
+
+def _box(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    numbers = _numbers(text)
+    if len(numbers) != 4:
+        allowed = "LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01"
+        raise InputError("not four numbers", key="--box", found=text, allowed=allowed)
+    return (numbers[0], numbers[1]), (numbers[2], numbers[3])
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers of a text with commas between, none where one of them is no number."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
+    return [] if any(map(math.isnan, numbers)) else numbers
 
 
 def _pairs(path: Path, columns: str, nominals: str) -> Any:

@@ -183,7 +183,7 @@ def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[fl
     """Read measured sizes from a CSV file.
 
     The file is text in UTF-8 with comma-separated columns and decimal points; its first line names the columns. Lines
-    with nothing in them are skipped.
+    with nothing in them are skipped, before it too.
 
     Parameters
     ----------
@@ -216,13 +216,10 @@ def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[fl
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:  # -sig: spreadsheets begin a text with a mark
             rows = csv.reader(stream, strict=True)
-            header = [name.strip() for name in next(rows, [])]
+            filled = (row for row in rows if any(cell.strip() for cell in row))
+            header = [name.strip() for name in next(filled, [])]
             places = [_place(header, column, shown) for column in columns]
-            table = [
-                [_size(row, place, header, rows.line_num, shown) for place in places]
-                for row in rows
-                if any(cell.strip() for cell in row)
-            ]
+            table = [[_size(row, place, header, rows.line_num, shown) for place in places] for row in filled]
     except OSError as reason:
         raise InputError("the file cannot be read", file=shown, found=reason.strerror) from reason
     except UnicodeDecodeError as reason:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -47,7 +47,14 @@ def look_up(tables: Any, place: Place) -> Any:
     return value
 
 
-def put(tables: Any, place: Place, value: Any, *, dropped: Callable[[str], Iterable[str]] = lambda key: ()) -> Any:
+def put(
+    tables: Any,
+    place: Place,
+    value: Any,
+    *,
+    dropped: Callable[[str], Iterable[str]] = lambda key: (),
+    kept: Container[Place] = (),
+) -> Any:
     """Return a copy of tables with a value at a place; what lies beside the place is shared, not copied.
 
     Parameters
@@ -59,16 +66,23 @@ def put(tables: Any, place: Place, value: Any, *, dropped: Callable[[str], Itera
         None takes the key away.
     dropped : callable
         Which keys of the same table each key of the place excludes.
+    kept : container of tuple
+        Places that are not dropped for all that.
 
     Raises
     ------
     InputError
         Names the place where the way to it ends.
     """
-    return _put(tables, place, 0, value, dropped)
+    others = {
+        k: [key for key in dropped(item) if (*place[:k], key) not in kept]
+        for k, item in enumerate(place)
+        if isinstance(item, str)
+    }
+    return _put(tables, place, 0, value, others)
 
 
-def _put(tables: Any, place: Place, k: int, value: Any, dropped: Callable[[str], Iterable[str]]) -> Any:
+def _put(tables: Any, place: Place, k: int, value: Any, dropped: Mapping[int, Iterable[str]]) -> Any:
     item, last = place[k], k + 1 == len(place)
     _check(tables, place, k)
     if isinstance(item, int):
@@ -76,7 +90,7 @@ def _put(tables: Any, place: Place, k: int, value: Any, dropped: Callable[[str],
         rows[item] = value if last else _put(rows[item], place, k + 1, value, dropped)
         return rows
     table = dict(tables)
-    for other in dropped(item):
+    for other in dropped[k]:
         table.pop(other, None)
     if not last:
         below = place[k + 1]

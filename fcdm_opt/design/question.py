@@ -333,13 +333,13 @@ class Question:
         """
         scene, case = self.scene, self.case
         places = {parse(text): value for text, value in values.items()}
-        together = {item for place in places for item in place}
+        together = {place[: k + 1] for place in places for k in range(len(place))}
         for place, value in places.items():
             given = plain_value(value)
             if place[0] == "bodies" or (place[0] == "keep_out" and len(place) > 1):
                 scene = scene.with_value(place, given)
             else:
-                case = put(case, place, given, dropped=lambda key: [k for k in excluded(key) if k not in together])
+                case = put(case, place, given, kept=together, dropped=excluded)
         return Question(scene, case)
 
     def drawn(self) -> Question:

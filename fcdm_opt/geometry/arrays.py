@@ -18,6 +18,9 @@ LARGEST = 1e50  # of any coordinate: volumes stay finite
 def numbers(values: Any, key: str) -> Array:
     """Return an array of real numbers; raise `InputError` for anything else, and for magnitudes whose cube is lost."""
     try:
+        given = [values, *values] if isinstance(values, list | tuple) else [values]
+        if any(isinstance(x, np.ma.MaskedArray) and np.ma.is_masked(x) for x in given):
+            raise TypeError  # what lies below a mask is no value
         raw = np.asarray(values)
         mixed = raw.dtype.kind == "O"
         if raw.dtype.kind not in "biufO" or (mixed and any(isinstance(x, str | bytes) for x in raw.flat)):

@@ -14,7 +14,8 @@ def console(*, stderr: bool = False) -> Any:
     """Return a rich console; wide enough for everything where it is not a terminal."""
     from rich.console import Console
 
-    terminal = (sys.stderr if stderr else sys.stdout).isatty()
+    stream = sys.stderr if stderr else sys.stdout
+    terminal = stream is not None and stream.isatty()  # None: it was closed before the start
     return Console(
         stderr=stderr,
         width=None if terminal else PIPED_WIDTH,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -16,8 +17,10 @@ LARGEST = 1e30  # of any number: sums and products of lengths, weights and scale
 
 
 def is_real(value: Any) -> bool:
-    """Tell whether a value is a number: no truth value, no text."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    """Tell whether a value is a number, and no larger than any float: no truth value, no text."""
+    if isinstance(value, int):
+        return not isinstance(value, bool) and value.bit_length() < sys.float_info.max_exp
+    return isinstance(value, float | np.integer | np.floating)
 
 
 def real(value: Any, key: str, allowed: str, passes: Any = lambda x: True) -> float:

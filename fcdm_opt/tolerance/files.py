@@ -43,6 +43,7 @@ from fcdm_opt.tolerance.schema import (
 from fcdm_opt.tolerances import DEFAULT
 
 Read = TypeVar("Read", bound=Entry)
+LARGEST_FILE = 2**26  # bytes: more than any file that is written as text; a device has no end
 
 # ----------------------------------------------------------------------------------------------------------- cases
 
@@ -351,11 +352,19 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
     """Return the checked contents of a TOML file; `kind` and `needed` say what it is and must have."""
     file = Path(path)
     try:
-        data = tomllib.loads(file.read_bytes().decode("utf-8-sig"))  # some editors begin a file with a mark
+        with file.open("rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise InputError(
+                "the file is too large", file=file, allowed=f"a {kind} (TOML) of at most {LARGEST_FILE} bytes"
+            )
+        data = tomllib.loads(content.decode("utf-8-sig"))  # some editors begin a file with a mark
     except tomllib.TOMLDecodeError as reason:
         raise InputError(f"not valid TOML: {reason}", file=file) from reason
     except UnicodeDecodeError as reason:
         raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
+    except InputError:
+        raise
     except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
         raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
     except OSError as reason:

@@ -22,6 +22,7 @@ from fcdm_opt.design.compensation.table import MapPoints, Table, write
 from fcdm_opt.design.compensation.ways import Way
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.tolerance.arguments import is_real
 from fcdm_opt.tolerance.problem import Problem
 
 BUDGET = 20_000
@@ -280,9 +281,9 @@ def compensation_map(
     for key, value, least in (("budget", budget, 1), ("jobs", jobs, 1)):
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise InputError("not a number of these", key=key, found=value, allowed="1, 2, ...")
-    if error is not None and not (isinstance(error, (int, float)) and math.isfinite(error) and error > 0):
+    if error is not None and not (is_real(error) and math.isfinite(error) and error > 0):
         raise InputError("not a length", key="error", found=error, allowed="a finite number > 0, or None")
-    if not (isinstance(seconds, (int, float)) and seconds > 0):
+    if not (is_real(seconds) and seconds > 0):
         raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
     nodes = Nodes(problem, made, budget, jobs, seconds)
     while True:

@@ -214,6 +214,7 @@ def covered(problem: Problem, box: Any) -> Array:
     allowed = "((low_1, high_1), (low_2, high_2)) with 0 < low < high"
     if box is None:
         if problem.tolerance is None:
+            allowed += "; on the command line --box LOW1,HIGH1,LOW2,HIGH2"
             raise InputError("neither a box nor a tolerance says which sizes to cover", key="box", allowed=allowed)
         minus, plus = problem.tolerance.T
         made = np.column_stack([problem.nominal_pair * (1.0 - minus), problem.nominal_pair * (1.0 + plus)])

@@ -75,7 +75,8 @@ def tolerance_box(problem: Problem) -> Array:
         raise InputError(
             "the problem has no tolerance, so no box of sizes follows from it",
             key="box",
-            allowed="box=((low_1, high_1), (low_2, high_2)), sizes=..., or a problem with a tolerance",
+            allowed="a problem with a tolerance, a box ((low_1, high_1), (low_2, high_2)), or sizes; "
+            "on the command line --box LOW1,HIGH1,LOW2,HIGH2 or --sizes CSV",
         )
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * np.array([-1.0, 1.0]))
     return _box(ends, "tolerance")

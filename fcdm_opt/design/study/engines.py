@@ -11,8 +11,10 @@ import sys
 import threading
 import time
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from itertools import islice
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -98,7 +100,7 @@ class LocalEngine:
     Parameters
     ----------
     jobs : int
-        How many processes.
+        How many processes at most: there are no more than chunks.
     work : callable
         Rows from a payload; a function of a module, which workers import.
     load : callable
@@ -112,7 +114,7 @@ class LocalEngine:
 
     @property
     def workers(self) -> int:
-        """How many processes."""
+        """How many processes at most."""
         return self._jobs
 
     def __enter__(self) -> Self:
@@ -128,21 +130,21 @@ class LocalEngine:
     def run(self, chunks: Iterable[Payload]) -> Iterator[Outcome]:
         """Yield each chunk with its rows, see `Engine`; nothing is started where there is none."""
         source = iter(chunks)
-        ahead = next(source, None)  # worked out while the workers are busy
-        if ahead is None:
+        ahead = deque(islice(source, self._jobs))  # one for each worker, then one while they are busy
+        if not ahead:
             return
         fresh = not self._pool
-        self._pool = self._pool or [_Worker(self._work, self._load) for _ in range(self._jobs)]
+        self._pool += [_Worker(self._work, self._load) for _ in range(len(ahead) - len(self._pool))]
         idle = self._pool[:1] if fresh else list(self._pool)
         later = {worker.started: worker for worker in self._pool[len(idle) :]}
         under_way: dict[Future[Any], tuple[_Worker, Payload]] = {}
         outcomes: list[Outcome] = []
         loading: set[Future[Any]] = set(later)
         while True:
-            while idle and ahead is not None:
-                worker = idle.pop()
-                under_way[worker.ask(ahead)] = worker, ahead
-                ahead = next(source, None)
+            while idle and ahead:
+                worker, payload = idle.pop(), ahead.popleft()
+                under_way[worker.ask(payload)] = worker, payload
+                ahead.extend(islice(source, 0 if ahead else 1))
             yield from outcomes
             if not under_way:
                 return

@@ -50,7 +50,7 @@ class Relaxation:
     unit : "length", "radian", "halvings" or ""
     failing : float
         Largest relaxation that is known not to do; `by` is above it by `Tolerances.requirement`, relative, or what the
-        judge lets pass.
+        judge lets pass; by more, which `note` tells, where answers in between are neither motions nor proofs.
     impossible : float
         Largest relaxation that is proved not to do; infinite where it is proved that the constraint cures nothing, nan
         where nothing is proved. Close to the least one, proofs take too long.

@@ -34,6 +34,7 @@ MOST_ROUNDS = 4  # of narrowing in, where the solver missed a motion
 FINE = 1e-6  # share of a deviation to which the largest that can be made good is narrowed in: it is sampled anyhow
 ENOUGH = 1.01  # times the width that a bracket is to have: a look that far below settles it in spite of rounding
 GALLOP = 8.0  # how fast the steps grow down to a relaxation that does not do
+COARSER = 100.0  # how fast the width of a bracket grows that is enough, where answers are neither motions nor proofs
 SHARES = 8  # of the deviation from nominal that are tried before the largest that can be made good is narrowed in
 
 
@@ -183,6 +184,7 @@ class Search:
         step = near = max(fuzz if nearest is not None else fuzz / 2.0, DEFAULT.requirement * high)
         if nearest is None and high >= own.most:
             step = math.inf
+        first, unsure = near, False
         for _ in range(MOST_ROUNDS):
             while high - low > ENOUGH * near:
                 by = max(high - step, (low + high) / 2.0)
@@ -195,8 +197,8 @@ class Search:
                     low, step = by, math.inf
                     if solution.status is Status.INFEASIBLE:
                         impossible = by
-                    else:
-                        near = max(near, fuzz)  # nearer than this it cannot be told any more, at a high price
+                    else:  # nearer than this it cannot be told any more, and each such answer takes seconds
+                        near, unsure = max(near * COARSER if unsure else near, fuzz), True
             if impossible >= (1.0 - PROVABLE) * low:
                 break
             by = (1.0 - PROVABLE) * high
@@ -214,8 +216,10 @@ class Search:
                 if solution.usable:
                     best, high = solution, by
                     break
+        coarse = near > max(first, fuzz) and high > low
+        note = f"to within {(high - low) / high:.1g} of it: nearer there is no proof" if coarse else ""
         return replace(
-            common, by=high, value=own.relaxed_value(high), failing=low, impossible=impossible, solution=best
+            common, by=high, value=own.relaxed_value(high), failing=low, impossible=impossible, solution=best, note=note
         )
 
     def _fuzz(self, own: Constraint) -> float:
