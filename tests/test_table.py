@@ -314,3 +314,14 @@ def test_arrays_are_read_only_and_the_line_about_it_is_short():
     for key in ("corners", "values", "errors", "regions"):
         assert not getattr(own, key).flags.writeable
     assert repr(own) == "Table(8 triangles over [0.96875, 1.03125] x [0.984375, 1.01562])"
+
+
+def test_what_is_written_can_be_read_by_those_who_may(tmp_path):
+    """Written files had the rights of temporary ones: nobody else could read them."""
+    drawn = table(squares(3), *QUADRATICS)
+    before = os.umask(0o022)
+    try:
+        drawn.to_json(tmp_path / "table.json")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "table.json").stat().st_mode & 0o777 == 0o644

@@ -2,5 +2,10 @@
 
 distributions    what sizes and other numbers are drawn from
 proportion       how well a share is known from a count
+places           a place in plain tables, as studies and files name keys of a problem
+question         a problem as plain tables: any key can be changed
+study/           many questions at once, in a file or in Python
+whatif/          questions beside a question: what changes, what clashes, what costs how much
 compensation/    the smallest motion as a function of the actual sizes, and the yield it gives
+fixed_pose/      one pose for all pairs of parts, and their clearances there
 """

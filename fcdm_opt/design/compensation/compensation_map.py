@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 from fcdm_opt.design.compensation.building import SHORTEST, Building
 from fcdm_opt.design.compensation.mesh import Mesh
 from fcdm_opt.design.compensation.nodes import Nodes, covered
-from fcdm_opt.design.compensation.table import MapPoints, Table, write
+from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.compensation.ways import Way
+from fcdm_opt.design.moved_files import write
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.arguments import is_real

@@ -6,8 +6,6 @@ import csv
 import io
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.design.moved_files import write
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.tolerances import DEFAULT
@@ -372,20 +371,3 @@ def _with_nan(values: Any) -> Any:
     if isinstance(values, list):
         return [_with_nan(value) for value in values]
     return math.nan if values is None else values
-
-
-def write(path: str | Path, text: str) -> None:
-    """Write a text file under another name, then move it."""
-    try:
-        path = Path(path)
-        handle, other = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with open(handle, "w", encoding="utf-8", newline="") as stream:
-                stream.write(text)
-            os.replace(other, path)
-        except BaseException:
-            os.unlink(other)
-            raise
-    except (OSError, TypeError, ValueError) as reason:
-        what = getattr(reason, "strerror", None) or str(reason)
-        raise InputError(f"the file cannot be written: {what}", file=repr(str(path))) from reason

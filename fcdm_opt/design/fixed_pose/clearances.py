@@ -22,7 +22,7 @@ BINS = 50
 CONFIDENCE = 0.95
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class EndOfRange:
     """An extreme gap of the tolerance box.
 

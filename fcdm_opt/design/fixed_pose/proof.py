@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.cells import Search, least_amount
+from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.sizes import Sizes
@@ -207,7 +207,8 @@ class _Examiner:
         own, least = self.evidence, np.inf
         bare = np.diff(own.first) == 0
         for row in np.flatnonzero(bare).tolist():
-            reached = least_amount(self.worst.problem.weights, low[row], high[row]) if amounts else -np.inf
+            nearest = np.maximum(np.maximum(low[row], -high[row]), 0.0)  # to rest, of each parameter
+            reached = float(np.linalg.norm(self.worst.problem.weights * nearest)) if amounts else -np.inf
             least = min(least, reached * ROUNDS - bound)
         asked = 0.0 if amounts else bound
         rows = np.flatnonzero(~bare)

@@ -9,7 +9,7 @@ import os
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -17,10 +17,12 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from fcdm_opt.design.moved_files import moved
 from fcdm_opt.design.proportion import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
 from fcdm_opt.errors import InputError
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -155,7 +157,7 @@ class StudyResult:
         found = [row for key, _ in self.points if (row := self._answer(key))]
         if budget is None or not found:
             return None
-        within = sum(row["usable"] and row["amount"] <= budget for row in found)
+        within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
         interval = proportion_interval(within, len(found), CONFIDENCE)
         return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
 
@@ -246,7 +248,7 @@ class StudyResult:
         InputError
             Where the file cannot be written; then there is none.
         """
-        with _moved(path) as other, other.open("w", encoding="utf-8", newline="") as file:
+        with moved(path) as other, other.open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(self._columns)
             table.writerows(zip(*self._columns.values(), strict=True))
@@ -261,7 +263,7 @@ class StudyResult:
         """
         _extra("pyarrow")
         frame = self.frame()
-        with _moved(path) as other:
+        with moved(path) as other:
             frame.to_parquet(other, engine="pyarrow", index=False)
 
     @cached_property
@@ -398,30 +400,3 @@ def _extra(name: str) -> Any:
     except ImportError as reason:
         what = f"{name} cannot be loaded ({reason}); install it with pip install 'fcdm_opt[tables]'"
         raise InputError(what, key="StudyResult") from reason
-
-
-@contextmanager
-def _moved(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a name to write to, and move it to the wanted one when all is written; a file that fails is taken away."""
-    path = Path(path)
-    try:
-        if path.exists() and not path.is_file():  # a device, say, that a file must not take the place of
-            raise InputError("no file, and none is put in its place", file=path, allowed="a file in a folder")
-        other = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            yield other
-            os.replace(other, path)
-        except BaseException:
-            with suppress(OSError):
-                other.unlink()
-            raise
-    except (OSError, ValueError) as reason:  # a path with a null, say
-        if isinstance(reason, InputError):
-            raise
-        found = getattr(reason, "strerror", None) or str(reason)
-        raise InputError(
-            "the file cannot be written",
-            file=repr(str(path)) if "\0" in str(path) else path,
-            found=found,
-            allowed="a file in a folder",
-        ) from reason

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.design.whatif.clashes import plain
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.tolerance.problem import Problem
@@ -88,7 +89,7 @@ class Row:
         return math.nan if self.solution is None else self.solution.amount
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row as plain data; nan becomes None."""
+        """Return the row as plain data; nan becomes None and infinity "inf"."""
         found = self.solution
         return {
             "family": self.name,
@@ -99,7 +100,7 @@ class Row:
             "status": self.status,
             "usable": self.usable,
             "amount": None if math.isnan(self.amount) else self.amount,
-            "lower_bound": None if found is None else _plain(found.lower_bound),
+            "lower_bound": None if found is None else plain(found.lower_bound),
             "pair_state": "" if found is None else found.pair_state,
             "dropped": list(self.dropped),
             "tied": list(self.tied),
@@ -269,8 +270,3 @@ def _checked(rows: list[Row]) -> dict[str, str]:
             best = min(cheaper, key=lambda other: other.amount)
             notes[name] = f"not the least: {best.name!r}, which is part of it, has a motion of amount {best.amount:.6g}"
     return notes
-
-
-def _plain(x: float) -> float | str | None:
-    """Return a number as JSON has it."""
-    return None if np.isnan(x) else float(x) if np.isfinite(x) else str(float(x))

@@ -95,7 +95,7 @@ def _discrete(old: Problem, new: Problem) -> Told:
         one, two = getattr(old, name), getattr(new, name)
         if name == "requirement" and None in (one, two):  # the same pair, given in another way: see the target
             continue
-        if not _same(one, two):
+        if not same(one, two):
             yield name, NAN, f"{name} is another: no derivative by it"
     if isinstance(old.nominal, int) and isinstance(new.nominal, int) and old.nominal != new.nominal:
         yield "nominal", NAN, "another switching point: no derivative by its number"
@@ -143,7 +143,7 @@ def _pair(old: Problem, new: Problem, found: Sensitivity) -> Told:
         yield _told("tolerance", found.tolerance, np.subtract(new.tolerance, old.tolerance))
     if np.array_equal(old.nominal_pair, new.nominal_pair) or isinstance(new.nominal, int):
         return
-    if old.goal in TRACKING and _same(old.request["nominal"], new.request["nominal"]):
+    if old.goal in TRACKING and same(old.request["nominal"], new.request["nominal"]):
         if not isinstance(new.nominal_contact, SwitchingPoint):
             yield "nominal", NAN, "the nominal pair was closed to another point of the curve"
         return
@@ -261,7 +261,8 @@ def _same_body(one: Body, two: Body) -> bool:
     )
 
 
-def _same(one: Any, two: Any) -> bool:
+def same(one: Any, two: Any) -> bool:
+    """Tell whether two arguments of a problem are the same."""
     if one is two:
         return True
     if isinstance(one, np.ndarray) or isinstance(two, np.ndarray):

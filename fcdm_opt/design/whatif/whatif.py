@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.whatif.clashes import plain
-from fcdm_opt.design.whatif.prediction import Prediction, prediction
+from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.errors import InputError
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution
@@ -129,7 +129,7 @@ def whatif(problem: Problem | Solution, other: Problem | None = None, /, **chang
     elif changes or not isinstance(other, Problem):
         found = ", ".join(changes) or type(other).__name__
         raise InputError("not one way to say what changes", key="other", found=found, allowed="a Problem, or changes")
-    names = tuple(changes) or tuple(name for name in ARGUMENTS if asked.request[name] != other.request[name])
+    names = tuple(changes) or tuple(name for name in ARGUMENTS if not same(asked.request[name], other.request[name]))
     times = [perf_counter()]
     before = problem if isinstance(problem, Solution) else solve(problem)
     times.append(perf_counter())

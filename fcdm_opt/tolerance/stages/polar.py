@@ -86,7 +86,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
         merits: Array = fan.fan(*given, angles, cap, halvings)
         return merits
 
-    angles = np.arange(count) * width
+    angles: Array = np.arange(count, dtype=np.float64) * width
     cap = min(cap, float(merits_of(angles[::COARSE], ROUGH).min()))
     merits = merits_of(angles, ROUGH)
     lowest = np.flatnonzero((merits <= np.roll(merits, 1)) & (merits <= np.roll(merits, -1)))
