@@ -157,6 +157,9 @@ def map_command(
             "--error", metavar="LENGTH", help="Error of the amount that is allowed; default: 1e-4 of the largest."
         ),
     ] = None,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="S", help="Time after which a map is left as accurate as it is.")
+    ] = 120.0,
     budget: Annotated[
         float | None,
         typer.Option("--budget", metavar="AMOUNT", help="Tell the share of pairs whose motion stays within it."),
@@ -181,7 +184,7 @@ def map_command(
     assert pictures is not None
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        found = compensation_map(problem, box=covered, error=error, jobs=jobs or 1)
+        found = compensation_map(problem, box=covered, error=error, seconds=seconds, jobs=jobs or 1)
         stem = pictures.add_map(f"{file.path.stem}-{problem.name}", f"{file.name}: case {problem.name}", found)
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")

@@ -211,10 +211,13 @@ class CompensationMap:
     def read(cls, path: str | Path) -> CompensationMap:
         """Read what `to_json` wrote; raises `InputError` naming the file."""
         try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as reason:
-            raise InputError(f"the file cannot be read: {reason.strerror}", file=path) from reason
-        except ValueError as reason:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, TypeError, ValueError) as reason:
+            what = getattr(reason, "strerror", None) or str(reason)
+            raise InputError(f"the file cannot be read: {what}", file=repr(str(path))) from reason
+        try:
+            data = json.loads(text)
+        except (ValueError, RecursionError) as reason:
             raise InputError(f"not JSON: {str(reason)[:100]}", file=path) from reason
         try:
             return cls.from_dict(data)

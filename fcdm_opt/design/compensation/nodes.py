@@ -14,6 +14,7 @@ import numpy as np
 
 from fcdm_opt.design.compensation.answers import Node, Question, node_at, nodes_at
 from fcdm_opt.design.compensation.ways import MOTIONLESS, NOTHING, Way
+from fcdm_opt.design.sizes import size_box, tolerance_box
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.problem import Problem
@@ -211,20 +212,9 @@ def covered(problem: Problem, box: Any) -> Array:
             found=problem.resolution.tolist(),
             allowed="a problem without resolution",
         )
-    allowed = "((low_1, high_1), (low_2, high_2)) with 0 < low < high"
-    if box is None:
-        if problem.tolerance is None:
-            allowed += "; on the command line --box LOW1,HIGH1,LOW2,HIGH2"
-            raise InputError("neither a box nor a tolerance says which sizes to cover", key="box", allowed=allowed)
-        minus, plus = problem.tolerance.T
-        made = np.column_stack([problem.nominal_pair * (1.0 - minus), problem.nominal_pair * (1.0 + plus)])
-    else:
-        try:
-            made = np.array(box, dtype=float)
-        except (TypeError, ValueError) as reason:
-            raise InputError("not a box of sizes", key="box", found=box, allowed=allowed) from reason
-    if made.shape != (2, 2) or not np.isfinite(made).all() or made.min() <= 0 or (made[:, 0] >= made[:, 1]).any():
-        raise InputError("not a box of sizes", key="box", found=made.tolist(), allowed=allowed)
+    made = tolerance_box(problem) if box is None else size_box(box, "box")
     if (np.ptp(made, axis=1) <= DEFAULT.snap * made[:, 1]).any():
-        raise InputError("a box this narrow has no map", key="box", found=made.tolist(), allowed=allowed)
+        raise InputError(
+            "a box this narrow has no map", key="box", found=made.tolist(), allowed="low < high, for both sizes"
+        )
     return made

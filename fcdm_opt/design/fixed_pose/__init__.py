@@ -3,7 +3,6 @@
 clearances    range and distribution of the gap over all sizes, without any re-positioning
 best_pose     the pose whose worst gap is least, or the smallest motion that keeps all gaps in a window, with proof
 
-sizes         which size pairs are spoken of: a box, a list, a distribution
 scene         two bodies at a pose: their contact lines, and the extremes of the gap over all sizes
 worst         what is made small: how far the worst gap is off
 local_search  a pose that is as good as those about it

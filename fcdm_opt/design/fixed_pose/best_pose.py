@@ -13,8 +13,8 @@ from fcdm_opt.design.fixed_pose.clearances import EndOfRange
 from fcdm_opt.design.fixed_pose.local_search import Found, better, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import Scene
-from fcdm_opt.design.fixed_pose.sizes import Sizes, worst_sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
+from fcdm_opt.design.sizes import Sizes, worst_sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance import arguments

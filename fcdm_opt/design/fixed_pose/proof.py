@@ -18,8 +18,8 @@ import numpy as np
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
 from fcdm_opt.design.fixed_pose.scene import Scene
-from fcdm_opt.design.fixed_pose.sizes import Sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
+from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.proof.intervals import Interval, Program

@@ -19,7 +19,7 @@ from fcdm_opt.curve import kernels as curve_kernels
 from fcdm_opt.curve.contact import located, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.fixed_pose import gaps as kernels
-from fcdm_opt.design.fixed_pose.sizes import Sizes
+from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT

@@ -79,10 +79,10 @@ def tolerance_box(problem: Problem) -> Array:
             "on the command line --box LOW1,HIGH1,LOW2,HIGH2 or --sizes CSV",
         )
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * np.array([-1.0, 1.0]))
-    return _box(ends, "tolerance")
+    return size_box(ends, "tolerance")
 
 
-def _box(value: Any, key: str) -> Array:
+def size_box(value: Any, key: str) -> Array:
     """Return a box of sizes > 0; a range may be a single size."""
     ends = numbers(value, key)
     allowed = "((low_1, high_1), (low_2, high_2)) with 0 < low <= high, finite"
@@ -119,11 +119,11 @@ def are_distributions(value: Any) -> bool:
 def box_of(problem: Problem, sizes: Any, box: Any) -> Array:
     """Return the box that is spoken of: the one given, the problem's tolerance, or all that the sizes may be."""
     if box is not None:
-        return _box(box, "box")
+        return size_box(box, "box")
     if problem.tolerance is not None or sizes is None:
         return tolerance_box(problem)
     if are_distributions(sizes):
-        return _box([own.range for own in sizes], "sizes")
+        return size_box([own.range for own in sizes], "sizes")
     return Sizes.listed(measured_pairs(sizes)).box
 
 
@@ -148,7 +148,7 @@ def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
     if box is not None:
         raise InputError("give a box or sizes, not both", key="sizes", allowed="one of them")
     if are_distributions(sizes):
-        return Sizes(_box([own.range for own in sizes], "sizes"))
+        return Sizes(size_box([own.range for own in sizes], "sizes"))
     return Sizes.listed(measured_pairs(sizes))
 
 
