@@ -24,10 +24,10 @@ import fcdm_opt as fo
 from fcdm_opt.design.question import Question
 from fcdm_opt.design.study import plan as plans
 from fcdm_opt.design.study import progress
-from fcdm_opt.design.study.engines import LocalEngine, OwnProcess, chosen
+from fcdm_opt.design.study.engines import LocalEngine, OwnProcess
 from fcdm_opt.design.study.plan import Plan
 from fcdm_opt.design.study.point import Outcome, Payload, evaluate, row
-from fcdm_opt.design.study.running import run_study
+from fcdm_opt.design.study.running import chosen, run_study
 from fcdm_opt.design.study.store import FILE, LOCK, Belonging, Met, Store
 from fcdm_opt.design.study.study import Study
 from fcdm_opt.errors import InputError
@@ -164,7 +164,7 @@ def test_what_an_interrupted_run_stored_is_not_done_again(whole: Path, tmp_path:
 
 
 CHILD = """
-    from fcdm_opt.design.study.running import run_study
+    from fcdm_opt.design.study.running import chosen, run_study
     from fcdm_opt.design.study.study import Study
     values = [0.001 + 1e-5 * k for k in range(5000)]
     run_study(Study({problem!r}, {{"tolerance": values}}, cases=["B"]), {out!r}, jobs=2)

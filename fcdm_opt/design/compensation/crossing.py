@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from itertools import count
 from typing import NamedTuple
 
@@ -164,7 +164,7 @@ def _meeting(sides: tuple[list[Point], list[Point]], walls: Array) -> float | No
     return _root(off, low, high, *ends)
 
 
-def _root(off: object, low: float, high: float, at_low: Array, at_high: Array) -> float | None:
+def _root(off: Callable[[float], Array], low: float, high: float, at_low: Array, at_high: Array) -> float | None:
     with np.errstate(invalid="ignore"):
         changes = np.where(at_low * at_high <= 0, np.abs(at_high - at_low), -1.0)
     changes[~np.isfinite(changes)] = -1.0
@@ -173,4 +173,4 @@ def _root(off: object, low: float, high: float, at_low: Array, at_high: Array) -
         return None
     from scipy.optimize import brentq
 
-    return float(brentq(lambda t: off(t)[k], low, high, xtol=1e-15, rtol=1e-14))  # type: ignore[operator]
+    return float(brentq(lambda t: off(t)[k], low, high, xtol=1e-15, rtol=1e-14))

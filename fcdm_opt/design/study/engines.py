@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from fcdm_opt.design.study.point import Outcome, Payload, Row, evaluate, load
-from fcdm_opt.errors import FcdmError, InputError
+from fcdm_opt.errors import FcdmError
 
 Work = Callable[[Payload], list[Row]]
 Load = Callable[[bool], bool]
@@ -235,39 +235,3 @@ def _watch(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(LOOK)
     os._exit(1)
-
-
-def chosen(engine: str | Engine, jobs: int | None, scheduler: str | None, *, time_limit: float | None) -> Engine:
-    """Return the engine that arguments of `run_study` ask for.
-
-    Parameters
-    ----------
-    engine : "joblib", "dask" or Engine
-    jobs : int, optional
-        Number of processes; default: one a core. With 1 "joblib" stays in this process where no time limit is given.
-    scheduler : str, optional
-        Address, for "dask".
-    time_limit : float, optional
-        Seconds a point.
-
-    Raises
-    ------
-    InputError
-        For arguments that do not fit together.
-    """
-    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
-        raise InputError("not a number of processes", key="jobs", found=jobs, allowed="1, 2, ...")
-    if engine == "dask":
-        from fcdm_opt.design.study.dask_engine import DaskEngine
-
-        return DaskEngine(scheduler, jobs=jobs)
-    if scheduler is not None:
-        raise InputError("only Dask has a scheduler", key="scheduler", found=scheduler, allowed='engine = "dask"')
-    if engine == "joblib":
-        from joblib import cpu_count
-
-        count = jobs or cpu_count()
-        return LocalEngine(count) if count > 1 or time_limit is not None else OwnProcess()
-    if isinstance(engine, str) or not hasattr(engine, "run"):
-        raise InputError("no such engine", key="engine", found=engine, allowed='"joblib", "dask" or an engine')
-    return engine

@@ -6,10 +6,11 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcdm_opt.design.study.engines import Engine, chosen
+from fcdm_opt.design.study.engines import Engine, LocalEngine, OwnProcess
 from fcdm_opt.design.study.plan import Plan
 from fcdm_opt.design.study.progress import Say, shown
 from fcdm_opt.design.study.store import Belonging, Store
+from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -69,3 +70,23 @@ def run_study(
                 plan.answered(payload, rows, last=again)
                 tell(plan.done, plan.made)
     return StudyResult.read(out)
+
+
+def chosen(engine: str | Engine, jobs: int | None, scheduler: str | None, *, time_limit: float | None) -> Engine:
+    """Return the engine that arguments of `run_study` ask for; with one job and no time limit this process."""
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise InputError("not a number of processes", key="jobs", found=jobs, allowed="1, 2, ...")
+    if engine == "dask":
+        from fcdm_opt.design.study.dask_engine import DaskEngine
+
+        return DaskEngine(scheduler, jobs=jobs)
+    if scheduler is not None:
+        raise InputError("only Dask has a scheduler", key="scheduler", found=scheduler, allowed='engine = "dask"')
+    if engine == "joblib":
+        from joblib import cpu_count
+
+        count = jobs or cpu_count()
+        return LocalEngine(count) if count > 1 or time_limit is not None else OwnProcess()
+    if isinstance(engine, str) or not hasattr(engine, "run"):
+        raise InputError("no such engine", key="engine", found=engine, allowed='"joblib", "dask" or an engine')
+    return engine
