@@ -153,6 +153,12 @@ class DecisionCurve:
         slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._reach)
         return "overlapping" if (np.atleast_1d(self.gap(places)) < -slack).any() else "apart"
 
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook."""
+        from fcdm_opt.curve.drawn import curve_card
+
+        return curve_card(self)
+
     def _segment(self, run: Run, span: tuple[Array, Array], index: int) -> Segment:
         piece, (start, end) = run.whole, span
         return Segment(piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run)

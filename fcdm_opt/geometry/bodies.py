@@ -354,6 +354,12 @@ class Body(_Sealed):
         """Arrays of all parts that the kernels take, see `packing.packed_together`."""
         return packed_together(self.parts)
 
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook."""
+        from fcdm_opt.geometry.drawn import body_card
+
+        return body_card(self)
+
     def _mapped(self, rows: Any) -> Body:
         seed = frozen(rows(self.seed[None])[0])
         parts = tuple(part.placed(rows(part.vertices), seed) for part in self.parts)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.cards import card, number, rows, table
 from fcdm_opt.design.compensation.histogram import Amounts
 from fcdm_opt.design.compensation.indices import SizeMap, SwappedPairs
 from fcdm_opt.design.compensation.table import MapPoints
@@ -28,6 +29,7 @@ SHARES = (0.5, 0.9, 0.99, 0.999)
 """Shares of the pairs that quantiles are told for."""
 
 BODIES = ("movable", "static")
+OTHERS = ("outside", "impossible", "undecided")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,15 +123,27 @@ class AssemblyYield:
         plain["amounts"], plain["counts"] = self.amounts.tolist(), self.counts.tolist()
         return plain
 
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook: the share with its interval, quantiles, and which body's tolerance matters."""
+        (low, high), sure = self.interval, f"{100.0 * self.confidence:.6g} % sure"
+        facts = rows(
+            [
+                ("pairs that pass", f"{self.share:.4%}", f"{sure}: {low:.4%} to {high:.4%}"),
+                ("pairs looked at", str(self.count)),
+                ("budget", number(self.budget) if math.isfinite(self.budget) else "", "length"),
+                *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(self, what))),
+            ]
+        )
+        shares = table(("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in self.quantiles.items()])
+        lines = [(own.body, number(own.total, 3), f"{own.share_without:.2%}") for own in self.contributions]
+        bodies = table(("body", "share of the variance", "would pass at its median size"), lines)
+        return card("Assembly yield", facts, shares, bodies, state=f"{self.share:.2%} pass")
+
     def __str__(self) -> str:
         low, high = self.interval
         sure = f"{100.0 * self.confidence:.6g} % sure: {low:.4%} to {high:.4%}"
         words = [f"{self.share:.4%} of {self.count} pairs pass ({sure})"]
-        words += [
-            f"{getattr(self, what):.4%} {what}"
-            for what in ("outside", "impossible", "undecided")
-            if getattr(self, what) > 0.0
-        ]
+        words += [f"{getattr(self, what):.4%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
         return ", ".join(words)
 
 

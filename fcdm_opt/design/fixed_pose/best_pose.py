@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.cards import card, counted, number, rows
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange
 from fcdm_opt.design.fixed_pose.local_search import Found, better, smaller
@@ -105,6 +106,21 @@ class BestPose:
         ends = f"gaps from {self.least.gap:.6g} to {self.most.gap:.6g}"
         what = "amount" if self.status == INSIDE else "worst gap" if self.status == BEST else "off the window by"
         return f"{self.status}: {pose}; {ends}; {what} {self.value:.6g}, proved >= {self.lower_bound:.6g}"
+
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook: the pose, the range of its gaps, and what is proved."""
+        facts = rows(
+            [
+                *((name, number(x), "length or radian") for name, x in self.parameters.items()),
+                ("amount", number(self.amount), "length"),
+                ("gaps", f"{number(self.least.gap)} to {number(self.most.gap)}", "length"),
+                ("worst gap", number(self.worst_gap), "length"),
+                ("what is made small", number(self.value), f"length, proved at least {number(self.lower_bound)}"),
+                ("confirmed", "yes" if self.passed else "no", counted(len(self.checks), "check")),
+            ]
+        )
+        mood = "bad" if self.status in (NONE, UNDECIDED) or not self.passed else "good" if self.certified else "mind"
+        return card("Best pose for all sizes", facts, state=self.status, mood=mood)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.cards import card, number, numbers, rows, table
 from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
 from fcdm_opt.design.proportion import proportion_interval
 from fcdm_opt.design.sizes import Sizes, box_of, drawn_pairs
@@ -123,6 +124,25 @@ class Clearances:
     def __str__(self) -> str:
         low, high = self.range
         return f"gap from {low:.6g} to {high:.6g}; {self.interference:.3%} of {self.source} interfere"
+
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook: the range of the gap with what it is taken at, and the share that overlaps."""
+        low, high = self.interference_interval
+        facts = rows(
+            [
+                ("gap", f"{number(self.least.gap)} to {number(self.most.gap)}", "length"),
+                ("interference", f"{self.interference:.3%}", f"of {self.source}; 95 % sure: {low:.3%} to {high:.3%}"),
+            ]
+        )
+        ends = [
+            (name, number(own.gap), numbers(own.rho), own.feature)
+            for name, own in (("least", self.least), ("largest", self.most))
+        ]
+        shown = table(("gap", "length", "at the sizes", "between"), ends)
+        quantiles = [(f"{share:.5g}", number(gap)) for share, gap in self.quantiles.tolist()]
+        shares = table(("of all pairs", "gap at most"), quantiles)
+        state, mood = ("never overlapping", "good") if self.least.gap >= 0.0 else ("overlapping at some sizes", "mind")
+        return card("Clearances at one pose", facts, shown, shares, state=state, mood=mood)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the single size pairs and gaps."""

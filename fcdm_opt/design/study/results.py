@@ -17,6 +17,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from fcdm_opt.cards import card, counted, number, rows, table
 from fcdm_opt.design.moved_files import moved
 from fcdm_opt.design.proportion import proportion_interval
 from fcdm_opt.design.study.point import Row
@@ -182,6 +183,25 @@ class StudyResult:
         counts = ", ".join(f"{status}: {count}" for status, count in self.counts.items())
         return f"StudyResult({self.definition.get('title', '')!r}, {counts})"
 
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook: how many points have which status, amounts, yield and time."""
+        amounts = sorted(row["amount"] for key, _ in self.points if (row := self._answer(key)) and row["usable"])
+        varied = "; ".join(f"{label}: {counted(len(values), 'value')}" for label, values in self.axes.items())
+        share = self.assembly_yield
+        facts = rows(
+            [
+                ("points", str(len(self.points)), varied),
+                ("least amount", number(amounts[0]) if amounts else "", "length"),
+                ("middle amount", number(amounts[len(amounts) // 2]) if amounts else "", "length"),
+                ("largest amount", number(amounts[-1]) if amounts else "", "length"),
+                *([] if share is None else [("yield", f"{share.share:.2%}", _yield_told(share))]),
+                ("working time", number(self.seconds.get("point"), 3) if self.seconds else "", "s"),
+            ]
+        )
+        counts = table(("status", "points"), [(status, count) for status, count in self.counts.items()])
+        state, mood = ("complete", "good") if self.complete else (f"{self.counts[PENDING]} not worked out yet", "mind")
+        return card(f"Study: {self.definition.get('title') or 'without title'}", facts, counts, state=state, mood=mood)
+
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data; as JSON has no such numbers, infinity becomes "inf"."""
         found = self.assembly_yield
@@ -316,6 +336,12 @@ class StudyResult:
     def _answer(self, key: str | None) -> Row:
         """Return the row of a point, an empty one where there is none yet."""
         return {} if key is None else self.answers.get(key, {})
+
+
+def _yield_told(share: Share) -> str:
+    low, high = share.interval
+    sure = f"{share.confidence:.0%} interval {low:.2%} to {high:.2%}"
+    return f"within {number(share.budget)} ({share.within} of {share.of}; {sure})"
 
 
 # ------------------------------------------------------------------------------------------------------------ the store

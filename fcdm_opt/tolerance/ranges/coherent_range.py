@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.cards import card, number, rows, table
 from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
@@ -152,6 +153,30 @@ class CoherentRange:
     @property
     def _ray(self) -> Ray:
         return ray_of(self.problem, self.direction)
+
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook: the interval, the motion at both ends, and what ends it there."""
+        describe = self.problem.motion.describe
+        ends = [
+            (
+                side,
+                number(own.x, 9),
+                describe(own.x * self.direction) if math.isfinite(own.x) else "-",
+                own.what or KINDS[own.kind],
+                "; ".join(new.label for new in own.successors),
+            )
+            for side, own in zip(("low", "high"), self.events, strict=True)
+        ]
+        facts = rows(
+            [
+                ("from, to", f"{number(self.low, 9)}, {number(self.high, 9)}"),
+                ("in multiples of", describe(self.direction)),
+                ("contact", " & ".join(own.label for own in self.features)),
+            ]
+        )
+        shown = table(("end", "x", "motion there", "what ends it", "takes over"), ends)
+        state, mood = ("proved", "good") if self.proved else ("not all proved", "mind")
+        return card("Coherent range", facts, shown, state=state, mood=mood)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""

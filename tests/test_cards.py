@@ -1,0 +1,376 @@
+"""The cards that notebooks show: whole pieces of HTML with the right numbers, whatever is in them."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt import cards
+from fcdm_opt.curve.drawn import curve_card
+from fcdm_opt.tolerance.solution import Check
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+TAGS = frozenset(re.findall(r"\w+", "div span strong b table tbody tr th td ul li svg g title path rect circle text"))
+ATTRIBUTES = frozenset(
+    re.findall(
+        r"[\w-]+",
+        "style scope width height viewbox role aria-label font-family font-size fill fill-opacity stroke stroke-width "
+        "stroke-opacity stroke-dasharray d x y cx cy r text-anchor transform",
+    )
+)
+WILD = "<script>alert(\"1\")</script> & 'more' \x00\ud800"
+LARGEST = 20_000
+
+
+class Reader(HTMLParser):
+    """Reads a card strictly: known tags and attributes only, every tag closed in its turn."""
+
+    def __init__(self, card: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.marks: list[tuple[str, dict[str, str]]] = []
+        self.tips: list[str] = []
+        self.feed(card)
+        self.close()
+        assert not self.open, f"left open: {self.open}"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_startendtag(tag, attrs)
+        self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert tag in TAGS, tag
+        assert {name for name, _ in attrs} <= ATTRIBUTES, attrs
+        assert not any("url" in (value or "") or "//" in (value or "") for _, value in attrs), attrs
+        assert not re.search(r"(?<!-)(background|color):", dict(attrs).get("style") or ""), "a colour of the page"
+        self.marks.append((tag, {name: value or "" for name, value in attrs}))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        (self.tips if self.open[-1] == "title" else self.text).append(data)
+
+    def handle_comment(self, data: str) -> None:
+        pytest.fail(f"a comment: {data}")
+
+    @property
+    def words(self) -> str:
+        return " ".join(self.text)
+
+
+def read(shown: Any) -> Reader:
+    card = shown if isinstance(shown, str) else shown._repr_html_()
+    assert len(card.encode()) < LARGEST
+    return Reader(card)
+
+
+def probe_problem(name: str = "probe", **changes: Any) -> fo.Problem:
+    tip = [(0, 0, 0), (1, 1, 2), (1, -1, 2), (-1, 1, 2), (-1, -1, 2)]
+    slab = [(x, y, z) for x in (-3, 3) for y in (-3, 3) for z in (-1, 0)]
+    probe, table = (fo.Body.convex(v, seed="box", name=name) for v in (tip, slab))
+    asked = {"tolerance": 0.02, "requirement": "B", "motion": fo.Translation("z"), "goal": "touch"}
+    return fo.Problem(probe, table, name=name, **{**asked, **changes})
+
+
+@pytest.fixture(scope="module")
+def solution() -> fo.Solution:
+    return fo.solve(probe_problem())
+
+
+@pytest.fixture(scope="module")
+def example() -> fo.Solution:
+    return fo.solve(fo.load_problems(PROBLEMS / "example1.toml")[1])
+
+
+def mapped(reader: Reader) -> tuple[Any, Any]:
+    """Return functions from pixels to scales, by the ticks of the axes: their texts and the places of these."""
+    at = [
+        (float(own["x"]), float(own["y"]), own["text-anchor"])
+        for tag, own in reader.marks
+        if tag == "text" and "text-anchor" in own and "transform" not in own
+    ]
+    values = [float(text) for text in reader.text if re.fullmatch(r"-?\d+(\.\d+)?", text)][-len(at) + 1 :]
+    across = [(x, value) for (x, _, anchor), value in zip(at, values, strict=False) if anchor == "middle"]
+    up = [(y - 3.5, value) for (_, y, anchor), value in zip(at, values, strict=False) if anchor == "end"]
+    assert len(across) > 1
+    assert len(up) > 1
+    return tuple(np.poly1d(np.polyfit(*zip(*own, strict=True), 1)) for own in (across, up))  # type: ignore[return-value]
+
+
+def drawn_points(reader: Reader, colour: str) -> np.ndarray:
+    """Return the corners in pixels of all lines of a colour; ticks, signs and samples are drawn in other steps."""
+    ways = [own["d"] for tag, own in reader.marks if tag == "path" and own.get("stroke") == colour]
+    ways = [way for way in ways if re.fullmatch(r"([ML]-?[\d.]+ -?[\d.]+)+", way)]
+    return np.array([[float(x) for x in pair.split()] for way in ways for pair in re.split("[ML]", way) if pair])
+
+
+def test_curve_is_drawn_where_it_is(example: fo.Solution) -> None:
+    """Read back by its own axes, every corner of the line is a pair of sizes that touches."""
+    curve = example.problem.curve
+    reader = read(curve)
+    x, y = mapped(reader)
+    corners = drawn_points(reader, "#0072B2")
+    assert len(corners) == 2 * len(curve.segments) == 10
+    rho = np.column_stack([x(corners[:, 0]), y(corners[:, 1])])
+    pixel = abs(x(1.0) - x(0.0)) + abs(y(1.0) - y(0.0))
+    assert np.abs(curve.gap(rho)).max() < 0.5 * pixel * example.problem.size
+    for segment in curve.segments:
+        assert any(segment.feature.label in tip for tip in reader.tips)
+        assert segment.feature.label in reader.words
+    assert [word for word in ("SW1", "SW2", "SW3", "SW4", "SW5") if word in reader.words] == [
+        "SW1",
+        "SW2",
+        "SW3",
+        "SW4",
+    ]
+
+
+def test_solution_shows_what_it_holds(solution: fo.Solution, example: fo.Solution) -> None:
+    words = read(solution).words
+    for text in (
+        "SOLVED",
+        "apply the motion",
+        "0.01",
+        "exact",
+        "touching",
+        "V1F2(P1V1; P2V2,V4,V6,V8)",
+        "yes, 17 checks",
+    ):
+        assert text in words
+    reader = read(example)
+    expected = [
+        "! PAIR_OVERLAPS",
+        example.status.value,
+        f"{example.amount:.6g}",
+        f"{math.degrees(example.parameters['RZ']):.6g}",
+        "overlapping",
+        f"{example.pair_gap:.6g}",
+        "nothing is proved",
+        *(own.label for own in example.features),
+    ]
+    for text in expected:
+        assert text in reader.words
+    x, y = mapped(reader)
+    moved = fo.decision_curve(
+        example.problem.movable, example.problem.static, transform=example.transform, box=((0.5, 3.0), (0.5, 3.0))
+    )
+    after = drawn_points(reader, "#D55E00")
+    gaps = moved.gap(np.column_stack([x(after[:, 0]), y(after[:, 1])]))
+    assert len(after) >= 2
+    assert np.abs(gaps).max() < 0.5 * (abs(x(1.0) - x(0.0)) + abs(y(1.0) - y(0.0))) * example.problem.size
+
+
+def test_certificate_lists_every_check(solution: fo.Solution) -> None:
+    certificate = fo.verify(solution)
+    words = read(certificate).words
+    assert "17 of 17 checks passed" in words
+    assert all(check.name in words for check in certificate.checks)
+    wrong = fo.verify(replace(solution, amount=solution.amount * 2))
+    words = read(wrong).words
+    assert "\u2717 not passed" in words
+    assert words.index("\u2717 failed") < words.index("\u2713 passed")
+    assert wrong.failed[0].name in words
+
+
+def test_certificate_of_nothing() -> None:
+    assert "\u2717 not passed" in read(fo.Certificate(())).words
+    wild = [Check(f"check {k}", False, math.nan, math.inf, "long " * 1000) for k in range(1000)]
+    reader = read(fo.Certificate(tuple(wild)))
+    assert "infinite" in reader.text
+    assert "-" in reader.text
+    assert "and 970 more" in reader.text
+
+
+def test_study_counts_its_points(tmp_path: Path) -> None:
+    study = fo.Study(probe_problem(), {"tolerance": [0.01, 0.02, 0.03]}, title=WILD, budget=0.012)
+    result = fo.run_study(study, tmp_path, jobs=1)
+    words = read(result).words
+    for text in ("\u2713 complete", "0.005", "0.01", "0.015", "66.67%", "2 of 3", "SOLVED", "tolerance: 3 values"):
+        assert text in words
+    pending = replace(result, points=(*result.points, (None, {"tolerance": 0.04})))
+    assert "! 1 not worked out yet" in read(pending).words
+    assert "PENDING" in read(replace(result, answers={})).words
+
+
+def test_names_are_text(tmp_path: Path) -> None:
+    """What a user wrote is shown as written, and is never a tag."""
+    solution = fo.solve(probe_problem(WILD))
+    problem = solution.problem
+    everything = [problem, problem.movable, problem.curve, solution, solution.certificate, fo.whatif(solution)]
+    named = 0
+    for shown in everything:
+        reader = read(shown)
+        named += "<script>alert(\"1\")</script> & 'more' \ufffd" in reader.words
+    assert named == 4  # a certificate and a what-if name no body
+
+
+def test_other_cards_show_their_numbers(solution: fo.Solution) -> None:
+    what = fo.whatif(solution, tolerance=0.03)
+    assert "0.01 to 0.015" in read(what).words
+    turning = fo.coherent_range(probe_problem(motion=fo.Translation("z") >> fo.Rotation("y"), goal="at"), {"RY": 1.0})
+    words = read(turning).words
+    assert f"{math.atan(2.0):.9g}" in words
+    assert "\u2713 proved" in words
+    turned = fo.whatif(solution, motion=fo.Translation("z") >> fo.Rotation("y"))
+    assert "deg" in read(turned).words
+    gaps = read(fo.clearances(solution.problem)).words  # 0.02 + 0.01 either way
+    assert "-0.03 to 0.03" in gaps
+    assert "! overlapping at some sizes" in gaps
+    assert "least worst gap" in read(fo.best_pose(solution.problem)).words
+    shifts = fo.compensation_map(solution.problem)
+    assert f"{len(shifts.table)}" in read(shifts).words
+    share = fo.assembly_yield(shifts, sizes=(fo.Uniform(0.99, 1.01), fo.Uniform(0.99, 1.01)), budget=0.02, count=1000)
+    assert "100.00% pass" in read(share).words
+
+
+def test_no_motion(solution: fo.Solution) -> None:
+    stuck = fo.solve(probe_problem(limits={"TZ": (-1.0, 0.001)}))
+    words = read(stuck).words
+    assert "\u2717 INFEASIBLE" in words
+    assert "impossible" in words
+    assert "no motion to verify" in words
+    nothing = replace(
+        solution, amount=math.nan, lower_bound=math.nan, rho=None, transform=None, parameters={}, pair_gap=math.inf,
+        certificate=None, features=(), seconds={}, status=fo.Status.NOT_FOUND, stage="",
+    )  # fmt: skip
+    assert "\u2717 NOT_FOUND" in read(nothing).words
+
+
+@pytest.mark.parametrize("name", ["peg_square", "lid", "keyway_jammed", "bracket_stuck"])
+def test_unions_and_keep_outs(name: str) -> None:
+    problem = fo.load_problems(PROBLEMS / f"{name}.toml")[0]
+    solution = fo.solve(problem)
+    for shown in (problem, problem.static, problem.curve):
+        assert problem.static.name in read(shown).words
+    reader = read(solution)
+    assert solution.status.name in reader.words
+    assert all(own.name in read(problem).words for own in problem.keep_out)
+    assert sum(tag == "svg" for tag, _ in reader.marks) == 1
+
+
+def test_no_contact_in_the_box() -> None:
+    problem = probe_problem()
+    curve = fo.decision_curve(problem.movable, problem.static, box=((0.1, 0.2), (0.1, 0.2)))
+    reader = read(curve)
+    assert "apart" in reader.words
+    assert "none in the box" in reader.words
+    assert not any(tag == "svg" for tag, _ in reader.marks)
+    read(replace(curve, box=((0.0, np.inf), (0.0, np.inf))))
+
+
+def test_thousands_of_segments() -> None:
+    """A curve of very many pieces is listed in part and drawn as one thinned line, from end to end."""
+    count = 5000
+    angles = np.linspace(0.0, np.pi / 2.0, count + 1)
+    corners = 0.8 + 2.2 * np.column_stack([np.sin(angles), np.cos(angles)])
+    feature = SimpleNamespace(label="F1F2(P1" + ",".join(f"V{k}" for k in range(3000)) + "; P2V1,V2,V3)")
+    segments = tuple(
+        SimpleNamespace(start=a, end=b, snug=k > 4000, index=k + 1, feature=feature, configuration="F-F")
+        for k, (a, b) in enumerate(pairwise(corners))
+    )
+    points = tuple(SimpleNamespace(rho=p, index=k, label=feature.label, kind="V1E2") for k, p in enumerate(corners))
+    curve: Any = SimpleNamespace(
+        segments=segments, switching_points=points, branches=(SimpleNamespace(segments=segments),), status="contact",
+        box=((0.8, 3.0), (0.8, 3.0)), movable=SimpleNamespace(name="a"), static=SimpleNamespace(name="b"),
+    )  # fmt: skip
+    reader = read(curve_card(curve))
+    assert "and 4988 more" in reader.words
+    assert "snug fit" in reader.words
+    x, y = mapped(reader)
+    line = drawn_points(reader, "#0072B2")
+    rho = np.column_stack([x(line[:, 0]), y(line[:, 1])])
+    assert rho[0] == pytest.approx([0.8, 3.0], abs=0.01)
+    assert rho[-1] == pytest.approx([3.0, 0.8], abs=0.01)
+    assert np.hypot(*(rho - 0.8).T) == pytest.approx(2.2, abs=0.02)
+    assert np.hypot(*np.diff(rho, axis=0).T).max() < 0.05
+
+
+def test_a_ball_of_many_edges_is_its_outline() -> None:
+    random = np.random.default_rng(5)
+    points = random.normal(size=(400, 3))
+    body = fo.Body.convex(points / np.linalg.norm(points, axis=1)[:, None], name="ball")
+    reader = read(body)
+    corners = drawn_points(reader, "currentColor")
+    centre = corners.mean(axis=0)
+    radii = np.hypot(*(corners - centre).T)
+    assert len(corners) > 40
+    assert radii.min() > 0.85 * radii.max()
+
+
+def test_lines_are_cut_at_the_window() -> None:
+    """What is drawn of random lines lies in the frame and on the lines, and none is drawn that passes outside."""
+    random = np.random.default_rng(8)
+    window = ((1.0, 2.0), (10.0, 14.0))
+    seen = 0
+    for _ in range(200):
+        ends = random.uniform((0.0, 6.0), (3.0, 18.0), (2, 2))
+        reader = read(cards.plane([cards.Line(ends, "before")], window, told="a line"))
+        (frame,) = (own for tag, own in reader.marks if tag == "rect")
+        left, top, width, height = (float(frame[key]) for key in ("x", "y", "width", "height"))
+        drawn = drawn_points(reader, "#0072B2")
+        s = np.linspace(0.0, 1.0, 2001)[:, None]
+        way = ends[0] + s * (ends[1] - ends[0])
+        within = (way >= [1.0, 10.0]).all(axis=1) & (way <= [2.0, 14.0]).all(axis=1)
+        if not len(drawn):
+            assert within.sum() <= 1
+            continue
+        seen += 1
+        rho = np.column_stack([1.0 + (drawn[:, 0] - left) / width, 14.0 - 4.0 * (drawn[:, 1] - top) / height])
+        assert (rho > [0.999, 9.99]).all()
+        assert (rho < [2.001, 14.01]).all()
+        assert rho.min(axis=0) == pytest.approx(way[within].min(axis=0), abs=0.03)
+        assert rho.max(axis=0) == pytest.approx(way[within].max(axis=0), abs=0.03)
+    assert 50 < seen < 200
+
+
+@pytest.mark.parametrize(
+    "window",
+    [((1.0, 1.0), (0.0, 1.0)), ((0.0, math.inf), (0.0, 1.0)), ((math.nan, 1.0), (0.0, 1.0)), ((2.0, 1.0), (0.0, 1.0))],
+)
+def test_no_picture_of_no_window(window: Any) -> None:
+    marks = [cards.Line([(0.0, 0.0), (1.0, 1.0)], "before")]
+    assert cards.plane(marks, window, told="nothing") == ""
+    assert cards.drawing(marks, window, told="nothing") == ""
+
+
+@pytest.mark.parametrize("end", [1.0 + 1e-9, 1.0 + 1e-15, 1e300])
+def test_windows_of_any_width(end: float) -> None:
+    marks = [
+        cards.Line([(1.0, 1.0), (end, end), (math.nan, 1.0), (-1e308, 1e308), (1e308, -1e308)], "before"),
+        cards.Point((1.0, math.nan), "target"),
+    ]
+    read(cards.plane(marks, ((1.0, end), (1.0, end)), told="a window"))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(None, "-"), (math.nan, "-"), (math.inf, "infinite"), (-math.inf, "-infinite"), (0.5, "0.5")]
+)
+def test_numbers(value: float | None, text: str) -> None:
+    assert cards.number(value) == text
+
+
+def test_long_texts_keep_both_ends() -> None:
+    (text,) = read(cards.card("A" * 500 + "Z" * 500)).text
+    assert len(text) < 200
+    assert text.startswith("AAAA")
+    assert text.endswith("ZZZZ")
+
+
+def test_equal_results_give_equal_cards() -> None:
+    one, two = (fo.solve(probe_problem()) for _ in range(2))
+    one, two = replace(one, seconds={}), replace(two, seconds={})
+    assert one._repr_html_() == two._repr_html_()
+    assert one.problem._repr_html_() == two.problem._repr_html_()
