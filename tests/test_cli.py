@@ -258,7 +258,8 @@ def test_pictures_are_written_under_safe_names(cubes: Path, short: Path, tmp_pat
     result = run("solve", cubes, short, "--json", "--out", out)
     document(result.stdout)
     stems = ["cubes-close_it", "short-too_short_a_b"]
-    expected = {f"{stem}-{kind}.{suffix}" for stem in stems for kind in ("curve", "scene") for suffix in ("png", "svg")}
+    pictures = [f"{stem}-{kind}" for stem in stems for kind in ("curve", "scene")] + [f"{stems[0]}-sensitivities"]
+    expected = {f"{picture}.{suffix}" for picture in pictures for suffix in ("png", "svg")}
     assert {path.name for path in out.iterdir() if path.is_file()} == expected
     assert {path.name for path in (out / "of curves").iterdir()} == {
         "cubes-curve.png",

@@ -1,4 +1,4 @@
-"""What all commands share: options, exit codes, problem files read, refusals, the JSON document."""
+"""What all commands share: options, exit codes, problem files and their cases asked one by one, the JSON document."""
 
 from __future__ import annotations
 
@@ -12,24 +12,48 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fcdm_opt.cli.completing import case_names, problem_files
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, refuse, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
     from fcdm_opt.show.album import Album
     from fcdm_opt.tolerance.problem import Problem
 
-SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED = 0, 1, 2, 3
-SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
+__all__ = ["BAD_INPUT", "NOT_VERIFIED", "NO_MOTION", "SOLVED", "say"]
 
-Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Problem files (TOML).", show_default=False)]
-AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document to stdout.")]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.")]
-Quick = Annotated[bool, typer.Option("--quick", help="The short form.")]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of all that is drawn at random.")]
+SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
+CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
+
+Files = Annotated[
+    list[Path],
+    typer.Argument(metavar="FILE", help="Problem files (TOML).", show_default=False, autocompletion=problem_files),
+]
+AsJson = Annotated[
+    bool,
+    typer.Option("--json", help="Write one JSON document to stdout in place of tables.", rich_help_panel=OUTPUT),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.", rich_help_panel=OUTPUT),
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Take the short form.")]
+Seed = Annotated[
+    int, typer.Option("--seed", metavar="N", min=0, help="Start of everything that is drawn at random, >= 0.")
+]
 Compare = Annotated[
     Path | None, typer.Option("--compare", metavar="OLD", help="Tell what changed since this earlier results file.")
 ]
-Cases = Annotated[list[str] | None, typer.Option("--case", metavar="NAME", help="Only this case; may be repeated.")]
+Cases = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--case",
+        metavar="NAME",
+        help="Take only this case; may be repeated.",
+        rich_help_panel=CHOICE,
+        autocompletion=case_names,
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -54,7 +78,13 @@ class OpenedFile:
 
 
 def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFile]:
-    """Read all files; says on stderr what is wrong with one, and goes on with the others."""
+    """Read all files; says on stderr what is wrong with one, and goes on with the others.
+
+    Raises
+    ------
+    InputError
+        For a wanted case that no file has.
+    """
     from fcdm_opt.tolerance.files import ProblemFile
 
     files = []
@@ -63,13 +93,14 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFil
             contents = ProblemFile.read(path)
             files.append(OpenedFile(path, contents.title, contents.note, contents.problems(path)))
         except InputError as reason:
-            files.append(OpenedFile(path, error=str(reason.within(file=path))))
-            say(f"error: {files[-1].error}")
-    known = [problem.name for file in files for problem in file.problems]
+            files.append(OpenedFile(path, error=_refused(reason, file=path)))
+    known = list(dict.fromkeys(problem.name for file in files for problem in file.problems))
     for name in wanted:
-        if name not in known:
-            say(f"error: --case: no such case; found {name!r}; allowed: {', '.join(dict.fromkeys(known)) or 'none'}")
-            raise typer.Exit(BAD_INPUT)
+        if name in known:
+            continue
+        if not known and any(file.error for file in files):
+            break  # what was said is what is wrong
+        raise InputError("no such case", key="--case", found=name, allowed=", ".join(known) or "none is there")
     if not wanted:
         return files
     return [
@@ -78,29 +109,81 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFil
     ]
 
 
+def _refused(reason: InputError, **place: Any) -> str:
+    """Say what was refused and where; return what was said."""
+    return refuse(reason.within(**place).with_traceback(reason.__traceback__))
+
+
+class Inquiry:
+    """The cases of some files, asked one by one.
+
+    Iterating yields the files that were read. What is answered goes to the JSON document, what is refused to stderr
+    too; `finish` writes the document and exits with the most severe code.
+
+    Parameters
+    ----------
+    paths : paths
+        Problem files.
+    cases : names, optional
+        The cases that are wanted; default all.
+    as_json : bool
+        Whether the document is wanted, in place of tables.
+    out : Path, optional
+        Folder for pictures.
+
+    Attributes
+    ----------
+    pictures : Album or None
+        Made once the files were read, and only where there is a case to show.
+    codes : list of int
+        Exit codes of what was found.
+    """
+
+    def __init__(
+        self, paths: Sequence[Path], cases: Sequence[str] | None, *, as_json: bool, out: Path | None = None
+    ) -> None:
+        self._opened = opened_files(paths, cases or ())
+        self._document: list[dict[str, Any]] = []
+        self.as_json = as_json
+        self.codes = [BAD_INPUT for file in self._opened if file.error]
+        wanted = out is not None and any(file.problems for file in self._opened)
+        self.pictures = album_in(out) if wanted else None
+
+    def __iter__(self) -> Iterator[OpenedFile]:
+        """Yield each file that could be read; `say_of` is about the last."""
+        for file in self._opened:
+            self._document.append(file.head())
+            if not file.error:
+                yield file
+
+    def say_of(self, key: str, value: Any) -> None:
+        """Put a value into the document, under a key of the file at hand."""
+        self._document[-1][key] = value
+
+    @contextmanager
+    def case(self, file: OpenedFile, problem: Problem) -> Iterator[dict[str, Any]]:
+        """Give the entry of a case in the document; bad input met meanwhile is said, and ends nothing else."""
+        entry: dict[str, Any] = {"name": problem.name}
+        self._document[-1].setdefault("cases", []).append(entry)
+        try:
+            yield entry
+        except InputError as reason:
+            entry["error"] = _refused(reason, file=file.path, key=f"case {problem.name!r}")
+            self.codes.append(BAD_INPUT)
+
+    def finish(self) -> None:
+        """Write the document, if it is wanted, and exit."""
+        failed = [BAD_INPUT] if self.pictures is not None and self.pictures.failed else []
+        finish(self._document if self.as_json else None, [*self.codes, *failed])
+
+
 def album_in(out: Path | None) -> Album | None:
-    """Return where pictures go, None where none are wanted; exits where they cannot."""
+    """Return where pictures go, None where none are wanted; raises `InputError` where they cannot."""
     if out is None:
         return None
     from fcdm_opt.show.album import Album
 
-    with refusals():
-        return Album(out, say)
-
-
-@contextmanager
-def refusals() -> Iterator[None]:
-    """Exit with bad input's code where something refuses its input, after saying why."""
-    try:
-        yield
-    except InputError as reason:
-        say(f"error: {reason}")
-        raise typer.Exit(BAD_INPUT) from reason
-
-
-def say(text: str) -> None:
-    """Write a line to stderr."""
-    typer.echo(text, err=True)
+    return Album(out, say)
 
 
 def finish(document: Any, codes: Iterable[int]) -> None:

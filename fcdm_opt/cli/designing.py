@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,12 +18,11 @@ from fcdm_opt.cli.common import (
     AsJson,
     Cases,
     Files,
+    Inquiry,
     OpenedFile,
     Seed,
     album_in,
     finish,
-    opened_files,
-    refusals,
     say,
 )
 from fcdm_opt.errors import InputError
@@ -76,13 +75,12 @@ def study_command(
     from fcdm_opt.design.study.running import run_study
     from fcdm_opt.show.design_tables import print_study
 
-    with refusals():
-        result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
-        result.to_csv(out / "study.csv")
-        say(f"wrote {out / 'study.csv'}")
-        if parquet:
-            result.to_parquet(out / "study.parquet")
-            say(f"wrote {out / 'study.parquet'}")
+    result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
+    result.to_csv(out / "study.csv")
+    say(f"wrote {out / 'study.csv'}")
+    if parquet:
+        result.to_parquet(out / "study.parquet")
+        say(f"wrote {out / 'study.parquet'}")
     pictures = album_in(out)
     assert pictures is not None
     pictures.add_study("study", result)
@@ -127,9 +125,8 @@ def whatif_command(
     from fcdm_opt.show import design_tables as tables
     from fcdm_opt.tolerance.solver import solve
 
-    with refusals():
-        values = dict(map(_change, changes or ()))
-        limit = None if budget is None else _amount(budget)
+    values = dict(map(_change, changes or ()))
+    limit = None if budget is None else _amount(budget)
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -145,7 +142,7 @@ def whatif_command(
         if compare:
             yield "compare", compared(problem), tables.print_comparison
 
-    _each_case(files, case, as_json, asked)
+    _each_case(Inquiry(files, case, as_json=as_json), asked)
 
 
 def map_command(
@@ -178,12 +175,13 @@ def map_command(
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.show import design_tables as tables
 
-    with refusals():
-        covered = None if box is None else _box(box)
-    pictures = album_in(out)
-    assert pictures is not None
+    covered = None if box is None else _box(box)
+    pairs = None if sizes is None else _pairs(sizes, columns, nominals)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    pictures = inquiry.pictures
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        assert pictures is not None  # there is a case
         found = compensation_map(problem, box=covered, error=error, seconds=seconds, jobs=jobs or 1)
         stem = pictures.add_map(f"{file.path.stem}-{problem.name}", f"{file.name}: case {problem.name}", found)
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
@@ -191,12 +189,12 @@ def map_command(
             say(f"wrote {out / f'{stem}.{ending}'}")
         yield "map", found, tables.print_map
         if budget is not None:
-            pairs = _pairs(sizes, columns, nominals) if sizes is not None else _normal(found.box)
-            share = assembly_yield(found, sizes=pairs, budget=budget, seed=seed)
+            scattered = _normal(found.box) if pairs is None else pairs
+            share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
             pictures.add_yield(f"{stem}-yield", share, title=f"{file.name}: case {problem.name}")
             yield "yield", share, tables.print_yield
 
-    _each_case(files, case, as_json, asked, failed=lambda: pictures.failed)
+    _each_case(inquiry, asked)
 
 
 def pose_command(
@@ -219,12 +217,11 @@ def pose_command(
     from fcdm_opt.design.fixed_pose.clearances import clearances
     from fcdm_opt.show import design_tables as tables
 
-    with refusals():
-        if box is not None and sizes is not None:
-            raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
-        within = None if box is None else _box(box)
-        ends = None if window is None else _two(window, "--clearance")
-        pairs = None if sizes is None else _pairs(sizes, columns, nominals)
+    if box is not None and sizes is not None:
+        raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
+    within = None if box is None else _box(box)
+    ends = None if window is None else _two(window, "--clearance")
+    pairs = None if sizes is None else _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         yield "as drawn", clearances(problem, sizes=pairs, box=within), tables.print_clearances
@@ -234,43 +231,30 @@ def pose_command(
             made = clearances(problem, sizes=pairs, box=within, pose=best.transform)
             yield "at the best pose", made, tables.print_clearances
 
-    _each_case(files, case, as_json, asked)
+    _each_case(Inquiry(files, case, as_json=as_json), asked)
 
 
 # ---------------------------------------------------------------------------------------------------------------- cases
 
 
 def _each_case(
-    files: Sequence[Path],
-    wanted: Sequence[str] | None,
-    as_json: bool,
-    asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]],
-    failed: Callable[[], bool] = lambda: False,
+    inquiry: Inquiry, asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]]
 ) -> None:
     """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
     from fcdm_opt.show.design_tables import print_case
 
-    opened = opened_files(files, wanted or ())
-    document, codes = [], [BAD_INPUT for file in opened if file.error]
-    for file in opened:
-        cases: list[dict[str, Any]] = []
+    for file in inquiry:
+        inquiry.say_of("cases", [])
         for problem in file.problems:
-            answers: dict[str, Any] = {"name": problem.name}
-            if not as_json:
+            if not inquiry.as_json:
                 print_case(file.path.name, problem)
-            try:
+            with inquiry.case(file, problem) as entry:
                 for key, answer, printed in asked(file, problem):
-                    answers[key.replace(" ", "_")] = answer.to_dict()
-                    codes.append(_code(answer))
-                    if not as_json:
+                    entry[key.replace(" ", "_")] = answer.to_dict()
+                    inquiry.codes.append(_code(answer))
+                    if not inquiry.as_json:
                         printed(answer)
-            except InputError as reason:
-                answers["error"] = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
-                say(f"error: {answers['error']}")
-                codes.append(BAD_INPUT)
-            cases.append(answers)
-        document.append({**file.head(), "cases": cases})
-    finish(document if as_json else None, [*codes, *([BAD_INPUT] if failed() else [])])
+    inquiry.finish()
 
 
 def _code(answer: Any) -> int:

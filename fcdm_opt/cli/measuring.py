@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fcdm_opt.cli.common import NOT_VERIFIED, SOLVED, Compare, Quick, Seed, refusals, say
+from fcdm_opt.cli.common import NOT_VERIFIED, SOLVED, Compare, Quick, Seed, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,11 +35,10 @@ def bench_command(
     """
     from fcdm_opt.measure.chart import bench, results
 
-    with refusals():
-        old = _earlier(compare, "bench", out)
-        run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, say=say)
-        _recorded(run, old, out, partial(results.write, run))
-        typer.echo(results.summary(run, most=LISTED))
+    old = _earlier(compare, "bench", out)
+    run = bench.bench(quick=quick, seed=seed, only=only or bench.PARTS, say=say)
+    _recorded(run, old, out, partial(results.write, run))
+    typer.echo(results.summary(run, most=LISTED))
     raise typer.Exit(NOT_VERIFIED if bench.wrong(run) else SOLVED)
 
 
@@ -63,16 +62,17 @@ def stability_command(
     from fcdm_opt.measure.stability.grid import grid
 
     if (out is None) == (replay is None):
-        raise typer.BadParameter("either --out DIR for a run, or --replay FILE for one saved input")
-    with refusals():
-        if replay is not None:
-            again = asked_again(replay)
-            typer.echo(again.text)
-            raise typer.Exit(SOLVED if again.now.outcome == "right" else NOT_VERIFIED)
-        assert out is not None
-        old = _earlier(compare, "stability", out)
-        found = grid(quick=quick, seed=seed, say=say)
-        _recorded(found.run, old, out, found.write)
+        given = "neither" if out is None else "both"
+        allowed = "--out DIR for a run, or --replay FILE for one saved input"
+        raise InputError("what to do is not given once", key="--out", found=given, allowed=allowed)
+    if replay is not None:
+        again = asked_again(replay)
+        typer.echo(again.text)
+        raise typer.Exit(SOLVED if again.now.outcome == "right" else NOT_VERIFIED)
+    assert out is not None
+    old = _earlier(compare, "stability", out)
+    found = grid(quick=quick, seed=seed, say=say)
+    _recorded(found.run, old, out, found.write)
     typer.echo(found.text)
     raise typer.Exit(NOT_VERIFIED if found.faults else SOLVED)
 

@@ -4,30 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fcdm_opt.cli.common import (
-    BAD_INPUT,
     NO_MOTION,
     NOT_VERIFIED,
     SOLVED,
     AsJson,
     Cases,
     Files,
+    Inquiry,
+    OpenedFile,
     Out,
-    album_in,
-    finish,
-    opened_files,
     say,
 )
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.show.tables import SolvedCase
+    from fcdm_opt.show.solved import SolvedCase
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
     from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
@@ -38,20 +35,17 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
     from fcdm_opt.show.tables import print_curves
 
-    opened = opened_files(files, case or ())
-    document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = album_in(out)
-    for file in opened:
+    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    for file in inquiry:
         found = _distinct_curves(file.problems)
-        document.append({**file.head(), "curves": [{"cases": names, **_curve_data(curve)} for curve, names in found]})
-        if not as_json and not file.error:
+        inquiry.say_of("curves", [{"cases": names, **_curve_data(curve)} for curve, names in found])
+        if found and not as_json:
             print_curves(file.path.name, file.title, file.note, found)
-        if pictures:
+        if inquiry.pictures:
             for number, (curve, _) in enumerate(found, 1):
                 suffix = f"-pair{number}" if len(found) > 1 else ""
-                pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve)
-    codes += [BAD_INPUT] if pictures and pictures.failed else []
-    finish(document if as_json else None, codes)
+                inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve)
+    inquiry.finish()
 
 
 def solve_command(
@@ -66,35 +60,27 @@ def solve_command(
     """Find the smallest motion of each case, verify it, and print one table a file."""
     from rich.progress import track
 
+    from fcdm_opt.show.solved import solved_case
     from fcdm_opt.show.tables import console, print_solutions
 
-    opened = opened_files(files, case or ())
-    document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = album_in(out)
-    for file in opened:
-        rows, cases = [], []
-        notes = console(stderr=True)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    notes = console(stderr=True)
+    for file in inquiry:
+        inquiry.say_of("cases", [])
+        rows = []
         for problem in track(
             file.problems, file.path.name, console=notes, transient=True, disable=not notes.is_terminal
         ):
-            try:
-                row = _solved(problem, certify)
-            except InputError as reason:
-                error = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
-                say(f"error: {error}")
-                codes.append(BAD_INPUT)
-                cases.append({"problem": problem.to_dict(), "error": error})
-                continue
-            rows.append(row)
-            cases.append(_case_data(row))
-            codes.append(_code(row.solution))
-            if pictures:
-                pictures.add_solution(file.path.stem, file.name, row.solution)
-        document.append({**file.head(), "cases": cases})
+            with inquiry.case(file, problem) as entry:
+                row = solved_case(problem, certify=certify)
+                entry |= _case_data(row)
+                rows.append(row)
+                inquiry.codes.append(_code(row.solution))
+                if inquiry.pictures:
+                    inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         if rows and not as_json:
             print_solutions(file.path.name, file.title, file.note, rows)
-    codes += [BAD_INPUT] if pictures and pictures.failed else []
-    finish(document if as_json else None, codes)
+    inquiry.finish()
 
 
 def range_command(
@@ -104,8 +90,8 @@ def range_command(
         typer.Option(
             "--direction",
             metavar="NAME=VALUE,...",
-            help="Motion that x multiplies, for instance TZ=1,RZ_deg=2; default: the only parameter, or the published "
-            "motion.",
+            help="Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, "
+            "else the motion that solves the case.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -115,62 +101,48 @@ def range_command(
     """Print how far the tracked features stay the contact along a motion, and what ends that on both sides."""
     from fcdm_opt.show.tables import print_ranges
 
-    opened = opened_files(files, case or ())
-    document, codes = [], [BAD_INPUT for file in opened if file.error]
-    pictures = album_in(out)
-    for file in opened:
+    asked = None if direction is None else _direction(direction)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    for file in inquiry:
+        inquiry.say_of("cases", [])
         rows: list[tuple[CoherentRange, ContactTimes]] = []
-        cases: list[dict[str, Any]] = []
         for problem in file.problems:
-            try:
-                row = _ranged(problem, direction)
-            except InputError as reason:
-                error = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
-                say(f"error: {error}")
-                codes.append(BAD_INPUT)
-                cases.append({"name": problem.name, "error": error})
-                continue
-            rows.append(row)
-            cases.append({"name": problem.name, **row[0].to_dict(), "contact_times": row[1].to_dict()})
-            if pictures:
-                pictures.add_range(file.path.stem, file.name, row[0])
-        document.append({**file.head(), "cases": cases})
+            with inquiry.case(file, problem) as entry:
+                along = _default_direction(file, problem) if asked is None else asked
+                row = _ranged(problem, along)
+                entry |= {**row[0].to_dict(), "contact_times": row[1].to_dict()}
+                rows.append(row)
+                if inquiry.pictures:
+                    inquiry.pictures.add_range(file.path.stem, file.name, row[0])
         if rows and not as_json:
             print_ranges(file.path.name, file.title, file.note, rows)
-    codes += [BAD_INPUT] if pictures and pictures.failed else []
-    finish(document if as_json else None, codes)
+    inquiry.finish()
 
 
-def _solved(problem: Problem, certify: bool) -> SolvedCase:
-    """Solve a case, and beside goal "beyond" the assembly question with the same motions."""
-    from fcdm_opt.show.tables import SolvedCase
-    from fcdm_opt.tolerance.certificate import verify
+def _default_direction(file: OpenedFile, problem: Problem) -> Any:
+    """Return the direction of a range where none is asked for; None for a motion of one parameter."""
+    if len(problem.motion.parameters) == 1:
+        return None
+    if problem.published is not None and any(problem.published):
+        return problem.published
     from fcdm_opt.tolerance.solver import solve
 
-    solution = solve(problem, certify=certify)
-    if solution.evidence is not None:
-        start = perf_counter()
-        certificate = verify(solution, proof=True)
-        seconds = {**solution.seconds, "check": perf_counter() - start}
-        solution = solution.with_certificate(certificate, seconds)
-    published = None
-    if problem.published is not None:
-        published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))
-    touch = None
-    if problem.goal == "beyond":
-        answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
-        touch = answer.amount if answer.usable else None
-    return SolvedCase(solution, published, touch, certify)
+    solution = solve(problem)
+    if not solution.status.found or not solution.amount > 0:
+        advice = "the case is solved without any motion" if solution.status.found else solution.status.value
+        what = f"no direction is given, and none follows from a motion that solves the case: {advice}"
+        names = ",".join(f"{name}{'_deg' * (kind == 'rotation')}=1" for name, kind in problem.motion.parameters)
+        raise InputError(what, key="--direction", found="none", allowed=f"NAME=VALUE,... as {names}")
+    motion = problem.motion.describe(list(solution.parameters.values()))
+    say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {motion}")
+    return solution.parameters
 
 
-def _ranged(problem: Problem, direction: str | None) -> tuple[CoherentRange, ContactTimes]:
+def _ranged(problem: Problem, along: Any) -> tuple[CoherentRange, ContactTimes]:
     """Return the coherent range of a case, and when its pair made touches."""
     from fcdm_opt.tolerance.ranges.coherent_range import coherent_range
     from fcdm_opt.tolerance.ranges.contact_times import contact_times
 
-    along: Any = problem.published if direction is None and len(problem.motion.parameters) > 1 else None
-    if direction is not None:
-        along = _direction(direction)
     return coherent_range(problem, along), contact_times(problem, along)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -22,6 +23,7 @@ def console(*, stderr: bool = False) -> Any:
         markup=False,
         highlight=False,
         emoji=False,
+        color_system=None if os.environ.get("NO_COLOR") else "auto",  # None: no bold either, plain text
         soft_wrap=not terminal,
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_rows, print_text, wrapped
@@ -12,6 +11,7 @@ from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_rows, 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.show.solved import SolvedCase
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
     from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
@@ -22,27 +22,6 @@ SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a ca
 CLOSED = 1e-9  # relative gap of a closed form
 ROUNDING = 1e-6  # of the last digit shown
 NOTHING = 1e-12  # of the amount: a parameter that adds less is shown as 0
-
-
-@dataclass(frozen=True)
-class SolvedCase:
-    """A case after solving it, with what its row sets beside it.
-
-    Attributes
-    ----------
-    solution : Solution
-    published_amount : float or None
-        Amount of the reference motion that the file gives.
-    touch_amount : float or None
-        Least amount for goal "touch" with the same motions, beside goal "beyond".
-    certified : bool
-        Whether a proof was asked for.
-    """
-
-    solution: Solution
-    published_amount: float | None
-    touch_amount: float | None
-    certified: bool = False
 
 
 def slope(segment: Any) -> float:

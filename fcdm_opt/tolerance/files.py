@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, ValidationError
+from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationError
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Step
-from fcdm_opt.tolerance.amounts import OwnAmount
+from fcdm_opt.tolerance.amounts import AMOUNTS, OwnAmount
 from fcdm_opt.tolerance.keep_out import KeepOut, keep_outs
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.problem import GOALS, PAIR_STATES, PATHS, SIGNS, Problem
 from fcdm_opt.tolerance.schema import (
     REFUSED,
     STEPS,
@@ -59,68 +59,129 @@ class Scene(NamedTuple):
 class Defaults(Entry):
     """What all cases of a file share; a case may give any of it anew."""
 
+    model_config = ConfigDict(title="Defaults of all cases")
+
     nominal: Annotated[int, Field(strict=True, ge=1)] | Pair | Literal["drawn"] = Field(
         default="drawn",
         description='number of a switching point (from 1), a scale pair [rho_1, rho_2] or "drawn" (= [1, 1])',
+        examples=[3, [1.05, 0.98], "drawn"],
     )
     tolerance: Number | Pair | tuple[Pair, Pair] | None = Field(
         default=None,
         description="tau, [tau_1, tau_2] or [[minus_1, plus_1], [minus_2, plus_2]], relative (0.02 is 2 %), >= 0",
+        examples=[0.02, [0.02, 0.01], [[0.0, 0.02], [0.01, 0.01]]],
     )
-    requirement: str | None = Field(default=None, description='"A" (+, +), "B" (+, -), "C" (-, +) or "D" (-, -)')
-    target: Pair | None = Field(default=None, description="[rho_1, rho_2], the scales made, in place of requirement")
+    requirement: str | None = Field(
+        default=None,
+        description='which way each body is off its nominal scale: "A" (+, +), "B" (+, -), "C" (-, +) or "D" (-, -)',
+        json_schema_extra={"enum": [*SIGNS]},
+        examples=["B"],
+    )
+    target: Pair | None = Field(
+        default=None,
+        description="[rho_1, rho_2], scales > 0 of the parts made, in place of requirement and tolerance",
+        examples=[[1.02, 0.99]],
+    )
     box: tuple[Pair, Pair] = Field(
         default=((0.8, 3.0), (0.8, 3.0)),
-        description="[[low_1, high_1], [low_2, high_2]], scales that are shown and numbered",
+        description="[[low_1, high_1], [low_2, high_2]], scales > 0 that are shown and numbered",
+        examples=[[[0.8, 1.2], [0.8, 1.2]]],
     )
-    goal: str | None = Field(default=None, description='"beyond", "at", "seat", "touch" or "clear"')
+    goal: str | None = Field(
+        default=None,
+        description='"beyond" (the tracked contact ends in the quadrant beyond the target), "at" (exactly at the '
+        'target), "seat" (so that a flush contact stays flush), "touch" (the pair made touches) or "clear" (it keeps '
+        'clearance); without it "beyond" at a switching point with a requirement, "seat" where the contact is flush, '
+        'else "touch"',
+        json_schema_extra={"enum": [*GOALS]},
+        examples=["touch"],
+    )
     pair: str = Field(
-        default="any", description='"any", "clear" or "touch": required state of the target pair, besides the goal'
+        default="any",
+        description='"any", "clear" or "touch": required state of the target pair, besides the goal',
+        json_schema_extra={"enum": [*PAIR_STATES]},
+        examples=["clear"],
     )
-    clearance: Number = Field(default=0.0, description='least gap, length units, for goal or pair "clear"')
-    path: str = Field(default="coherent", description='"coherent" or "free"')
-    amount: str | AmountEntry = Field(
+    clearance: Number = Field(
+        default=0.0, description='least gap, length units, for goal or pair "clear"', examples=[0.1]
+    )
+    path: str = Field(
+        default="coherent",
+        description='"coherent" (the tracked features stay the real contact all along the motion) or "free"',
+        json_schema_extra={"enum": [*PATHS]},
+        examples=["free"],
+    )
+    amount: Annotated[str, Field(json_schema_extra={"enum": [*AMOUNTS]})] | AmountEntry = Field(
         default="weighted",
-        description='"weighted", "displacement", or { casadi = ... }, an expression as Problem.to_dict writes it',
+        description='what is made least: "weighted" (root of the sum of squares), "displacement" (of the farthest '
+        "vertex), or { casadi = ... }, an expression as Problem.to_dict writes it",
+        examples=["displacement"],
     )
-    length: Number | None = Field(default=None, description="length > 0 that turns radians into lengths")
+    length: Number | None = Field(
+        default=None,
+        description="length > 0 that turns radians into lengths; without it half the diagonal of the movable body's "
+        "box",
+        examples=[20.0],
+    )
     weights: dict[str, Number] = Field(
-        default={}, description="{ TZ = 1.0, RZ_per_rad = 0.5 }: amount per length unit, per radian (or _per_deg)"
+        default={},
+        description="{ TZ = 1.0, RZ_per_rad = 0.5 }: amount per length unit, per radian (or _per_deg)",
+        examples=[{"TZ": 1.0, "RZ_per_deg": 0.5}],
     )
     limits: dict[str, tuple[Bound, Bound]] = Field(
-        default={}, description='{ TZ = [-1, 1], RZ_deg = [-10, "inf"] }: lower and upper, angles as _deg or _rad'
+        default={},
+        description='{ TZ = [-1, 1], RZ_deg = [-10, "inf"] }: lower and upper, angles as _deg or _rad',
+        examples=[{"TZ": [-1.0, 1.0], "RZ_deg": [-10.0, "inf"]}],
     )
     resolution: Number | dict[str, Number] | None = Field(
         default=None,
         description="{ TZ = 0.01, RZ_deg = 0.1 }: machine steps, angles as _deg or _rad; for lengths alone a number",
+        examples=[{"TZ": 0.01, "RZ_deg": 0.1}],
     )
     features: tuple[str, str] | None = Field(
         default=None,
         description="labels of the two features to track at a switching point where more than two lines meet",
+        examples=[["V1F2(P1V6; P2V2,V3,V5)", "E1E2(P1V4,V3; P2V9,V10)"]],
     )
     snap: Number = Field(
-        default=DEFAULT.snap, description="relative distance within which a nominal pair may be closed to the curve"
+        default=DEFAULT.snap,
+        description="relative distance within which a nominal pair may be closed to the curve",
+        examples=[1e-06],
     )
     keep_out: list[str] | None = Field(
-        default=None, description='names of the [[keep_out]] bodies that count: ["rib", ...]; without it all do'
+        default=None,
+        description='names of the [[keep_out]] bodies that count: ["rib", ...]; without it all do',
+        examples=[["rib"]],
     )
     motion: list[StepEntry] = Field(
         default=[],
         min_length=1,
-        description="steps in order: { translation = .. }, { rotation = .., centre = .. }, { screw = .., pitch.. }, "
-        "{ free = true }",
+        description="steps in order, in the case or in defaults: { translation = .. }, { rotation = .., centre = .. }, "
+        "{ screw = .., pitch.. }, { free = true }",
+        examples=[
+            [{"translation": "z"}, {"rotation": "z", "centre": "origin"}],
+            [{"screw": "seeds", "pitch_per_deg": 1.0}],
+            [{"free": True}],
+        ],
     )
     published: list[PublishedEntry] | None = Field(
         default=None,
         description="reference values, one table a step: { translation = ... }, { angle_deg = ... }",
+        examples=[[{"translation": 0.25}, {"angle_deg": 7.0191}]],
     )
-    published_text: str = Field(default="", description="the reference motion in the words of its source (text)")
+    published_text: str = Field(
+        default="",
+        description="the reference motion in the words of its source (text)",
+        examples=["TZ 0.25 + RZ 7.0191 deg"],
+    )
 
 
 class Case(Defaults):
     """One problem."""
 
-    name: str = Field(description="name of the case (text), once in a file")
+    model_config = ConfigDict(title="Cases")
+
+    name: str = Field(description="name of the case (text), once in a file", examples=["B"])
 
     def problem(self, scene: Scene, defaults: Defaults) -> Problem:
         """Return the problem; keys of the case come before those of `defaults`."""
@@ -223,17 +284,26 @@ def _published_values(entries: list[PublishedEntry], steps: list[Step]) -> list[
 class ProblemFile(Entry):
     """A whole problem file."""
 
-    title: str = Field(default="", description="title (text)")
-    note: str = Field(default="", description="what the reader should know (text)")
+    model_config = ConfigDict(title="Problem file")
+
+    title: str = Field(default="", description="title (text)", examples=["Peg in a plate"])
+    note: str = Field(default="", description="what the reader should know (text)", examples=["Lengths in mm."])
     bodies: Annotated[
         Annotated[str, Tag("<file>")] | Annotated[Bodies, Tag("<bodies>")],
         Discriminator(lambda value: "<file>" if isinstance(value, str) else "<bodies>"),
-    ] = Field(description='[bodies.movable] and [bodies.static], or the path of a file that has them: "other.toml"')
-    keep_out: list[KeepOutEntry] = Field(
-        default=[], description="[[keep_out]] tables: further static bodies that the movable one must keep clear of"
+    ] = Field(
+        description='[bodies.movable] and [bodies.static], or the path of a file that has them: "other.toml"',
+        examples=["other.toml"],
     )
-    defaults: Defaults = Field(default=Defaults(), description="a table with any key of a case but its name")
-    case: list[Case] = Field(default=[], description="[[case]] tables")
+    keep_out: list[KeepOutEntry] = Field(
+        default=[],
+        description="[[keep_out]] tables: further static bodies that the movable one must keep clear of",
+        examples=[[{"file": "rib.stl", "unit": "mm"}]],
+    )
+    defaults: Defaults = Field(
+        default=Defaults(), description="a table with any key of a case but its name", examples=[{"tolerance": 0.02}]
+    )
+    case: list[Case] = Field(default=[], description="[[case]] tables", examples=[[{"name": "A", "requirement": "A"}]])
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> ProblemFile:

@@ -20,13 +20,15 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetJsonSchemaHandler,
     Tag,
     ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -42,6 +44,7 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
 Bound = Annotated[float, Field(strict=True)] | Literal["inf", "-inf"]
 Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
 REFUSED = "refused"
+_PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
 _PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
 
@@ -81,10 +84,63 @@ def plain(value: Any) -> Any:
     return value
 
 
+def _for_editors(schema: Any) -> Any:
+    """Return a part of a JSON Schema in words that all drafts from 7 on read alike.
+
+    There is no null in TOML, a key is left out; a tuple of equal items is a list of fixed length; a key's title would
+    only repeat the key; an empty default says nothing.
+    """
+    if isinstance(schema, list):
+        return [_for_editors(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    kept = {key: _for_editors(item) for key, item in schema.items() if key not in ("examples", "enum", "default")}
+    given = {key: schema[key] for key in ("enum", "examples") if key in schema}
+    if schema.get("default") not in (None, "", [], {}):
+        given["default"] = schema["default"]
+    choices = [item for item in kept.pop("anyOf", []) if item != {"type": "null"}]
+    kept |= choices[0] if len(choices) == 1 else {"anyOf": choices} if choices else {}
+    items = kept.get("prefixItems", [])
+    if items and all(item == items[0] for item in items):
+        kept["items"] = kept.pop("prefixItems")[0]
+    return {**kept, **given}
+
+
+def one_of(*ways: tuple[str, ...]) -> dict[str, Any]:
+    """Return, for a JSON Schema, that the keys of exactly one of these ways are given."""
+    return {"oneOf": [{"required": list(keys)} for keys in ways]}
+
+
+class _InOrder(GenerateJsonSchema):
+    """Keeps the order of keys, which examples are read in."""
+
+    def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:
+        """Leave it."""
+        return value
+
+
 class Entry(BaseModel):
     """Refuses unknown keys and says, for a missing key or a wrong value, what the field's description says."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    def model_json_schema(cls, *args: Any, **kwargs: Any) -> dict[str, Any]:
+        """Return the JSON Schema, from which editors of TOML files complete and check."""
+        return super().model_json_schema(*args, **{"schema_generator": _InOrder, **kwargs})
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return the JSON Schema of this kind of table, see `_for_editors`."""
+        reference = handler(core_schema)
+        schema = handler.resolve_ref_schema(reference)
+        for key, item in schema.get("properties", {}).items():
+            made = _for_editors(item)
+            made.pop("title", None)
+            if isinstance(made.get("default"), dict):
+                del made["default"]
+            schema["properties"][key] = made
+        return reference
 
     @model_validator(mode="before")
     @classmethod
@@ -126,40 +182,62 @@ class Entry(BaseModel):
 class BodyEntry(Entry):
     """A body with its seed: a union of convex parts, or a mesh from a file."""
 
-    name: str | None = Field(default=None, description="name in messages and pictures (text)")
+    model_config = ConfigDict(title="Bodies", json_schema_extra=one_of(("vertices",), ("file", "unit")))
+
+    name: str | None = Field(
+        default=None,
+        description="name in messages and pictures (text); without it movable, static, keep-out k, or the file's name",
+        examples=["peg"],
+    )
     vertices: list[Point] | None = Field(
-        default=None, description='[[x, y, z], ...], at least four; label k is the k-th; or a mesh: file = "peg.stl"'
+        default=None,
+        description='[[x, y, z], ...], length units, at least four; label k is the k-th; or a mesh: file = "peg.stl"',
+        examples=[[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]],
     )
     parts: list[list[Label]] | None = Field(
         default=None,
         description="1-based vertex labels of each convex part; without it the body is the hull of its vertices",
+        examples=[[[1, 2, 3, 4], [3, 4, 5, 6]]],
     )
     faces: list[list[Label]] | None = Field(
-        default=None, description="1-based vertex labels of each true face; without it faces follow from the parts"
+        default=None,
+        description="1-based vertex labels of each true face; without it faces follow from the parts",
+        examples=[[[1, 2, 3], [1, 2, 4], [2, 3, 4], [1, 3, 4]]],
     )
     seed: Literal["centroid", "vertices", "box"] | Point = Field(
         default="centroid",
-        description='"centroid" (of the volume), "vertices" (their mean), "box" (its centre) or [x, y, z]',
+        description='the point that scaling holds: "centroid" (of the volume), "vertices" (their mean), "box" (its '
+        "centre) or [x, y, z], length units",
+        examples=["centroid", [0.0, 0.0, 2.5]],
     )
     deviation: Pair | None = Field(
         default=None,
-        description="[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it",
+        description="[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it; "
+        "without it [0, 0]",
+        examples=[[0.01, 0.0]],
     )
-    notes: list[str] = Field(default=[], description="how the body was made: text that is shown with results")
+    notes: list[str] = Field(
+        default=[],
+        description="how the body was made: text that is shown with results",
+        examples=[["cut by CoACD at threshold 0.05"]],
+    )
     file: str | None = Field(
         default=None,
         description="mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file",
+        examples=["peg.stl"],
     )
     unit: Unit | None = Field(
         default=None,
         description='unit of all lengths here, goes with file: "m", "cm", "mm", "um", "in" or "ft"',
+        examples=["mm"],
     )
     file_unit: Unit | None = Field(
-        default=None, description="unit of the numbers in a mesh file that does not say; default: unit"
+        default=None, description="unit of the numbers in a mesh file that does not say; default: unit", examples=["in"]
     )
     decomposition: Literal["auto", "exact", "coacd"] | None = Field(
         default=None,
         description='how a mesh, of a file or of vertices and faces, is cut into parts: "auto", "exact" or "coacd"',
+        examples=["exact"],
     )
 
     @model_validator(mode="after")
@@ -251,8 +329,15 @@ def _shifted(groups: list[list[int]]) -> list[list[int]]:
 class Bodies(Entry):
     """The two bodies."""
 
-    movable: BodyEntry = Field(description="the body that moves: a table with vertices, seed, ...")
-    static: BodyEntry = Field(description="the body at rest: a table with vertices, seed, ...")
+    model_config = ConfigDict(title="Both bodies")
+
+    movable: BodyEntry = Field(
+        description="the body that moves: a table with vertices, seed, ...",
+        examples=[{"file": "peg.stl", "unit": "mm"}],
+    )
+    static: BodyEntry = Field(
+        description="the body at rest: a table with vertices, seed, ...", examples=[{"file": "plate.stl", "unit": "mm"}]
+    )
 
     def both(self, folder: Path | None) -> tuple[Body, Body]:
         """Return (movable, static); `folder` is where paths of mesh files start."""
@@ -268,10 +353,16 @@ class Bodies(Entry):
 class KeepOutEntry(BodyEntry):
     """A further static body that the movable one must keep clear of."""
 
+    model_config = ConfigDict(title="Keep-outs")
+
     scale: Number | Pair = Field(
-        default=1.0, description="a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between"
+        default=1.0,
+        description="a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between",
+        examples=[1.0, [0.99, 1.01]],
     )
-    clearance: Number = Field(default=0.0, description="least gap, length units; 0: touching allowed, overlapping not")
+    clearance: Number = Field(
+        default=0.0, description="least gap, length units; 0: touching allowed, overlapping not", examples=[0.5]
+    )
 
     def keep_out(self, role: str, folder: Path | None) -> KeepOut:
         """Return the keep-out, see `body`."""
@@ -284,7 +375,11 @@ class KeepOutEntry(BodyEntry):
 class TranslationEntry(Entry):
     """A translation along a fixed axis."""
 
-    translation: Axis = Field(description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]')
+    model_config = ConfigDict(title="Translation")
+
+    translation: Axis = Field(
+        description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', examples=["z", [0.0, 1.0, 1.0]]
+    )
 
     def step(self) -> Step:
         """Return the step of a motion."""
@@ -299,9 +394,13 @@ class TranslationEntry(Entry):
 class RotationEntry(Entry):
     """A rotation about a fixed direction through a centre."""
 
-    rotation: Axis = Field(description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]')
+    model_config = ConfigDict(title="Rotation")
+
+    rotation: Axis = Field(description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', examples=["z"])
     centre: Literal["seed", "origin"] | Point = Field(
-        description='"seed" (of the movable body, as already moved), "origin" (of the world) or [x, y, z]'
+        description='"seed" (of the movable body, as already moved), "origin" (of the world) or [x, y, z], length '
+        "units",
+        examples=["seed", "origin", [0.0, 0.0, 5.0]],
     )
 
     def step(self) -> Step:
@@ -317,26 +416,39 @@ class RotationEntry(Entry):
 class Line(Entry):
     """A directed line."""
 
-    point: Point = Field(description="[x, y, z], a point of the line")
-    direction: Point = Field(description="[x, y, z], not zero; its length does not matter")
+    model_config = ConfigDict(title="Line")
+
+    point: Point = Field(description="[x, y, z], length units, a point of the line", examples=[[0.0, 0.0, 0.0]])
+    direction: Point = Field(
+        description="[x, y, z], not zero; its length does not matter, no unit", examples=[[0.0, 0.0, 1.0]]
+    )
 
 
 class ScrewEntry(Entry):
     """A rotation about a directed line and a translation along it, with exactly one of the three pitch keys."""
 
+    model_config = ConfigDict(title="Screw", json_schema_extra=one_of(*((key,) for key in _PITCH_KEYS)))
+
     screw: Literal["seeds"] | Line = Field(
-        description='"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] }'
+        description='"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] '
+        "}",
+        examples=["seeds", {"point": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0]}],
     )
     pitch: Literal["free", "infinite", "-infinite"] | None = Field(
         default=None,
         description='"free" (translation and angle independent), "infinite" (translation alone) or "-infinite"',
+        examples=["free"],
     )
-    pitch_per_deg: Number | None = Field(default=None, description="translation for each degree, a number")
-    pitch_per_rad: Number | None = Field(default=None, description="translation for each radian, a number")
+    pitch_per_deg: Number | None = Field(
+        default=None, description="translation for each degree of turning, a number of length units", examples=[1.0]
+    )
+    pitch_per_rad: Number | None = Field(
+        default=None, description="translation for each radian of turning, a number of length units", examples=[0.25]
+    )
 
     @model_validator(mode="after")
     def _one_pitch(self) -> ScrewEntry:
-        given = [key for key in ("pitch", "pitch_per_deg", "pitch_per_rad") if getattr(self, key) is not None]
+        given = [key for key in _PITCH_KEYS if getattr(self, key) is not None]
         if len(given) != 1:
             allowed = 'exactly one of pitch_per_deg, pitch_per_rad, pitch = "free", "infinite" or "-infinite"'
             raise refusal("the pitch is not given once", found=", ".join(given) or "none", allowed=allowed)
@@ -367,7 +479,11 @@ class ScrewEntry(Entry):
 class FreeEntry(Entry):
     """Any motion: a translation, and a rotation about the seed by a rotation vector."""
 
-    free: Literal[True] = Field(description="true: all six parameters, TX TY TZ and RX RY RZ about the movable seed")
+    model_config = ConfigDict(title="Free motion")
+
+    free: Literal[True] = Field(
+        description="true: all six parameters, TX TY TZ and RX RY RZ about the movable seed", examples=[True]
+    )
 
     def step(self) -> Step:
         """Return the step of a motion."""
@@ -382,11 +498,13 @@ class FreeEntry(Entry):
 class OwnMotionEntry(Entry):
     """A motion of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
 
+    model_config = ConfigDict(title="Own motion")
+
     casadi: str = Field(description="the text of an fcdm_opt.OwnMotion")
     parameters: list[tuple[str, Literal["translation", "rotation"]]] = Field(
-        description='[["TZ", "translation"], ...]: name and kind of each parameter'
+        description='[["TZ", "translation"], ...]: name and kind of each parameter', examples=[[["TX", "translation"]]]
     )
-    name: str = Field(default="own motion", description="name in words and messages (text)")
+    name: str = Field(default="own motion", description="name in words and messages (text)", examples=["ramp"])
 
     def step(self) -> Step:
         """Return the step of a motion."""
@@ -426,17 +544,25 @@ StepEntry = Annotated[
 class AmountEntry(Entry):
     """A motion amount of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
 
+    model_config = ConfigDict(title="Own amount")
+
     casadi: str = Field(description="the text of an OwnAmount")
 
 
 class PublishedEntry(Entry):
     """Reference values for one step of the motion."""
 
+    model_config = ConfigDict(title="Reference values")
+
     translation: Number | list[Number] | None = Field(
-        default=None, description="a length, or a list where it has several"
+        default=None, description="a length, or a list where it has several", examples=[0.25]
     )
-    angle_deg: Number | list[Number] | None = Field(default=None, description="an angle in degrees, or a list")
-    angle_rad: Number | list[Number] | None = Field(default=None, description="an angle in radians, or a list")
+    angle_deg: Number | list[Number] | None = Field(
+        default=None, description="an angle in degrees, or a list", examples=[7.0191]
+    )
+    angle_rad: Number | list[Number] | None = Field(
+        default=None, description="an angle in radians, or a list", examples=[0.1225]
+    )
 
     def values(self, step: Step) -> list[float]:
         """Return the values of the step's own parameters; raises `InputError` where the keys do not fit them."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, create_model, model_validator
+from pydantic import ConfigDict, Field, create_model, model_validator
 
-from fcdm_opt.tolerance.schema import Entry, Label, Number, refusal
+from fcdm_opt.tolerance.schema import Entry, Label, Number, one_of, refusal
 
 Key = Annotated[str, Field(min_length=1)]
 WAYS = ("values", "grid", "uniform", "normal", "csv")
@@ -17,41 +17,64 @@ Grid = create_model(
     __base__=Entry,
     __doc__="Evenly spaced numbers, both ends among them.",
     **{
-        "from": (Number, Field(description="the first number")),
-        "to": (Number, Field(description="the last number, above the first")),
-        "count": (Label, Field(description="how many, a whole number >= 1; with 1 from and to are equal")),
+        "from": (Number, Field(description="the first number, in the key's unit", examples=[0.001])),
+        "to": (Number, Field(description="the last number, above the first, in the key's unit", examples=[0.05])),
+        "count": (
+            Label,
+            Field(description="how many, a whole number >= 1; with 1 from and to are equal", examples=[50]),
+        ),
         "spacing": (
             Literal["linear", "log"],
-            Field(default="linear", description='"linear", or "log": equal ratios between numbers > 0'),
+            Field(
+                default="linear", description='"linear", or "log": equal ratios between numbers > 0', examples=["log"]
+            ),
         ),
     },  # type: ignore[call-overload]
 )
 
 
 class UniformEntry(Entry):
-    """See `Uniform`."""
+    """Numbers drawn evenly between two ends."""
 
-    low: Number = Field(description="least number that is drawn")
-    high: Number = Field(description="largest number that is drawn, above low")
+    model_config = ConfigDict(title="Uniform")
+
+    low: Number = Field(description="least number that is drawn, in the key's unit", examples=[0.98])
+    high: Number = Field(description="largest number that is drawn, above low, in the key's unit", examples=[1.02])
 
 
 class NormalEntry(Entry):
-    """See `Normal`."""
+    """Numbers drawn from a normal distribution that is cut off at both ends."""
 
-    mean: Number = Field(description="mean, before the cut")
-    deviation: Number = Field(description="standard deviation > 0, before the cut")
-    low: Number = Field(description="least number that is drawn")
-    high: Number = Field(description="largest number that is drawn, above low")
+    model_config = ConfigDict(title="Normal")
+
+    mean: Number = Field(description="mean before the cut, in the key's unit", examples=[1.0])
+    deviation: Number = Field(description="standard deviation > 0 before the cut, in the key's unit", examples=[0.005])
+    low: Number = Field(description="least number that is drawn, in the key's unit", examples=[0.98])
+    high: Number = Field(description="largest number that is drawn, above low, in the key's unit", examples=[1.02])
 
 
 class CsvEntry(Entry):
     """Measured values: one column to draw from, or several whose rows are taken as they are."""
 
-    file: str = Field(description="path of a CSV file with a line of column names, relative to this file")
-    column: str | None = Field(default=None, description="name of the column to draw from")
-    nominal: Number | None = Field(default=None, description="number that the values of the column are divided by")
-    columns: list[str] | None = Field(default=None, min_length=1, description="names of columns, one a key")
-    nominals: list[Number] | None = Field(default=None, description="numbers that they are divided by, one a column")
+    model_config = ConfigDict(title="Measured values", json_schema_extra=one_of(("column",), ("columns",)))
+
+    file: str = Field(
+        description="path of a CSV file with a line of column names, relative to this file", examples=["sizes.csv"]
+    )
+    column: str | None = Field(default=None, description="name of the column to draw from", examples=["peg"])
+    nominal: Number | None = Field(
+        default=None,
+        description="number that the values of the column are divided by, in their unit; without it 1",
+        examples=[10.0],
+    )
+    columns: list[str] | None = Field(
+        default=None, min_length=1, description="names of columns, one a key", examples=[["peg", "hole"]]
+    )
+    nominals: list[Number] | None = Field(
+        default=None,
+        description="numbers that they are divided by, one a column, in their units; without it 1",
+        examples=[[10.0, 10.2]],
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -68,29 +91,43 @@ class CsvEntry(Entry):
 class VaryEntry(Entry):
     """One variable of a study: which key takes which values."""
 
+    model_config = ConfigDict(title="What varies", json_schema_extra=one_of(*((way,) for way in WAYS)))
+
     key: Key | Annotated[list[Key], Field(min_length=1)] = Field(
         description='a key of a problem ("tolerance", "target[1]", "limits.RZ_deg", "bodies.movable.vertices[5][3]", '
-        '"parameters.draft_deg"), or a list of keys that vary together'
+        '"parameters.draft_deg"), or a list of keys that vary together',
+        examples=["tolerance", ["requirement", "goal"]],
     )
     label: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, description="name of its column in the results (text)"
+        default=None, description="name of its column in the results (text)", examples=["size tolerance"]
     )
     values: Annotated[list[Any], Field(min_length=1)] | None = Field(
-        default=None, description="[...], at least one value; with several keys one list a point: [[...], [...]]"
+        default=None,
+        description="[...], at least one value; with several keys one list a point: [[...], [...]]",
+        examples=[[0.01, 0.02], [["A", "beyond"], ["B", "touch"]]],
     )
     names: list[str] | None = Field(
-        default=None, description='names of the listed values in the results, all different: ["TX", "TZ + RZ"]'
+        default=None,
+        description='names of the listed values in the results, all different: ["TX", "TZ + RZ"]',
+        examples=[["fine", "coarse"]],
     )
     grid: Grid | None = Field(  # type: ignore[valid-type]
-        default=None, description='{ from = 0.001, to = 0.05, count = 50, spacing = "linear" or "log" }'
+        default=None,
+        description='{ from = 0.001, to = 0.05, count = 50, spacing = "linear" or "log" }',
+        examples=[{"from": 0.001, "to": 0.05, "count": 50, "spacing": "log"}],
     )
-    uniform: UniformEntry | None = Field(default=None, description="{ low = 0.98, high = 1.02 }")
+    uniform: UniformEntry | None = Field(
+        default=None, description="{ low = 0.98, high = 1.02 }", examples=[{"low": 0.98, "high": 1.02}]
+    )
     normal: NormalEntry | None = Field(
-        default=None, description="{ mean = 1.0, deviation = 0.005, low = 0.98, high = 1.02 }, cut off at low and high"
+        default=None,
+        description="{ mean = 1.0, deviation = 0.005, low = 0.98, high = 1.02 }, cut off at low and high",
+        examples=[{"mean": 1.0, "deviation": 0.005, "low": 0.98, "high": 1.02}],
     )
     csv: CsvEntry | None = Field(
         default=None,
         description='{ file = "sizes.csv", column = "peg", nominal = 10.0 }, or columns = [...] with several keys',
+        examples=[{"file": "sizes.csv", "column": "peg", "nominal": 10.0}],
     )
 
     @model_validator(mode="after")
@@ -105,43 +142,73 @@ class VaryEntry(Entry):
 class YieldEntry(Entry):
     """What counts as good."""
 
-    budget: Annotated[Number, Field(ge=0.0)] = Field(description="largest amount >= 0 of a motion that is affordable")
+    model_config = ConfigDict(title="Yield")
+
+    budget: Annotated[Number, Field(ge=0.0)] = Field(
+        description="largest amount >= 0 of a motion that is affordable, length units", examples=[0.25]
+    )
 
 
 class _StudyFile(Entry):
-    """A whole study file."""
+    """A whole study file: a problem file, and what varies of it."""
 
-    title: str = Field(default="", description="title (text)")
-    note: str = Field(default="", description="what the reader should know (text)")
-    problem: str = Field(description='path of the problem file, relative to this file: "../example1.toml"')
+    model_config = ConfigDict(title="Study file")
+
+    title: str = Field(default="", description="title (text)", examples=["Draft angle"])
+    note: str = Field(default="", description="what the reader should know (text)", examples=["Lengths in mm."])
+    problem: str = Field(
+        description='path of the problem file, relative to this file: "../example1.toml"',
+        examples=["../peg_square.toml"],
+    )
     cases: Annotated[list[str], Field(min_length=1)] | None = Field(
-        default=None, description='names of the cases to take: ["A", "B"]; without it all'
+        default=None, description='names of the cases to take: ["A", "B"]; without it all', examples=[["A", "B"]]
     )
     seed: Annotated[int, Field(strict=True, ge=0)] = Field(
-        default=1, description="whole number >= 0 that the draws follow from"
+        default=1, description="whole number >= 0 that the draws follow from", examples=[1]
     )
     certify: Annotated[bool, Field(strict=True)] = Field(
-        default=False, description="true: prove that no smaller motion will do"
+        default=False, description="true: prove that no smaller motion will do", examples=[True]
     )
-    time_limit: Annotated[Number, Field(gt=0.0)] | None = Field(default=None, description="seconds > 0 a point")
+    time_limit: Annotated[Number, Field(gt=0.0)] | None = Field(
+        default=None, description="seconds > 0 a point", examples=[60.0]
+    )
     sampling: Literal["latin hypercube", "random"] = Field(
-        default="latin hypercube", description='"latin hypercube" or "random": how numbers are drawn'
+        default="latin hypercube",
+        description='"latin hypercube" or "random": how numbers are drawn',
+        examples=["random"],
     )
     count: Label | None = Field(
-        default=None, description="how many draws >= 1, goes with uniform, normal or csv column"
+        default=None, description="how many draws >= 1, goes with uniform, normal or csv column", examples=[1000]
     )
     parameters: dict[str, Number | str] = Field(
-        default={}, description="{ draft_deg = 1.0 }: numbers of one's own, or expressions in them"
+        default={},
+        description="{ draft_deg = 1.0 }: numbers of one's own, or expressions in them",
+        examples=[{"draft_deg": 1.0}],
     )
-    vary: list[VaryEntry] = Field(default=[], description="[[vary]] tables")
+    vary: list[VaryEntry] = Field(
+        default=[],
+        description="[[vary]] tables, one a variable: which key takes which values",
+        examples=[[{"key": "tolerance", "values": [0.01, 0.02]}]],
+    )
     derive: dict[str, Any] = Field(
-        default={}, description='{ target = ["r", "1.0"] }: values of keys, texts in them are expressions in parameters'
+        default={},
+        description='{ target = ["r", "1.0"] }: values of keys, texts in them are expressions in parameters',
+        examples=[{"limits": {"TX": ["-draft_deg", "draft_deg"]}}],
     )
 
 
 StudyFile = create_model(
     "StudyFile",
     __base__=_StudyFile,
-    __doc__="A whole study file.",
-    **{"yield": (YieldEntry | None, Field(default=None, description="{ budget = 0.25 }"))},  # type: ignore[call-overload]
+    __doc__="A whole study file: a problem file, and what varies of it.",
+    **{
+        "yield": (
+            YieldEntry | None,
+            Field(
+                default=None,
+                description="{ budget = 0.25 }: tell the share of points whose amount stays within it",
+                examples=[{"budget": 0.25}],
+            ),
+        )
+    },  # type: ignore[call-overload]
 )

@@ -1,0 +1,104 @@
+"""How a command may end: exit codes, and one line on stderr for whatever stops it.
+
+Nobody sees a traceback who did not ask for it with `--debug`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+import typer
+
+from fcdm_opt.errors import InputError
+
+SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED, INTERNAL = 0, 1, 2, 3, 4
+INTERRUPTED, BROKEN_PIPE = 130, 141  # as a shell reports a program that a signal ended
+EXIT_CODES = (
+    (SOLVED, "all well"),
+    (NO_MOTION, "a case without a motion"),
+    (BAD_INPUT, "bad input, or a file that cannot be read or written"),
+    (NOT_VERIFIED, "a motion that was not verified"),
+    (INTERNAL, "a defect of fcdm-opt"),
+    (INTERRUPTED, "interrupted"),
+)
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How a run speaks: with tracebacks or without, in JSON or in text."""
+
+    debug: bool = False
+    as_json: bool = False
+
+
+manner: ContextVar[Manner] = ContextVar("manner", default=Manner())  # noqa: B039 (frozen)
+
+
+def say(text: str) -> None:
+    """Write a line to stderr; one that nobody can read any more is no reason to stop."""
+    with suppress(OSError):
+        typer.echo(text, err=True)
+
+
+def refuse(reason: Exception, text: str | None = None) -> str:
+    """Say in one line why something is refused, and return what was said."""
+    shown = " ".join(str(reason if text is None else text).split("\n"))
+    if manner.get().debug:
+        say("".join(traceback.format_exception(reason)).rstrip())
+    say(f"error: {shown}")
+    return shown
+
+
+def stopped(reason: Exception, text: str | None = None, *, code: int = BAD_INPUT) -> typer.Exit:
+    """Say why the whole command is refused, as JSON too where that is asked for; return what ends it."""
+    error = refuse(reason, text)
+    if manner.get().as_json:
+        typer.echo(json.dumps({"error": error}, indent=2))
+    return typer.Exit(code)
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Turn whatever ends a command into a line on stderr and an exit code."""
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()  # here a broken pipe is still ours to meet
+    except InputError as reason:
+        raise stopped(reason) from reason
+    except KeyboardInterrupt as reason:
+        say("interrupted")
+        raise typer.Exit(INTERRUPTED) from reason
+    except SystemExit as reason:
+        if isinstance(reason.__context__, BrokenPipeError):  # rich met it first
+            raise _unheard() from reason
+        raise
+    except BrokenPipeError as reason:
+        raise _unheard() from reason
+    except OSError as reason:
+        place = f"{reason.filename}: " if reason.filename else ""
+        raise stopped(reason, f"{place}{reason.strerror or reason}") from reason
+    except Exception as reason:
+        if hasattr(reason, "exit_code") or isinstance(reason, typer.Abort):  # the command line's own
+            raise
+        what = f"internal: {type(reason).__name__}: {str(reason)[:200] or 'no reason given'}"
+        hint = "" if manner.get().debug else "; please report it with what the command prints with --debug"
+        raise stopped(reason, what + hint, code=INTERNAL) from reason
+
+
+def _unheard() -> typer.Exit:
+    """Return how a command ends whose output nobody reads; what is still to be written goes nowhere."""
+    with suppress(OSError, ValueError, AttributeError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+    return typer.Exit(BROKEN_PIPE)

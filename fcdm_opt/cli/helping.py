@@ -1,0 +1,140 @@
+"""How help looks, and how the command line answers what it does not understand.
+
+Plain text in at most 80 columns: the overview lists commands by the question that they answer, each command its
+options in groups and examples that run as they stand.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import sys
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from fcdm_opt.cli.guarding import EXIT_CODES, Manner, guarded, manner, stopped
+
+OPTIONS = "Options"  # heading of options without a group
+
+
+class Command(TyperCommand):
+    """A command whose help ends with examples, one a line of its epilog."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the words of the usage line: FILE... without braces."""
+        return [piece.translate({ord(brace): None for brace in "{}"}) for piece in super().collect_usage_pieces(ctx)]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments, then options by group."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is None:
+                continue
+            name, text = record
+            group = getattr(parameter, "rich_help_panel", None) or OPTIONS
+            if parameter.param_type_name == "argument":
+                group, name = "Arguments", name.split(" ")[0]
+                text = text.replace("  [required]", "")
+            groups.setdefault(group, []).append((name, text))
+        for group in sorted(groups, key=lambda group: (group != "Arguments", group == "Output")):
+            with formatter.section(group):
+                formatter.write_dl(groups[group])
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the examples as they are, never folded."""
+        if self.epilog:
+            formatter.write_paragraph()
+            formatter.write("Examples:\n" + "".join(f"  {line}\n" for line in self.epilog.splitlines()))
+
+
+class Overview(TyperGroup):
+    """All commands; the only place where a run begins and ends."""
+
+    questions: ClassVar[dict[str, Sequence[str]]] = {}
+    """The names of the commands that answer a question, by question."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands by question, each with the first sentence of its help."""
+        for question, names in self.questions.items():
+            formatter.write_paragraph()
+            formatter.write(f"{question}\n")
+            with formatter.indentation():
+                formatter.write_dl([(name, _first_sentence(self.commands[name].help)) for name in names])
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands before the options, which are few and rarely needed."""
+        self.format_commands(ctx, formatter)
+        with formatter.section(OPTIONS):
+            formatter.write_dl([record for own in self.get_params(ctx) if (record := own.get_help_record(ctx))])
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write how to go on, and the exit codes."""
+        formatter.write_paragraph()
+        formatter.write_text(f"Help and examples of a command: {ctx.command_path} COMMAND --help")
+        formatter.write_paragraph()
+        formatter.write_text("Exit codes: " + "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES) + ".")
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command such that nothing escapes it but an exit code."""
+        with guarded():
+            return super().invoke(ctx)
+
+    def main(self, args: Sequence[str] | None = None, *, standalone_mode: bool = True, **extra: Any) -> Any:  # type: ignore[override]
+        """Run the command line; `--debug` may stand anywhere in it."""
+        if not standalone_mode:
+            return super().main(args, standalone_mode=False, **extra)
+        words = list(sys.argv[1:] if args is None else args)
+        own = words[: words.index("--")] if "--" in words else words
+        before = manner.set(Manner(debug="--debug" in own, as_json="--json" in own))
+        words = [word for word in own if word != "--debug"] + words[len(own) :]
+        try:
+            code = super().main(words, standalone_mode=False, **extra)
+        except typer.Abort:
+            code = stopped(typer.Abort(), "aborted").exit_code
+        except Exception as reason:
+            if not hasattr(reason, "format_message"):
+                raise
+            code = stopped(reason, _misunderstood(reason)).exit_code
+        finally:
+            manner.reset(before)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _first_sentence(text: str | None) -> str:
+    """Return the first line of a help text without what follows a semicolon or its full stop."""
+    line = " ".join((text or "").split("\n\n")[0].split())
+    return re.split(r"[.;:](?: |$)", line)[0]
+
+
+def _misunderstood(reason: Any) -> str:
+    """Return in words of ours what is wrong with a command line."""
+    ctx, kind = getattr(reason, "ctx", None), type(reason).__name__
+    command = ctx.command if ctx is not None else None
+    where = f"; see {ctx.command_path} --help" if ctx is not None else ""
+    if kind == "NoSuchOption":
+        known = [name for own in command.get_params(ctx) for name in own.opts] if command is not None else []
+        return f"{reason.option_name}: no such option{_near(reason.option_name, known)}{where}"
+    unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
+    if unknown and command is not None:
+        name, known = unknown.group(2), list(command.commands)
+        return f"{name}: no such command{_near(name, known)}; allowed: {', '.join(known)}"
+    parameter = getattr(reason, "param", None)
+    if parameter is not None:
+        name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar or parameter.name
+        if kind == "MissingParameter":
+            return f"{name}: missing; allowed: {(parameter.help or '').rstrip('.')}{where}"
+        return f"{name}: {_lower(reason.message)}{where}"
+    return f"{_lower(reason.message)}{where}"
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name, known, 1)
+    return f", did you mean {near[0]!r}?" if near else ""
+
+
+def _lower(text: str) -> str:
+    return (text[:1].lower() + text[1:]).rstrip(".")

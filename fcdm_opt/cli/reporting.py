@@ -1,0 +1,96 @@
+"""`report`: one HTML file to look at, to turn, to print and to pass on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fcdm_opt.cli.common import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, Cases, finish, opened_files, say
+from fcdm_opt.cli.completing import problem_files
+from fcdm_opt.errors import InputError
+
+STUDY = "study.sqlite"  # what makes a folder that of a study
+MEGABYTE = 1e6
+
+Sources = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE|DIR",
+        help="Problem files (TOML), folders of them, or the folder that a study was run into.",
+        show_default=False,
+        autocompletion=problem_files,
+    ),
+]
+
+
+def report_command(
+    sources: Sources,
+    out: Annotated[Path, typer.Option("--out", metavar="HTML", help="The file to write.")] = Path("report.html"),
+    certify: Annotated[
+        bool, typer.Option("--certify/--no-certify", help="Prove how small a motion can be at all.")
+    ] = True,
+    case: Cases = None,
+) -> None:
+    """Write problems and their solutions, or a study, as one HTML file to look at; it needs no network."""
+    from fcdm_opt.design.moved_files import write
+
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError("not the name of a report", key="--out", found=str(out), allowed="a name in .html")
+    if any((source / STUDY).is_file() for source in sources):
+        text, codes = _study(sources, case or ()), list[int]()
+    else:
+        text, codes = _problems(list(_files(sources)), certify, case or ())
+    if text:
+        with suppress(OSError):  # what is wrong with it is said when the file is written
+            out.parent.mkdir(parents=True, exist_ok=True)
+        write(out, text)
+        say(f"wrote {out} ({len(text.encode()) / MEGABYTE:.1f} MB)")
+    finish(None, codes)
+
+
+def _files(sources: Iterable[Path]) -> Iterator[Path]:
+    """Yield problem files, those of a folder by name."""
+    for source in sources:
+        if not source.is_dir():
+            yield source
+            continue
+        found = sorted(source.glob("*.toml"))
+        if not found:
+            raise InputError("nothing to report on", file=source, allowed=f"a folder with problem files or {STUDY}")
+        yield from found
+
+
+def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
+    """Return the report on problem files, nothing where none could be read, and the exit code of each file and case."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    opened = opened_files(paths, cases)
+    if not any(file.problems for file in opened):
+        return "", [BAD_INPUT]
+    payload = gather(opened, certify=certify, say=say)
+    codes = [BAD_INPUT for file in payload["files"] if file.get("error")]
+    return page(payload), codes + [_code(case) for case in payload["cases"]]
+
+
+def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
+    """Return the report on one study."""
+    from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.show.report.study_page import study_page
+
+    if len(sources) > 1:
+        found = ", ".join(map(str, sources))
+        raise InputError("a study is reported on alone", key="FILE|DIR", found=found, allowed="one folder of a study")
+    if cases:
+        raise InputError("cases belong to problem files", key="--case", found=", ".join(cases), allowed="no --case")
+    return study_page(StudyResult.read(sources[0]))
+
+
+def _code(case: dict[str, Any]) -> int:
+    if case["usable"]:
+        return SOLVED
+    return NO_MOTION if case["amount"] is None else NOT_VERIFIED

@@ -1,0 +1,88 @@
+"""`init` and `schema`: a first problem file from two meshes, and what such files may hold."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fcdm_opt.cli.common import OUTPUT, say
+from fcdm_opt.errors import InputError
+
+KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
+SUFFIX = ".toml"
+
+
+def init_command(
+    movable: Annotated[
+        Path,
+        typer.Argument(metavar="MOVABLE", help=f"Mesh file of the part that moves: {KINDS}.", show_default=False),
+    ],
+    static: Annotated[
+        Path, typer.Argument(metavar="STATIC", help="Mesh file of the part at rest, likewise.", show_default=False)
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="TOML", help="File to write. Default: MOVABLE-STATIC.toml here.", rich_help_panel=OUTPUT
+        ),
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option("--unit", metavar="UNIT", help='Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".'),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite the file if it is there.", rich_help_panel=OUTPUT)
+    ] = False,
+) -> None:
+    """Write a commented problem file from two mesh files, as drawn in one frame.
+
+    Looks at where the parts are (apart, touching, overlapping), chooses goal and motion, and solves each case once.
+    """
+    from fcdm_opt.design.moved_files import write
+    from fcdm_opt.tolerance.drafting.draft import draft
+
+    path = Path(f"{movable.stem}-{static.stem}{SUFFIX}") if out is None else out
+    _check_place(path, (movable, static), force)
+    made = draft(movable, static, file=path, unit=unit)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write(path, made.text)
+    say(f"wrote {path}")
+    for line in made.summary:
+        typer.echo(line)
+    typer.echo(f"next: fcdm-opt solve {_quoted(path)}")
+
+
+def schema_command(
+    what: Annotated[
+        str, typer.Option("--what", metavar="KIND", help='Kind of file: "problem" or "study".')
+    ] = "problem",
+) -> None:
+    """Print the JSON Schema of problem files or study files, by which editors complete and check them.
+
+    Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
+    TOML (taplo) then complete keys, show what they mean, and mark what is wrong.
+    """
+    from fcdm_opt.design.schemas import json_schema
+
+    typer.echo(json.dumps(json_schema(what), indent=2, ensure_ascii=False))
+
+
+def _check_place(path: Path, meshes: tuple[Path, Path], force: bool) -> None:
+    """Refuse to write where something is that should stay."""
+    if path.suffix.lower() != SUFFIX:
+        raise InputError("not the name of a problem file", key="--out", found=str(path), allowed=f"a name in {SUFFIX}")
+    if path.is_dir():
+        raise InputError("a folder is there", key="--out", found=str(path), allowed="the name of a file")
+    if path.exists() and any(mesh.exists() and path.samefile(mesh) for mesh in meshes):
+        raise InputError("this is one of the meshes", key="--out", found=str(path), allowed="another name")
+    if path.exists() and not force:
+        raise InputError("the file is there already", key="--out", found=str(path), allowed="another name, or --force")
+
+
+def _quoted(path: Path) -> str:
+    import shlex
+
+    return shlex.quote(str(path))

@@ -1,0 +1,56 @@
+"""A case as tables and reports show it: solved, its proof checked, and beside it what else is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from time import perf_counter
+
+from fcdm_opt.tolerance.certificate import verify
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solver import solve
+
+
+@dataclass(frozen=True)
+class SolvedCase:
+    """A case after solving it, with what a table sets beside it.
+
+    Attributes
+    ----------
+    solution : Solution
+    published_amount : float or None
+        Amount of the reference motion that the file gives.
+    touch_amount : float or None
+        Least amount for goal "touch" with the same motions, beside goal "beyond".
+    certified : bool
+        Whether a proof was asked for.
+    """
+
+    solution: Solution
+    published_amount: float | None
+    touch_amount: float | None
+    certified: bool = False
+
+
+def solved_case(problem: Problem, *, certify: bool) -> SolvedCase:
+    """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
+
+    Raises
+    ------
+    InputError
+        As `solve` does.
+    """
+    solution = solve(problem, certify=certify)
+    if solution.evidence is not None:
+        start = perf_counter()
+        certificate = verify(solution, proof=True)
+        solution = solution.with_certificate(certificate, {**solution.seconds, "check": perf_counter() - start})
+    published = None
+    if problem.published is not None:
+        published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))
+    touch = None
+    if problem.goal == "beyond":
+        answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
+        touch = answer.amount if answer.usable else None
+    return SolvedCase(solution, published, touch, certify)
