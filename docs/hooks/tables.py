@@ -1,0 +1,44 @@
+"""Tables that are written from the code while the site is built: where a page has `<!-- tolerances -->`, and so on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import fields
+from inspect import getdoc
+from typing import Any
+
+from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerances import DEFAULT, Tolerances
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Write each table where it has its place."""
+    for name, table in TABLES.items():
+        place = f"<!-- {name} -->"
+        if place in markdown:
+            markdown = markdown.replace(place, table())
+    return markdown
+
+
+def tolerances() -> str:
+    """Return one row a tolerance: name, value, meaning and reason as its docstring has them."""
+    told = meanings()
+    rows = [f"| `{item.name}` | {getattr(DEFAULT, item.name):g} | {told[item.name]} |" for item in fields(Tolerances)]
+    return "\n".join(["| name | value | meaning, and why |", "|---|---:|---|", *rows])
+
+
+def meanings() -> dict[str, str]:
+    """Return what the docstring says of each tolerance, as one line that fits a cell."""
+    section = (getdoc(Tolerances) or "").split("----------\n", 1)[1]
+    entries = re.findall(r"^(\w+)\n((?:    .*\n?)+)", section, re.MULTILINE)
+    return {name: " ".join(text.split()).replace("|", "&#124;") for name, text in entries}
+
+
+def statuses() -> str:
+    """Return one row a status: name, whether there is a motion, advice."""
+    rows = [f"| `{status.name}` | {'yes' if status.found else 'no'} | {status.value} |" for status in Status]
+    return "\n".join(["| status | a motion | what it says |", "|---|---|---|", *rows])
+
+
+TABLES: dict[str, Callable[[], str]] = {"tolerances": tolerances, "statuses": statuses}
