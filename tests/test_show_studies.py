@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.text import Text
+from picture_checks import check_texts
 
 from fcdm_opt.design.study.point import row
 from fcdm_opt.design.study.results import StudyResult
@@ -86,7 +87,9 @@ def test_a_line_a_case_with_its_gaps() -> None:
     assert one.get_color() != two.get_color()
     assert one.get_linestyle() != two.get_linestyle()  # also told apart in grey
     assert gaps.get_color() == two.get_color()
-    assert {"tolerance", "amount (length units)", "A", "B", "infeasible", "a study"} <= set(texts(figure))
+    assert {"tolerance  (relative; 0.01 = 1 %)", "amount (length units)", "A", "B", "infeasible", "a study"} <= set(
+        texts(figure)
+    )
     assert "6 points: 5 solved, 1 infeasible" in texts(figure)
     assert axes.get_ylim()[0] == 0.0
     assert axes.get_xscale() == "linear"
@@ -121,7 +124,7 @@ def test_two_numeric_axes_make_a_field(turned: bool) -> None:
     np.testing.assert_array_equal(drawn, expected)  # the longer axis along
     (gap,) = axes.lines
     np.testing.assert_allclose(gap.get_xydata(), [[1.0, 0.95 + 2 / 70]])
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("target[1]", "target[2]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == tuple(f"target[{k}]  (scale; 1 = as drawn)" for k in (1, 2))
     assert bar.get_ylabel() == "amount (length units)"
     assert "infeasible" in texts(figure)
 
@@ -157,20 +160,7 @@ def test_a_study_without_any_amount_can_be_drawn(axes: dict[str, Any]) -> None:
 
 @ALL
 def test_no_text_runs_off_the_page_or_into_another(made: Any) -> None:
-    figure = study_figure(made())
-    figure.draw_without_rendering()
-    ticks = {label for axes in figure.axes for label in (*axes.get_xticklabels(), *axes.get_yticklabels())}
-    ticks |= {
-        label for axes in figure.axes for label in (*axes.get_xticklabels("minor"), *axes.get_yticklabels("minor"))
-    }
-    shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text() and text not in ticks]
-    boxes = {text.get_text() + str(k): text.get_window_extent() for k, text in enumerate(dict.fromkeys(shown))}
-    assert len(boxes) > 4
-    for name, box in boxes.items():
-        assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1, name
-        assert 0 <= box.y0 <= box.y1 <= figure.bbox.y1, name
-        others = [other for other, own in boxes.items() if other != name and own.overlaps(box)]
-        assert not others, (name, others)
+    check_texts(study_figure(made()))
 
 
 def test_an_album_takes_studies(tmp_path: Path) -> None:

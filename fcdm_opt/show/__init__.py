@@ -1,9 +1,21 @@
-"""Pictures: decision curves (`plots`) and the pair of bodies in space (`scene`)."""
+"""Pictures for print and screen: what they share.
+
+plots            decision curves, before and after a motion
+scene            the pair of bodies in space
+family           the curves over a coherent range
+maps, yields     compensation maps, and the yield of a fit
+studies          the amount over what a study varied
+sensitivities    what the amount depends on
+lettering        words on a picture, none upon another
+album            all of them, written to a directory
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -11,6 +23,57 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette: told apart with any kind of colour vision, and in grey.
 BLACK, BLUE, VERMILLION, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 ORANGE, PURPLE, GREY = "#E69F00", "#CC79A7", "#7F7F7F"
+DARK = "#595959"
+"""Grey of words: 7 to 1 on white, as legible text needs."""
+
+PAGE, COLUMN = 17.0 / 2.54, 8.5 / 2.54
+"""Widths in inches at which pictures are printed, across a page or a column; sizes of text hold at these."""
+
+TITLE, TEXT, NOTE = 9.0, 7.5, 6.5
+"""Sizes of text in points: titles, labels, and lists beside a picture."""
+
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
+    "font.size": TEXT,
+    "figure.titlesize": TITLE,
+    "axes.titlesize": TEXT,
+    "axes.labelsize": TEXT,
+    "xtick.labelsize": NOTE,
+    "ytick.labelsize": NOTE,
+    "legend.fontsize": NOTE,
+    "legend.frameon": False,
+    "axes.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": GREY,
+    "grid.alpha": 0.2,
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.3,
+    "hatch.linewidth": 0.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 1.5,
+    "ytick.minor.size": 1.5,
+}
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
+    """Let a function that draws a figure do so in the style of all pictures; global settings stay as they are."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
+        from matplotlib import rc_context
+
+        with rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -23,7 +86,8 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-SMALL, COLOURS = 100, 128  # dots per inch, and colours, of pictures for a README
+DOTS, SMALL, COLOURS = 300, 1000, 128
+"""Dots per inch in print, where a wider picture is reduced to the page; pixels across and colours for a README."""
 
 
 def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path, ...]:
@@ -49,13 +113,14 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     base.parent.mkdir(parents=True, exist_ok=True)
     png, svg = (base.with_name(f"{base.name}.{suffix}") for suffix in ("png", "svg"))
     # Text stays text in the SVG, so that labels can be searched; identifiers are hashed with a fixed salt.
+    width = figure.get_figwidth()
     with rc_context({"svg.hashsalt": "fcdm_opt", "svg.fonttype": "none"}):
-        figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
+        figure.savefig(png, format="png", dpi=DOTS * min(1.0, PAGE / width), metadata={"Software": None})
         figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
         if not small:
             return png, svg
         less = base.with_name(f"{base.name}-small.png")
-        figure.savefig(less, format="png", dpi=SMALL, metadata={"Software": None})
+        figure.savefig(less, format="png", dpi=SMALL / width, metadata={"Software": None})
     with Image.open(less) as image:
         image.convert("RGB").quantize(COLOURS).save(less, optimize=True)
     return png, svg, less

@@ -66,10 +66,11 @@ class Album:
         self._write(f"{own}-scene", scene_figure(curve.movable, curve.static, title=title, caption="as drawn"))
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
-        """Add the decision curve before and after a motion, and the bodies after it."""
+        """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
         from fcdm_opt.curve.decision_curve import decision_curve
         from fcdm_opt.show.plots import before_after_figure
         from fcdm_opt.show.scene import scene_figure
+        from fcdm_opt.show.sensitivities import sensitivities_figure
         from fcdm_opt.show.tables import amount_text, asked_text, motion_text
 
         problem = solution.problem
@@ -96,6 +97,8 @@ class Album:
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
         )
         self._write(f"{own}-scene", scene)
+        if solution.status.found and solution.amount > 0.0:
+            self._write(f"{own}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
 
     def add_range(self, stem: str, title: str, found: CoherentRange) -> None:
         """Add the family of decision curves over a coherent range."""

@@ -9,8 +9,9 @@ import numpy as np
 
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, VERMILLION, new_figure
-from fcdm_opt.show.plots import plane
+from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, styled
+from fcdm_opt.show.lettering import Names, Sheet
+from fcdm_opt.show.plots import ALONG, pieces, plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,10 +27,14 @@ FINE = 40
 DOUBLINGS, HALVINGS = 60, 40
 """Steps of the search for where the tracked point leaves the box."""
 
+DOUBLE = 2.6
+"""Points across a double line."""
+
 INSIDE = 1.0 - 2.0**-20
 """Share of a range that is drawn: just at its end the tracked lines may be parallel."""
 
 
+@styled
 def family_figure(found: CoherentRange, *, title: str = "", caption: str = "") -> Figure:
     """Draw the decision curves over a coherent range, and the tracked scale pair against the motion.
 
@@ -43,22 +48,21 @@ def family_figure(found: CoherentRange, *, title: str = "", caption: str = "") -
     title, caption : str
         Text above and below the picture.
     """
-    figure = new_figure(11.0, 6.2)
-    left, right = (figure.add_axes((x, 0.24, 0.41, 0.65)) for x in (0.065, 0.56))
-    ends = [_drawn(found, sign) for sign in (-1.0, 1.0)]
-    _draw_family(left, found, ends)
-    _draw_scales(right, found, ends)
-    for axes in (left, right):
-        axes.legend(loc="best", fontsize=8, framealpha=0.85)
-    left.set_title("decision curves over the range", fontsize=9)
-    right.set_title("scales of the tracked point", fontsize=9)
     words = [
         f"{name} x = {event.x:.9g}: {_short(event)}" for name, event in zip(("low", "high"), found.events, strict=True)
     ]
-    figure.text(0.5, 0.1, "\n".join(words), ha="center", va="center", fontsize=8, linespacing=1.5)
-    figure.suptitle(title, fontsize=11, y=0.975)
-    figure.text(0.5, 0.02, caption, ha="center", va="bottom", fontsize=8.5)
-    return figure
+    sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join([*words, caption] if caption else words))
+    left, right = (sheet.axes(x, 0.9, 2.62, 2.62) for x in (0.48, 3.88))
+    ends = [drawn_end(found, sign) for sign in (-1.0, 1.0)]
+    draw_family(left, found, ends)
+    _draw_scales(right, found, ends)
+    left.set_title("decision curves over the range")
+    right.set_title("scales of the tracked point")
+    handles, labels = (
+        one + two for one, two in zip(*(a.get_legend_handles_labels() for a in (left, right)), strict=True)
+    )
+    sheet.legend(handles, labels, bottom=0.0)
+    return sheet.figure
 
 
 def _short(event: Event) -> str:
@@ -67,7 +71,7 @@ def _short(event: Event) -> str:
     return f"{event.kind}{' (grazing)' if event.grazing else ''}, {what}" if what else event.kind
 
 
-def _drawn(found: CoherentRange, sign: float) -> float:
+def drawn_end(found: CoherentRange, sign: float) -> float:
     """Return up to which x a side of the range is drawn: its end, or where the tracked point leaves the box."""
     low, high = np.asarray(found.problem.box, dtype=float).T
 
@@ -98,7 +102,8 @@ def _is_end(found: CoherentRange, x: float) -> bool:
     return x in (found.low * INSIDE, found.high * INSIDE)
 
 
-def _draw_family(axes: Any, found: CoherentRange, ends: list[float]) -> None:
+def draw_family(axes: Any, found: CoherentRange, ends: list[float]) -> None:
+    """Draw the family of curves up to both ends, what the tracked segments sweep, and the track."""
     from matplotlib.collections import PolyCollection
 
     plane(axes, found.problem.box)
@@ -114,18 +119,23 @@ def _draw_family(axes: Any, found: CoherentRange, ends: list[float]) -> None:
         axes.add_collection(PolyCollection(cells, facecolor="#DDEFE8", edgecolor="#DDEFE8", linewidth=0.5, zorder=0.5))
     for end, colour in ((low, BLUE), (high, VERMILLION)):
         for x in np.linspace(0.0, end, CURVES + 1)[1:-1]:
-            _draw_curve(axes, found, x, colour, 0.8, 0.45)
+            draw_at(axes, found, x, colour, 0.6, 0.45)
         if end:
             name = "low" if end < 0 else "high"
             at = "end" if _is_end(found, end) else "leaves the box"
-            _draw_curve(axes, found, end, colour, 3.2, 1.0, f"x = {end:.4g} ({name}, {at})")
-            _draw_curve(axes, found, end, "white", 1.4, 1.0)
-    _draw_curve(axes, found, 0.0, BLACK, 1.6, 1.0, "at rest")
+            draw_at(axes, found, end, colour, DOUBLE, 1.0, f"x = {end:.4g} ({name}, {at})")
+    draw_at(axes, found, 0.0, BLACK, 1.3, 1.0, "at rest")
+    names = Names(axes, np.concatenate([pieces(found.curve(x)) for x in (low, 0.0, high)]))
+    names.keep(found.rho(0.0), 10.0)
+    for x, colour, name in ((low, BLUE, "low"), (high, VERMILLION, "high")):
+        spots = np.array([s.start + share * (s.end - s.start) for s in found.curve(x).segments for share in ALONG])
+        if x and len(spots):  # where it is furthest from the curve at rest, on the outer side
+            gaps = np.array([found.curve(0.0).gap(spot) for spot in spots])
+            order = np.argsort(-np.abs(gaps))
+            names.put(name, spots[order], -np.sign(gaps[order[0]] or -1.0) * np.ones(2), colour=colour)
     pairs = np.array([found.rho(x) for x in track])
-    axes.plot(*pairs.T, color=GREEN, linewidth=2.0, zorder=4, label="track of the tracked point")
-    axes.plot(
-        *found.rho(0.0), marker="*", markersize=10, color=BLACK, linestyle="none", zorder=5, label="tracked point"
-    )
+    axes.plot(*pairs.T, color=GREEN, linewidth=1.6, zorder=4, label="track of the tracked point")
+    axes.plot(*found.rho(0.0), marker="*", markersize=8, color=BLACK, linestyle="none", zorder=5, label="tracked point")
 
 
 def _own(found: CoherentRange, x: float) -> dict[Any, Segment]:
@@ -140,19 +150,24 @@ def _own(found: CoherentRange, x: float) -> dict[Any, Segment]:
     return {feature: segment for feature, (_, segment) in near.items()}
 
 
-def _draw_curve(
+def draw_at(
     axes: Any, found: CoherentRange, x: float, colour: str, width: float, alpha: float, label: str | None = None
 ) -> None:
-    for k, segment in enumerate(found.curve(x).segments):
-        axes.plot(
-            *np.column_stack([segment.start, segment.end]),
-            color=colour,
-            linewidth=width,
-            alpha=alpha,
-            solid_capstyle="butt",
-            zorder=3,
-            label=label if k == 0 else None,
-        )
+    """Draw the curve at x in points of width; of width `DOUBLE` as a double line."""
+    ends = pieces(found.curve(x))
+    if not len(ends):
+        return
+    joined = np.flatnonzero(np.abs(ends[1:, 0] - ends[:-1, 1]).max(axis=1, initial=0.0) > 0.0) + 1
+    chains = [np.vstack([chain[:, 0], chain[-1:, 1]]) for chain in np.split(ends, joined)]
+    path = np.concatenate([np.vstack([chain, [[np.nan, np.nan]]]) for chain in chains])  # nan parts the chains
+    axes.plot(*path.T, color=colour, linewidth=width, alpha=alpha, solid_capstyle="butt", solid_joinstyle="miter",
+              zorder=3, label=label, path_effects=_double(colour) if width == DOUBLE else None)  # fmt: skip
+
+
+def _double(colour: str) -> list[Any]:
+    from matplotlib.patheffects import Stroke
+
+    return [Stroke(linewidth=DOUBLE, foreground=colour), Stroke(linewidth=DOUBLE / 2.4, foreground="white")]
 
 
 def _draw_scales(axes: Any, found: CoherentRange, ends: list[float]) -> None:
@@ -160,14 +175,13 @@ def _draw_scales(axes: Any, found: CoherentRange, ends: list[float]) -> None:
     xs = np.linspace(low, high, 4 * FINE + 1) if high > low else np.zeros(1)
     pairs: Array = np.array([found.rho(x) for x in xs])
     for column, colour, style in ((0, BLUE, "-"), (1, VERMILLION, "--")):
-        axes.plot(xs, pairs[:, column], color=colour, linestyle=style, linewidth=1.8, label=rf"$\rho_{column + 1}$")
+        axes.plot(xs, pairs[:, column], color=colour, linestyle=style, linewidth=1.3, label=rf"$\rho_{column + 1}$")
     for x, colour in ((low, BLUE), (high, VERMILLION)):
         if x and _is_end(found, x):
-            axes.axvline(x, color=colour, linewidth=3.2)
-            axes.axvline(x, color="white", linewidth=1.4)
+            axes.axvline(x, color=colour, linewidth=DOUBLE, path_effects=_double(colour))
     axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.set_xlabel(f"x, multiples of {found.problem.motion.describe(found.direction)}", fontsize=9)
-    axes.set_ylabel("scale", fontsize=9)
-    axes.tick_params(labelsize=8)
-    axes.grid(color=GREY, alpha=0.2, linewidth=0.6)
+    axes.set_xlabel(f"x, multiples of {found.problem.motion.describe(found.direction)}")
+    axes.set_ylabel(r"scales $\rho_1$, $\rho_2$  (1 = as drawn)")
+    axes.locator_params(nbins=6)
+    axes.grid(visible=True)
     axes.margins(x=0.06, y=0.08)

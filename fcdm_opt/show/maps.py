@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.show import BLACK, GREY, VERMILLION, new_figure
+from fcdm_opt.show import BLACK, GREY, NOTE, PAGE, VERMILLION, styled
+from fcdm_opt.show.lettering import Sheet
 from fcdm_opt.show.plots import plane
 
 if TYPE_CHECKING:
@@ -22,13 +22,14 @@ FINE = 240
 LEVELS = 12
 """Contours of the amount."""
 
-LISTED, WIDTH = 12, 62
-"""Regions that are listed, and characters of a line there."""
+LISTED = 12
+"""Regions that are listed."""
 
 SHARE = 0.004
 """Of the box: regions that are smaller get no number in the picture."""
 
 
+@styled
 def map_figure(found: CompensationMap, *, title: str = "", caption: str = "") -> Figure:
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
@@ -41,21 +42,20 @@ def map_figure(found: CompensationMap, *, title: str = "", caption: str = "") ->
     title, caption : str
         Text above and below the picture.
     """
-    figure = new_figure(11.0, 6.0)
-    axes = figure.add_axes((0.07, 0.14, 0.46, 0.74))
-    bar = figure.add_axes((0.545, 0.14, 0.015, 0.74))
+    sheet = Sheet.of(PAGE, 3.2, title=title, caption=caption)
+    axes, bar = sheet.axes(0.5, 0.38, 2.75, 2.75), sheet.axes(3.33, 0.38, 0.09, 2.75)
     box = np.asarray(found.box)
     margin = 0.04 * np.ptp(box, axis=1)
     plane(axes, box + np.outer(margin, [-1.0, 1.0]))
     axes.grid(visible=False)
-    _fill(figure, axes, bar, found)
+    _fill(sheet.figure, axes, bar, found)
     for boundary in found.boundaries:
         line = boundary.points.T
         if boundary.jumps:
-            axes.plot(*line, color=BLACK, linewidth=4.0, zorder=3, solid_capstyle="butt")
-            axes.plot(*line, color="white", linewidth=2.0, zorder=3.1, solid_capstyle="butt")
+            axes.plot(*line, color=BLACK, linewidth=3.2, zorder=3, solid_capstyle="butt")
+            axes.plot(*line, color="white", linewidth=1.6, zorder=3.1, solid_capstyle="butt")
         else:
-            axes.plot(*line, color=BLACK, linewidth=1.3, zorder=3)
+            axes.plot(*line, color=BLACK, linewidth=1.0, zorder=3)
     _number(axes, found)
     _mark(axes, found)
     lines = []
@@ -63,19 +63,18 @@ def map_figure(found: CompensationMap, *, title: str = "", caption: str = "") ->
         least, largest = region.amounts
         amount = "" if np.isnan(least) else f", amount {least:.4g} to {largest:.4g}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
-        lines += textwrap.wrap(str(region), WIDTH, initial_indent="     ", subsequent_indent="     ")
+        lines.append(f"     {region}")
     if len(found.regions) > LISTED:
         lines.append(f"and {len(found.regions) - LISTED} more")
     lines += ["", f"error at most {found.reached:.2g}; {found.solved} pairs solved and judged"]
-    figure.text(0.66, 0.885, "\n".join(lines), va="top", fontsize=7.5, linespacing=1.5)
-    figure.suptitle(title, fontsize=11, y=0.975)
-    figure.text(0.5, 0.02, caption, ha="center", va="bottom", fontsize=8.5)
-    return figure
+    sheet.list(4.25, 3.13, PAGE - 4.25 - 0.1, lines)
+    return sheet.figure
 
 
 def _fill(figure: Figure, axes: Any, bar: Any, found: CompensationMap) -> None:
     """Fill the box by amount, with contour lines."""
     from matplotlib.patches import Rectangle
+    from matplotlib.ticker import MaxNLocator
 
     box = np.asarray(found.box)
     sides = [np.linspace(low, high, FINE) for low, high in box]
@@ -90,16 +89,15 @@ def _fill(figure: Figure, axes: Any, bar: Any, found: CompensationMap) -> None:
     filled = axes.contourf(*grid, amount, levels=np.linspace(0.0, top, 4 * LEVELS + 1), cmap="cividis", zorder=1)
     axes.contour(*grid, amount, levels=np.linspace(0.0, top, LEVELS + 1)[1:-1], colors="white", linewidths=0.5,
                  alpha=0.7, zorder=2)  # fmt: skip
-    figure.colorbar(filled, cax=bar, format="%.3g")
-    bar.set_ylabel("amount of the smallest motion (length units)", fontsize=8)
-    bar.tick_params(labelsize=7)
+    figure.colorbar(filled, cax=bar, format="%.3g", ticks=MaxNLocator(6))
+    bar.set_ylabel("amount of the smallest motion (length units)")
 
 
 def _number(axes: Any, found: CompensationMap) -> None:
     for number, region in enumerate(found.regions[:LISTED], 1):
         if region.share >= SHARE:
             axes.text(
-                *region.place, str(number), ha="center", va="center", fontsize=9, zorder=5,
+                *region.place, str(number), ha="center", va="center", fontsize=NOTE, zorder=5,
                 bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
             )  # fmt: skip
 
@@ -112,9 +110,10 @@ def _mark(axes: Any, found: CompensationMap) -> None:
         for name, one, two in (("A", 1, 1), ("B", 1, 0), ("C", 0, 1), ("D", 0, 0))
     }
     for name, corner in corners.items():
-        axes.plot(*corner, marker="D", markersize=6, markerfacecolor="white", markeredgecolor=VERMILLION, zorder=6)
-        shift = 8 * np.sign(corner - box.mean(axis=1))
+        axes.plot(*corner, marker="D", markersize=4.5, markerfacecolor="white", markeredgecolor=VERMILLION, zorder=6)
+        shift = -9 * np.sign(corner - box.mean(axis=1))
         axes.annotate(name, tuple(corner), xytext=tuple(shift), textcoords="offset points", ha="center", va="center",
-                      fontsize=9, color=VERMILLION, zorder=6, annotation_clip=False)  # fmt: skip
+                      color=BLACK, zorder=6, bbox={"boxstyle": "square,pad=0.12", "facecolor": "white",
+                                                   "edgecolor": "none", "alpha": 0.8})  # fmt: skip
     if ((box[:, 0] <= found.nominal) & (found.nominal <= box[:, 1])).all():
-        axes.plot(*found.nominal, marker="*", markersize=12, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
+        axes.plot(*found.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -11,17 +12,43 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, VERMILLION, new_figure
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, styled
+from fcdm_opt.show.lettering import Names, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fcdm_opt.curve.features import Feature
 
-LABEL_DISTANCE = 9.0  # points between a vertex and its number
-MOST_NUMBERS = 80  # corners that can be numbered legibly
+WIDTH = 12.0 / 2.54
+"""Inches: between a column and the page."""
+
+LEAST, MOST = 1.6, 3.9
+"""Inches that a scene may be high."""
+
+FOOT = 0.55
+"""Inches below the scene for directions and scale; a legend that needs more gets it."""
+
+MOST_NUMBERS = 80
+"""Corners that can be numbered legibly."""
+
+MARGIN = 0.2
+"""Inches that corners keep from the edge of a scene's area, for their numbers."""
+
+LONGEST_BAR = 60.0
+"""Points: the bar of known length is as long as this allows."""
+
+LETTER = 9.0
+"""Points between the letters of two directions."""
+
+SEEN = 0.2
+"""A direction of the world shorter than this on the page gets no name."""
+
+LONGEST_NAME = 44
+"""Letters of a body's name in the legend."""
 
 
+@styled
 def scene_figure(
     movable: Body,
     static: Body,
@@ -55,47 +82,100 @@ def scene_figure(
     title, caption : str
         Text above and below the picture.
     """
-    one, two = movable.scaled(float(np.asarray(rho)[0])), static.scaled(float(np.asarray(rho)[1]))
-    if transform is not None:
-        one = one.moved(transform)
-    points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
-    view = _best_view(points, two.seed - one.seed)
-    reach = np.ptp(points, axis=0).max()
-    room = points.min(axis=0) - reach, points.max(axis=0) + reach
-    keep_out = [
-        b for b in keep_out if (b.vertices.max(axis=0) >= room[0]).all() and (b.vertices.min(axis=0) <= room[1]).all()
-    ]
-    points = np.vstack([points, *(np.clip(body.vertices, *room) for body in keep_out)])
-    figure, axes = _page_for(points, view)
-    _draw_body(axes, one, BLUE, "solid", 0.16, f"1, movable: {one.name}")
-    _draw_body(axes, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {two.name}")
-    for body in keep_out:
-        _draw_body(axes, body, GREY, "dotted", 0.08, f"keep-out: {body.name}")
+    shown = Scene.of(movable, static, rho=rho, transform=transform, keep_out=keep_out)
+    rows = 2 + len(shown.keep_out) + (len(features) > 0) + (np.size(contacts) > 0)
+    foot = max(FOOT, 0.16 * rows)
+    height = float(np.clip(shown.slenderness * (WIDTH - 0.3), LEAST, MOST))
+    sheet = Sheet.of(WIDTH, height + foot + 0.35, title=title, caption=caption)
+    axes = draw_scene(sheet, (0.0, foot, WIDTH, height + 0.35), shown, features=features, contacts=contacts)
+    draw_directions(sheet, axes, shown, (0.0, 0.0))
+    handles, labels = axes.get_legend_handles_labels()
+    x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
+    sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.6)
+    return sheet.figure
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies where and as large as they are shown, and the view they are seen from.
+
+    Attributes
+    ----------
+    bodies : (movable, static)
+    keep_out : tuple of Body
+        Those near enough to be shown.
+    points : (n, 3) array
+        What must be on the page.
+    view : (elevation, azimuth)
+        Degrees.
+    """
+
+    bodies: tuple[Body, Body]
+    keep_out: tuple[Body, ...]
+    points: Array
+    view: tuple[float, float]
+
+    @classmethod
+    def of(
+        cls,
+        movable: Body,
+        static: Body,
+        *,
+        rho: ArrayLike = (1.0, 1.0),
+        transform: ArrayLike | None = None,
+        keep_out: Sequence[Body] = (),
+    ) -> Scene:
+        """Return the bodies at given scales and pose, seen from where they hide least of each other."""
+        sizes = np.asarray(rho, dtype=float)
+        one, two = movable.scaled(float(sizes[0])), static.scaled(float(sizes[1]))
+        one = one if transform is None else one.moved(transform)
+        points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
+        view = _best_view(points, two.seed - one.seed)
+        reach = np.ptp(points, axis=0).max()
+        low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+        near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
+        points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
+        return cls((one, two), tuple(near), points, view)
+
+    @property
+    def slenderness(self) -> float:
+        """Height over width on the page."""
+        width, height = np.ptp(self.points @ _page(*self.view), axis=0)
+        return float(height / width)
+
+
+def draw_scene(
+    sheet: Sheet,
+    area: tuple[float, float, float, float],
+    shown: Scene,
+    *,
+    features: Sequence[Feature] = (),
+    contacts: ArrayLike = (),
+) -> Any:
+    """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend."""
+    axes = _axes_for(sheet, area, shown)
+    (one, two), figure = shown.bodies, sheet.figure
+    _draw_body(axes, one, BLUE, "solid", 0.16, f"1, movable: {_short(one.name)}")
+    _draw_body(axes, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {_short(two.name)}")
+    for body in shown.keep_out:
+        _draw_body(axes, body, GREY, "dotted", 0.08, f"keep-out: {_short(body.name)}")
     for feature in features:
         for body, element in ((one, feature.one), (two, feature.two)):
             _draw_element(axes, body, element.kind, element.vertices)
     if features:
-        axes.plot([], [], [], color=GREEN, linewidth=4.0, alpha=0.55, label="in contact")
+        axes.plot([], [], [], color=GREEN, linewidth=3.2, alpha=0.55, label="in contact")
     spots = np.asarray(contacts, dtype=float).reshape(-1, 3)
     if len(spots):
         axes.scatter(
-            *spots.T,
-            s=90,
-            marker="o",
-            facecolors="none",
-            edgecolors=BLACK,
-            linewidths=1.4,
-            zorder=5,
-            depthshade=False,
-            label="contact point" if len(spots) == 1 else "contact points",
-        )
-    _number(figure, axes, ((one, BLUE), (two, VERMILLION)))
-    _draw_directions(figure, axes, points, view)
-    top = figure.get_figheight()
-    figure.legend(loc="lower center", bbox_to_anchor=(0.58, 0.33 / top), ncols=2, frameon=False, fontsize=9)
-    figure.suptitle(title, fontsize=11, y=1.0 - 0.12 / top, va="top")
-    figure.text(0.5, 0.1 / top, caption, ha="center", va="bottom", fontsize=8.5)
-    return figure
+            *spots.T, s=55, marker="o", facecolors="none", edgecolors=BLACK, linewidths=1.1, zorder=5,
+            depthshade=False, label="contact point" if len(spots) == 1 else "contact points",
+        )  # fmt: skip
+    _number(figure, axes, ((one, BLUE), (two, VERMILLION)), _within(sheet, area))
+    return axes
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 
 
 def true_edges(body: Body) -> dict[tuple[int, ...], Array]:
@@ -108,21 +188,26 @@ def true_edges(body: Body) -> dict[tuple[int, ...], Array]:
     }
 
 
-def _draw_body(axes: Any, body: Body, colour: str, style: Any, alpha: float, label: str) -> None:
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-
+def own_polygons(body: Body) -> list[Array]:
+    """Return the convex polygons of the parts that lie on the body's own faces, (k, 3) each; not those of cuts."""
     own = set(body.faces)
-    polygons = [
+    return [
         part.vertices[list(loop)]
         for part in body.parts
         for loop, element in zip(part.loops, part.elements["F"], strict=True)
         if element.vertices in own
     ]
+
+
+def _draw_body(axes: Any, body: Body, colour: str, style: Any, alpha: float, label: str) -> None:
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+    polygons = own_polygons(body)
     axes.add_collection3d(Poly3DCollection(polygons, facecolors=colour, edgecolors="none", alpha=alpha, zorder=1))
     edges = list(true_edges(body).values())
-    axes.add_collection3d(Line3DCollection(edges, colors=colour, linestyles=[style], linewidths=1.4, zorder=3))
-    axes.plot([], [], [], color=colour, linestyle=style, linewidth=1.4, label=label)
-    axes.scatter(*body.seed, s=36, marker="x", color=colour, depthshade=False, zorder=3)
+    axes.add_collection3d(Line3DCollection(edges, colors=colour, linestyles=[style], linewidths=1.1, zorder=3))
+    axes.plot([], [], [], color=colour, linestyle=style, linewidth=1.1, label=label)
+    axes.scatter(*body.seed, s=22, marker="x", color=colour, depthshade=False, zorder=3)
 
 
 def _draw_element(axes: Any, body: Body, kind: str, labels: Sequence[int]) -> None:
@@ -131,9 +216,9 @@ def _draw_element(axes: Any, body: Body, kind: str, labels: Sequence[int]) -> No
 
     points = body.vertices[[label - 1 for label in labels]]
     if kind == "V":
-        axes.scatter(*points.T, s=30, color=GREEN, depthshade=False, zorder=4)
+        axes.scatter(*points.T, s=20, color=GREEN, depthshade=False, zorder=4)
     elif kind == "E":
-        axes.plot(*points.T, color=GREEN, linewidth=4.0, alpha=0.55, zorder=2)
+        axes.plot(*points.T, color=GREEN, linewidth=3.2, alpha=0.55, zorder=2)
     else:
         polygons = [
             part.vertices[list(loop)]
@@ -144,45 +229,34 @@ def _draw_element(axes: Any, body: Body, kind: str, labels: Sequence[int]) -> No
         axes.add_collection3d(Poly3DCollection(polygons, facecolors=GREEN, edgecolors="none", alpha=0.25, zorder=2))
 
 
-def _draw_directions(figure: Figure, axes: Any, points: Array, view: tuple[float, float]) -> None:
-    """World directions in the lower left corner, and a bar of known length above them."""
-    corner = np.array([42.0, 40.0])
-    for direction, name in zip(_page(*view), "xyz", strict=True):
-        axes.annotate(
-            "",
-            corner + 24.0 * direction,
-            corner,
-            xycoords="figure points",
-            textcoords="figure points",
-            arrowprops={"arrowstyle": "->", "color": GREY, "shrinkA": 0.0, "shrinkB": 0.0},
-        )
-        axes.annotate(
-            name, corner + 32.0 * direction, xycoords="figure points", color=GREY, fontsize=8, ha="center", va="center"
-        )
-    right = _page(*view)[:, 0]
-    ends = _on_page(figure, axes, np.vstack([points[0], points[0] + right])) * 72.0 / figure.dpi
+def draw_directions(sheet: Sheet, axes: Any, shown: Scene, corner: tuple[float, float]) -> None:
+    """Draw the world's directions at a corner of a sheet (inches), and beside them a bar of known length."""
+    x, y, *_ = sheet.place(*corner, 0.0, 0.0)
+    start = np.array([x, y]) * 72.0 * sheet.figure.get_size_inches() + [24.0, 20.0]
+    points: dict[str, Any] = {"xycoords": "figure points", "textcoords": "figure points"}
+    arrow = {"arrowstyle": "->", "color": DARK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 6}
+    letters: list[Array] = []
+    for direction, name in zip(_page(*shown.view), "xyz", strict=True):
+        axes.annotate("", start + 13.0 * direction, start, arrowprops=arrow, **points)
+        length = float(np.linalg.norm(direction))
+        if length > SEEN:
+            tip = start + (13.0 + 5.5 / length) * direction
+            while any(np.linalg.norm(tip - other) < LETTER for other in letters):
+                tip = tip + direction / length
+            letters.append(tip)
+            axes.annotate(name, tip, xycoords="figure points", color=DARK, fontsize=NOTE, ha="center", va="center")
+    right = _page(*shown.view)[:, 0]
+    ends = _on_page(sheet.figure, axes, np.vstack([shown.points[0], shown.points[0] + right])) * 72.0 / sheet.figure.dpi
     scale = float(ends[1, 0] - ends[0, 0])
-    power = 10.0 ** np.floor(np.log10(120.0 / scale))
-    length = power * max(step for step in (1, 2, 5) if step * power * scale <= 120.0)
-    start = np.array([12.0, 84.0])
+    power = 10.0 ** np.floor(np.log10(LONGEST_BAR / scale))
+    length = power * max(step for step in (1, 2, 5) if step * power * scale <= LONGEST_BAR)
+    left = start + np.array([24.0, -12.0])
     reach = np.array([length * scale, 0.0])
-    axes.annotate(
-        "",
-        start + reach,
-        start,
-        xycoords="figure points",
-        textcoords="figure points",
-        arrowprops={"arrowstyle": "|-|,widthA=0.2,widthB=0.2", "color": GREY, "shrinkA": 0.0, "shrinkB": 0.0},
-    )
-    axes.annotate(
-        f"{length:g}",
-        start + reach / 2 + np.array([0.0, 4.0]),
-        xycoords="figure points",
-        color=GREY,
-        fontsize=8,
-        ha="center",
-        va="bottom",
-    )
+    bar = {**arrow, "arrowstyle": "|-|,widthA=0.2,widthB=0.2", "mutation_scale": 10}
+    axes.annotate("", left + reach, left, arrowprops=bar, **points)
+    unit = "length unit" if length == 1 else "length units"
+    axes.annotate(f"{length:g} {unit}", left + np.array([0.0, 4.0]), xycoords="figure points", color=DARK,
+                  fontsize=NOTE, ha="left", va="bottom")  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------------------ the view
@@ -210,28 +284,37 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
     return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=merit)
 
 
-def _page_for(points: Array, view: tuple[float, float]) -> tuple[Figure, Any]:
-    """Return a figure shaped like the scene, with 3-D axes of one scale that let the scene fill it."""
-    width, height = np.ptp(points @ _page(*view), axis=0)
-    margins = np.array([0.7, 2.0])  # inches; below: directions, legend, caption; above: title
-    room = np.array([7.2 - margins[0], float(np.clip((7.2 - margins[0]) * height / width, 2.4, 6.0))])
-    figure = new_figure(*(room + margins))
-    page, side = room + margins, 2.0 * (room + margins).max()  # mplot3d clips to a square: larger than the page
-    middle = room / 2 + [margins[0] / 2, 1.45]
+def _within(sheet: Sheet, area: tuple[float, float, float, float]) -> Any:
+    """Return an area of a sheet in pixels."""
+    from matplotlib.transforms import Bbox
+
+    return Bbox.from_bounds(*sheet.place(*area)).transformed(sheet.figure.transFigure)
+
+
+def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: Scene) -> Any:
+    """Return 3-D axes of one scale that let the scene fill an area, but for what numbers need at its edges."""
+    figure, view, points = sheet.figure, shown.view, shown.points
+    box = _within(sheet, area)
+    whole, room = figure.get_size_inches(), box.size / figure.dpi - 2.0 * MARGIN
+    middle, side = (
+        (box.min + box.max) / 2.0 / figure.dpi,
+        2.0 * whole.max(),
+    )  # mplot3d clips to a square: larger than all
     axes: Any = figure.add_axes(
-        (*((middle - side / 2) / page), *(side / page)), projection="3d", proj_type="ortho", computed_zorder=False
+        (*((middle - side / 2) / whole), *(side / whole)), projection="3d", proj_type="ortho", computed_zorder=False
     )
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_axis_off()
+    axes.patch.set_visible(False)  # it covers the whole sheet
     axes.view_init(*view)
     axes.set_box_aspect(high - low)
     drawn = _on_page(figure, axes, points) / figure.dpi
     axes.set_box_aspect(high - low, zoom=float((room / np.ptp(drawn, axis=0)).min()))
     drawn = _on_page(figure, axes, points) / figure.dpi
     shift = middle - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
-    axes.set_position((*((middle + shift - side / 2) / page), *(side / page)))
-    return figure, axes
+    axes.set_position((*((middle + shift - side / 2) / whole), *(side / whole)))
+    return axes
 
 
 def _on_page(figure: Figure, axes: Any, points: Array) -> Array:
@@ -243,32 +326,20 @@ def _on_page(figure: Figure, axes: Any, points: Array) -> Array:
     return np.asarray(axes.transData.transform(np.column_stack([x, y])))
 
 
-def _number(figure: Figure, axes: Any, bodies: Sequence[tuple[Body, str]]) -> None:
-    """Write each corner's number beside it, on the side where most room is left on the page; not those of cuts."""
+def _number(figure: Figure, axes: Any, bodies: Sequence[tuple[Body, str]], within: Any) -> None:
+    """Write each corner's number beside it, outwards if it can stand there; not those of cuts."""
     own = [np.unique(np.concatenate(body.faces)) for body, _ in bodies]
     if sum(map(len, own)) > MOST_NUMBERS:
         return
-    corners = [body.vertices[labels - 1] for (body, _), labels in zip(bodies, own, strict=True)]
-    places = _on_page(figure, axes, np.vstack(corners)) * 72.0 / figure.dpi
-    middle = places.mean(axis=0)
-    taken = list(places)
-    angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-    offsets = LABEL_DISTANCE * np.column_stack([np.cos(angles), np.sin(angles)])
-    labels = [(label, colour) for (_, colour), some in zip(bodies, own, strict=True) for label in some.tolist()]
-    for (label, colour), place in zip(labels, places, strict=True):
-        outward = (place - middle) / max(LABEL_DISTANCE, float(np.linalg.norm(place - middle)))
-        near = np.linalg.norm(np.array(taken)[:, None] - place - offsets, axis=2)
-        room = np.sort(near, axis=0)[:2].sum(axis=0) + offsets @ outward
-        best = offsets[int(np.argmax(room))]
-        taken.append(place + best)
-        axes.annotate(
-            str(label),
-            tuple(place + best),
-            xycoords="figure points",
-            color=colour,
-            fontsize=9,
-            ha="center",
-            va="center",
-            zorder=6,
-            bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.6},
-        )
+    back = axes.transData.inverted().transform
+    corners = [_on_page(figure, axes, body.vertices[some - 1]) for (body, _), some in zip(bodies, own, strict=True)]
+    edges = [np.concatenate(list(true_edges(body).values())) for body, _ in bodies]
+    lines = np.concatenate([_on_page(figure, axes, ends) for ends in edges])
+    names = Names(axes, back(lines).reshape(-1, 2, 2), within=within)
+    for place in np.concatenate(corners):
+        names.keep(back(place), 3.0)
+    for (_, colour), some, places in zip(bodies, own, corners, strict=True):
+        middle = places.mean(axis=0)
+        for label, place in zip(some.tolist(), places, strict=True):
+            away = place - middle
+            names.put(str(label), back(place), away if away.any() else (0.0, 1.0), colour=colour)

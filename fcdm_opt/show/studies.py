@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, new_figure
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, styled
+from fcdm_opt.show.lettering import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,12 +19,17 @@ if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
 
 COLOURS, DASHES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, BLACK), ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
+SPOTS = ".od^sv<"
+"""Markers of points with a usable motion, one a line."""
 GAPS = "xv^s*PD"
 """Markers of points without a usable motion, one a status."""
 
 AMOUNT = "amount (length units)"
 UNITS = {"deg": "degrees", "rad": "radians", "mm": "mm"}
 """Units that stand at the end of a key, and how they are told."""
+
+PLAIN_NUMBERS = {"tolerance": "relative; 0.01 = 1 %", "target": "scale; 1 = as drawn", "nominal": "scale; 1 = as drawn"}
+"""Keys of numbers without unit, and what these are."""
 
 COLUMNS = 4  # of the legend
 
@@ -33,8 +39,19 @@ FEW, PANELS, NAME = 6, 6, 28
 DECADES, EVEN = 1.5, 1e-6
 """Amounts over this many powers of ten get a logarithmic axis, and so do grids whose ratios differ by at most this."""
 
-HEAD, FOOT, LINE = 0.65, 0.85, 0.2
-"""Inches above the panels, below them, and for each line of the legend."""
+LEFT, RIGHT, ABOVE, BELOW, ACROSS = 0.55, 0.15, 0.22, 0.4, 0.12
+"""Inches beside the panels, above each for its name, below each for its label, and between two of them."""
+
+WIDE, HIGH, ONE = 4.8, 1.5, 2.7
+"""Inches: width of a panel that stands alone, least height of one of several, and that of one."""
+
+KEY, LETTERS, BESIDE = 0.15, 112, 9
+"""Inches that a line of the legend is high; letters that fit into it, and what goes with each key counts as so many."""
+
+POINTS = "points worked out"
+
+BAR = 0.8
+"""Inches beside the panels for a scale of colours."""
 
 
 class _Axis(NamedTuple):
@@ -49,6 +66,7 @@ class _Axis(NamedTuple):
         return len(self.values) > 1 and all(type(value) in (int, float) for value in self.values)
 
 
+@styled
 def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> Figure:
     """Draw the amount over what a study varied.
 
@@ -65,16 +83,13 @@ def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> 
     axes = [_Axis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -len(axis.values))
     data = _Data.of(result)
-    if "draw" in result.axes or not numeric:
-        figure = _shares(data, [axis for axis in axes if axis.label == "case"], result)
-    elif len(numeric) > 1 and len(numeric[1].values) > FEW:
-        figure = _fields(data, numeric[0], numeric[1], [axis for axis in axes if axis not in numeric[:2]])
-    else:
-        figure = _lines(data, numeric[0], [axis for axis in axes if axis is not numeric[0]])
     counts = ", ".join(f"{count} {_words(status)}" for status, count in result.counts.items())
-    figure.suptitle(title or result.definition.get("title", ""), fontsize=11, y=0.975)
-    figure.text(0.5, 0.02, caption or f"{len(result.points)} points: {counts}", ha="center", va="bottom", fontsize=8.5)
-    return figure
+    words = title or result.definition.get("title", ""), caption or f"{len(result.points)} points: {counts}"
+    if "draw" in result.axes or not numeric:
+        return _shares(data, [axis for axis in axes if axis.label == "case"], result, words)
+    if len(numeric) > 1 and len(numeric[1].values) > FEW:
+        return _fields(data, numeric[0], numeric[1], [axis for axis in axes if axis not in numeric[:2]], words)
+    return _lines(data, numeric[0], [axis for axis in axes if axis is not numeric[0]], words)
 
 
 class _Data(NamedTuple):
@@ -103,11 +118,12 @@ class _Data(NamedTuple):
 # ----------------------------------------------------------------------------------------------------- kinds of figures
 
 
-def _lines(data: _Data, along: _Axis, others: Sequence[_Axis]) -> Figure:
+def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str, str]) -> Figure:
     """Draw the amount along one axis: the first of several other axes makes panels, the rest makes lines."""
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
-    figure, spots = _panels(panels, AMOUNT)
     markers = _markers(data)
+    keys = [*(name for _, name in _combinations(lines)), *map(_words, markers)]
+    sheet, spots = _panels(panels, AMOUNT, words, keys)
     for place, axes in spots:
         own = data.at(panels, place)
         left = [axis._replace(place=axis.place - len(panels)) for axis in lines]
@@ -115,7 +131,8 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis]) -> Figure:
             part = own.at(left, at)
             colour = COLOURS[k % len(COLOURS)]
             style = DASHES[(k + k // len(COLOURS)) % len(DASHES)]
-            axes.plot(along.values, part.amounts, color=colour, linestyle=style, marker=".", markersize=4, label=name)
+            axes.plot(along.values, part.amounts, color=colour, linestyle=style, marker=SPOTS[k % len(SPOTS)],
+                      markersize=2.8, label=name)  # fmt: skip
             for status, marker in markers.items():
                 where = [x for x, own_status in zip(along.values, part.statuses, strict=True) if own_status == status]
                 if where:
@@ -124,19 +141,20 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis]) -> Figure:
                     axes.plot(where, height, marker, color=colour, markersize=4, transform=over, clip_on=False)
         if _geometric(along.values):
             axes.set_xscale("log")
-        axes.set_xlabel(_told(along.label), fontsize=9)
+        axes.set_xlabel(_told(along.label))
         axes.margins(x=0.02)
-    spots[0][1].set_ylim(bottom=0.0)  # all panels share it: when all lines are drawn
-    _legend(figure, spots[0][1], markers)
-    return figure
+    highest = max(axes.get_ylim()[1] for _, axes in spots)
+    for _, axes in spots:
+        axes.set_ylim(0.0, highest)
+    return _keyed(sheet, spots[0][1], markers)
 
 
-def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis]) -> Figure:
+def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], words: tuple[str, str]) -> Figure:
     """Draw the amount over two axes as a field, one for each value of the other axes."""
     from matplotlib.colors import Normalize
 
-    figure, spots = _panels(others, _told(across.label), most=PANELS)
     markers = _markers(data)
+    sheet, spots = _panels(others, _told(across.label), words, [*map(_words, markers)], beside=BAR)
     known = data.amounts[np.isfinite(data.amounts)]
     scale = Normalize(0.0, float(known.max()) if known.size else 1.0)
     for place, axes in spots:
@@ -150,16 +168,22 @@ def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis]) -
                 np.asarray(along.values)[columns], np.asarray(across.values)[rows],
                 marker, color=VERMILLION, markersize=4, linestyle="none",
             )  # fmt: skip
-        axes.set_xlabel(_told(along.label), fontsize=9)
-        axes.grid(False)
-    _legend(figure, spots[0][1], markers)
-    figure.colorbar(image, ax=[axes for _, axes in spots], pad=0.02).set_label(AMOUNT, fontsize=9)
-    return figure
+        axes.set_xlabel(_told(along.label))
+        axes.grid(visible=False)
+    bottom = min(axes.get_position().y0 for _, axes in spots)
+    top = max(axes.get_position().y1 for _, axes in spots)
+    right = max(axes.get_position().x1 for _, axes in spots)
+    bar = sheet.figure.add_axes((right + 0.12 / PAGE, bottom, 0.09 / PAGE, top - bottom))
+    sheet.figure.colorbar(image, cax=bar).set_label(AMOUNT)
+    return _keyed(sheet, spots[0][1], markers)
 
 
-def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult) -> Figure:
+def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line a case, with the budget."""
-    figure, spots = _panels([], "share of points with at most this amount")
+    found = result.assembly_yield
+    told = "" if found is None else _budget(found)
+    keys = [*(name or POINTS for _, name in _combinations(cases)), *([told] if told else [])]
+    sheet, spots = _panels([], "share of points with at most this amount", words, keys)
     (_, axes), *_ = spots
     for k, (at, name) in enumerate(_combinations(cases)):
         part = data.at(cases, at)
@@ -170,42 +194,52 @@ def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult) -> Figure:
             axes.step(
                 [known[0], *known], [0.0, *share], where="post",
                 color=COLOURS[k % len(COLOURS)], linestyle=DASHES[(k + k // len(COLOURS)) % len(DASHES)],
-                label=name or "points worked out",
+                label=name or POINTS,
             )  # fmt: skip
-    found = result.assembly_yield
     if found is not None:
-        low, high = found.interval
-        text = f"budget {found.budget:g}: {found.share:.1%} within ({low:.1%} to {high:.1%})"
-        axes.axvline(found.budget, color=GREY, linestyle=(0, (2, 2)), linewidth=1.2, label=text)
+        axes.axvline(found.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
     known = data.amounts[np.isfinite(data.amounts)]
     if known.size and known.min() > 0.0 and math.log10(known.max() / known.min()) > DECADES:
         axes.set_xscale("log")
     axes.set(ylim=(0.0, 1.02))
-    axes.set_xlabel(AMOUNT, fontsize=9)
-    _legend(figure, axes, {})
-    return figure
+    axes.set_xlabel(AMOUNT)
+    return _keyed(sheet, axes, {})
+
+
+def _budget(found: Any) -> str:
+    low, high = found.interval
+    return f"budget {found.budget:g}: {found.share:.1%} within ({low:.1%} to {high:.1%})"
 
 
 # ---------------------------------------------------------------------------------------------------- parts of a figure
 
 
-def _panels(axes: Sequence[_Axis], label: str, *, most: int = PANELS) -> tuple[Figure, list[tuple[list[int], Any]]]:
-    """Return a figure with a panel for each combination of values, and their places."""
-    spots = list(_combinations(axes))[:most]
+def _panels(
+    axes: Sequence[_Axis], label: str, words: tuple[str, str], keys: Sequence[str], *, beside: float = 0.0
+) -> tuple[Sheet, list[tuple[list[int], Any]]]:
+    """Return a sheet with a panel for each combination of values, and their places; room below for keys."""
+    spots = list(_combinations(axes))[:PANELS]
     columns = min(len(spots), 3 if len(spots) > 4 else 2)
     rows = math.ceil(len(spots) / columns)
-    figure = new_figure(8.0 if columns == 1 else 4.4 * columns + 1.0, 5.4 if rows == 1 else 3.0 * rows + 1.6)
-    made = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    for spare in made[len(spots) :]:
-        spare.set_visible(False)
-    for k, ((_, name), panel) in enumerate(zip(spots, made, strict=False)):
-        panel.set_title(name, fontsize=9)
-        panel.tick_params(labelsize=8)
-        panel.grid(color=GREY, alpha=0.2, linewidth=0.6)
-        panel.set_axisbelow(True)
-        if k % columns == 0:
-            panel.set_ylabel(label, fontsize=9)
-    return figure, [(place, panel) for (place, _), panel in zip(spots, made, strict=False)]
+    width = (PAGE - LEFT - RIGHT - beside - ACROSS * (columns - 1)) / columns
+    width, height = (min(WIDE, width), ONE) if columns == 1 else (width, max(HIGH, 0.75 * width))
+    letters = max(map(len, keys), default=0)
+    across = min(COLUMNS, max(1, int(LETTERS / (letters + BESIDE))))
+    foot = KEY * math.ceil(len([key for key in keys if key]) / across) + 0.05
+    step = height + (ABOVE if axes else 0.08)
+    sheet = Sheet.of(PAGE, foot + BELOW + rows * step, title=words[0], caption=words[1])
+    left = LEFT if columns > 1 else (PAGE - width - beside) / 2 + 0.1
+    made: list[tuple[list[int], Any]] = []
+    for k, (place, name) in enumerate(spots):
+        row, column = divmod(k, columns)
+        bottom = foot + BELOW + (rows - 1 - row) * step
+        panel = sheet.axes(left + column * (width + ACROSS), bottom, width, height)
+        panel.set_title(name)
+        panel.grid(visible=True)
+        panel.set_ylabel(label if column == 0 else "")
+        panel.tick_params(labelleft=column == 0, labelbottom=k + columns >= len(spots))
+        made.append((place, panel))
+    return sheet, made
 
 
 def _combinations(axes: Sequence[_Axis]) -> Iterator[tuple[list[int], str]]:
@@ -224,9 +258,12 @@ def _value(axis: _Axis, value: Any) -> str:
 
 
 def _told(label: str) -> str:
-    """Return the label of an axis with its unit: a key says its own, scales and tolerances have none."""
+    """Return the label of an axis with its unit, which a key says at its end, or with what it is relative to."""
     last = label.replace("]", "").split("_")[-1]
-    return f"{label}  ({UNITS[last]})" if last in UNITS and "_" in label else label
+    if last in UNITS and "_" in label:
+        return f"{label}  ({UNITS[last]})"
+    plain = PLAIN_NUMBERS.get(label.split("[")[0].split(".")[0])
+    return f"{label}  ({plain})" if plain else label
 
 
 def _words(status: str) -> str:
@@ -239,25 +276,18 @@ def _markers(data: _Data) -> dict[str, str]:
     return {status: GAPS[k % len(GAPS)] for k, status in enumerate(gaps)}
 
 
-def _legend(figure: Figure, axes: Any, markers: Mapping[str, str]) -> None:
+def _keyed(sheet: Sheet, axes: Any, markers: Mapping[str, str]) -> Figure:
+    """Return the figure with its legend: what one panel shows, and a marker for each status."""
     from matplotlib.lines import Line2D
 
     handles, labels = axes.get_legend_handles_labels()
     named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
     named += [
-        (Line2D([], [], color=GREY, marker=marker, linestyle="none", markersize=5), _words(status))
+        (Line2D([], [], color=DARK, marker=marker, linestyle="none", markersize=3.5), _words(status))
         for status, marker in markers.items()
     ]
-    lines = math.ceil(len(named) / COLUMNS)
-    height = figure.get_figheight()
-    bottom = (FOOT + LINE * lines) / height
-    figure.subplots_adjust(left=0.09, right=0.97, top=1.0 - HEAD / height, bottom=bottom, hspace=0.25, wspace=0.08)
-    if named:
-        handles, labels = zip(*named, strict=True)
-        place = (0.5, 1.6 * LINE / height)
-        figure.legend(
-            handles, labels, loc="lower center", bbox_to_anchor=place, ncols=COLUMNS, frameon=False, fontsize=8
-        )
+    sheet.legend([handle for handle, _ in named], [label for _, label in named], bottom=0.02, most=COLUMNS)
+    return sheet.figure
 
 
 def _geometric(values: Sequence[float]) -> bool:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcdm_opt.show import BLACK, BLUE, GREY, ORANGE, VERMILLION, new_figure
+from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, styled
+from fcdm_opt.show.lettering import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,7 +18,11 @@ if TYPE_CHECKING:
 HIGHEST, WIDEST = 1.18, 1.25
 """How far the axes go, relative to the highest bar and to a share of 1: room for the words there."""
 
+INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"))
+"""Kinds of shares of the variance: name, colour and hatch."""
 
+
+@styled
 def yield_figure(found: AssemblyYield, *, title: str = "", caption: str = "") -> Figure:
     """Draw how the amounts of all pairs are spread about the budget, and what either body's tolerance contributes.
 
@@ -27,13 +32,17 @@ def yield_figure(found: AssemblyYield, *, title: str = "", caption: str = "") ->
     title, caption : str
         Text above and below the picture; the default caption tells the share and what fails otherwise.
     """
-    figure = new_figure(9.0, 4.6)
-    _draw_amounts(figure.add_axes((0.075, 0.2, 0.46, 0.66)), found)
-    _draw_indices(figure.add_axes((0.71, 0.565, 0.275, 0.26)), found)
-    _draw_shares(figure.add_axes((0.71, 0.2, 0.275, 0.21)), found)
-    figure.text(0.075, 0.93, title, fontsize=10)
-    figure.text(0.075, 0.035, caption or str(found), fontsize=8.5)
-    return figure
+    sheet = Sheet.of(PAGE, 2.95, title=title, caption=caption or str(found))
+    amounts = sheet.axes(0.55, 0.65, 3.0, 2.2)
+    _draw_amounts(amounts, found)
+    _draw_indices(sheet.axes(4.75, 1.85, 1.8, 0.72), found)
+    _draw_shares(sheet.axes(4.75, 0.4, 1.8, 0.85), found)
+    handles, labels = amounts.get_legend_handles_labels()
+    if handles:
+        x, y, *_ = sheet.place(2.05, 0.0, 0.0, 0.0)
+        sheet.figure.legend(handles, labels, loc="lower center", bbox_to_anchor=(x, y), ncols=3, borderaxespad=0.2,
+                            handlelength=1.6, columnspacing=1.2)  # fmt: skip
+    return sheet.figure
 
 
 def _draw_amounts(axes: Any, found: AssemblyYield) -> None:
@@ -52,7 +61,7 @@ def _draw_amounts(axes: Any, found: AssemblyYield) -> None:
         axes.axvline(found.budget, color=BLACK, linewidth=1.2, label=f"budget {found.budget:.6g}")
     for share, amount in found.quantiles.items():
         if math.isfinite(amount):
-            axes.axvline(amount, color=GREY, linewidth=0.7, linestyle=":")
+            axes.axvline(amount, color=GREY, linewidth=0.6, linestyle=":")
             axes.annotate(
                 f"{share:.4g}".lstrip("0"),
                 (amount, HIGHEST * highest),
@@ -61,31 +70,32 @@ def _draw_amounts(axes: Any, found: AssemblyYield) -> None:
                 ha="right",
                 va="top",
                 rotation=90,
-                fontsize=7,
-                color=GREY,
+                fontsize=NOTE,
+                color=DARK,
             )
-    axes.set_xlabel("amount of the motion (length units)", fontsize=9)
-    axes.set_ylabel("share of all pairs in a bin", fontsize=9)
-    axes.tick_params(labelsize=8)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=8, loc="best")
+    axes.set_xlabel("amount of the motion (length units)")
+    axes.set_ylabel("share of all pairs in a bin")
     if not heights.any():
-        axes.text(0.5, 0.5, "no pair has a motion", transform=axes.transAxes, ha="center", fontsize=9, color=GREY)
+        axes.text(0.5, 0.5, "no pair has a motion", transform=axes.transAxes, ha="center", color=DARK)
 
 
 def _draw_indices(axes: Any, found: AssemblyYield) -> None:
     """Draw first-order and total indices of both bodies."""
+    from matplotlib.patches import Patch
+
     for row, own in enumerate(found.contributions):
-        bars = ((own.first_order, own.first_order_error, BLUE), (own.total, own.total_error, ORANGE))
-        for offset, (value, error, colour) in zip((-0.2, 0.2), bars, strict=True):
+        bars = (own.first_order, own.first_order_error), (own.total, own.total_error)
+        for offset, (value, error), (_, colour, hatch) in zip((-0.2, 0.2), bars, INDICES, strict=True):
             if math.isfinite(value):
-                axes.barh(row + offset, value, 0.38, xerr=error, color=colour, error_kw={"linewidth": 0.8})
+                axes.barh(row + offset, value, 0.38, xerr=error, color=colour, hatch=hatch, edgecolor="white",
+                          linewidth=0.0, error_kw={"linewidth": 0.8})  # fmt: skip
                 _number(axes, row + offset, value + error, f"{value:.3f}")
             else:
                 _number(axes, row + offset, 0.0, "none")
-    axes.set_title("share of the amount's variance", fontsize=9, loc="left", pad=15)
-    for place, name, colour in ((0.0, "by itself", BLUE), (0.3, "with what both do together", ORANGE)):
-        axes.text(place, 1.04, name, color=colour, fontsize=7.5, transform=axes.transAxes)
+    axes.set_title("share of the amount's variance", loc="left", pad=14)
+    keys = [Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=name) for name, colour, hatch in INDICES]
+    axes.legend(handles=keys, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0, borderpad=0.2,
+                handlelength=1.6, columnspacing=1.0)  # fmt: skip
     _rows(axes, [own.body for own in found.contributions])
 
 
@@ -97,13 +107,13 @@ def _draw_shares(axes: Any, found: AssemblyYield) -> None:
         axes.barh(row, share, 0.6, color=GREY if row else BLACK)
         _number(axes, row, end, f"{share:.2%}")
     axes.plot([low, high], [0, 0], color=ORANGE, linewidth=2.5, solid_capstyle="butt")
-    axes.set_title("pairs that pass", fontsize=9, loc="left")
+    axes.set_title("pairs that pass", loc="left")
     _rows(axes, ["as it is", *(f"{own.body} at its median" for own in found.contributions)])
 
 
 def _number(axes: Any, row: float, end: float, text: str) -> None:
     """Write a number behind its bar."""
-    axes.text(max(end, 0.0) + 0.02, row, text, va="center", fontsize=7.5)
+    axes.text(max(end, 0.0) + 0.02, row, text, va="center", fontsize=NOTE)
 
 
 def _rows(axes: Any, names: list[str]) -> None:
@@ -112,6 +122,5 @@ def _rows(axes: Any, names: list[str]) -> None:
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlim(0.0, WIDEST)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
-    axes.tick_params(labelsize=8)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

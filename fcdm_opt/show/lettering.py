@@ -1,0 +1,260 @@
+"""Words on a picture: title, caption and lists that stay on the page, names that keep clear of each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.show import DARK, NOTE, TITLE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SPACING = 1.45
+"""Distance of lines, in sizes of their text."""
+
+EDGE = 0.08
+"""Inches that words keep from the edge of the page."""
+
+DISTANCES, ANGLES = (7.0, 10.0, 14.0, 20.0, 28.0), (0, 180, 35, -35, 145, -145, 70, -70, 110, -110)
+"""Where a name may stand: points from what it names, and degrees from the wanted direction; the nearest first."""
+
+LEADER = 12.0
+"""Points from which on a line leads from a name to what it names."""
+
+CLEAR = 1.0
+"""Points between a name and anything else."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A figure with a title above and a caption below an area that is measured in inches from its lower left corner.
+
+    Attributes
+    ----------
+    figure : matplotlib Figure
+    size : (width, height)
+        Of the area.
+    foot : float
+        Height of what is below it.
+    """
+
+    figure: Figure
+    size: tuple[float, float]
+    foot: float
+
+    @classmethod
+    def of(cls, width: float, height: float, *, title: str = "", caption: str = "") -> Sheet:
+        """Return an empty sheet, as much higher than the area as title and caption need."""
+        figure = new_figure(width, height)
+        room = width - 2.0 * EDGE
+        head, foot = (
+            fitted(figure, text, size, room) if text else [] for text, size in ((title, TITLE), (caption, NOTE))
+        )
+        above, below = (
+            2.0 * EDGE + len(lines) * SPACING * size / 72.0 if lines else EDGE
+            for lines, size in ((head, TITLE), (foot, NOTE))
+        )
+        figure.set_figheight(height + above + below)
+        whole = figure.get_figheight()
+        if head:
+            figure.text(0.5, 1.0 - EDGE / whole, "\n".join(head), ha="center", va="top", fontsize=TITLE)
+        if foot:
+            figure.text(
+                0.5, EDGE / whole, "\n".join(foot), ha="center", va="bottom", fontsize=NOTE, color=DARK,
+                linespacing=SPACING / 1.2,
+            )  # fmt: skip
+        return cls(figure, (width, height), below)
+
+    def place(self, left: float, bottom: float, width: float, height: float) -> tuple[float, float, float, float]:
+        """Return a rectangle of the area as shares of the figure."""
+        whole = self.figure.get_figwidth(), self.figure.get_figheight()
+        return left / whole[0], (self.foot + bottom) / whole[1], width / whole[0], height / whole[1]
+
+    def axes(self, left: float, bottom: float, width: float, height: float, **options: Any) -> Any:
+        """Add axes."""
+        return self.figure.add_axes(self.place(left, bottom, width, height), **options)
+
+    def list(self, left: float, top: float, width: float, lines: Iterable[str], *, least: float = 0.0) -> None:
+        """Write lines, each wrapped with its own indent, downwards as far as there is room; say how many are left."""
+        made: list[str] = []
+        room = int((top - least) * 72.0 / (SPACING * NOTE))
+        entries = [fitted(self.figure, line, NOTE, width, hang="    ") for line in lines]
+        for k, entry in enumerate(entries):
+            more = 0 if k == len(entries) - 1 else 1
+            if len(made) + len(entry) + more > room:
+                made.append(f"... and {len(entries) - k} more lines")
+                break
+            made += entry
+        x, y, *_ = self.place(left, top, 0.0, 0.0)
+        self.figure.text(x, y, "\n".join(made), va="top", fontsize=NOTE, linespacing=SPACING / 1.2)
+
+    def legend(self, handles: Sequence[Any], labels: Sequence[str], *, bottom: float, most: int = 4) -> float:
+        """Put a legend in as few rows as fit across the page above `bottom`; return its height in inches."""
+        if not handles:
+            return 0.0
+        x, y, *_ = self.place(self.size[0] / 2, bottom, 0.0, 0.0)
+        for columns in range(min(most, len(labels)), 0, -1):
+            legend = self.figure.legend(
+                handles, labels, loc="lower center", bbox_to_anchor=(x, y), ncols=columns, borderaxespad=0.0,
+                handlelength=2.6, columnspacing=1.6, fontsize=NOTE,
+            )  # fmt: skip
+            extent = legend.get_window_extent(self.figure.canvas.get_renderer())  # type: ignore[attr-defined]
+            if columns == 1 or extent.width <= (self.size[0] - 2.0 * EDGE) * self.figure.dpi:
+                break
+            legend.remove()
+        return float(extent.height / self.figure.dpi)
+
+
+def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = "") -> list[str]:
+    """Return a text in lines no wider than so many inches, the further ones indented by `hang` more.
+
+    Lines break at spaces, words that are too long behind commas, or anywhere.
+    """
+    from matplotlib.font_manager import FontProperties
+
+    renderer: Any = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    font = FontProperties(size=size)
+
+    def fits(line: str) -> bool:
+        extent = renderer.get_text_width_height_descent(line.rstrip() or " ", font, ismath=False)[0]
+        return bool(extent <= width * figure.dpi)
+
+    lines: list[str] = []
+    for given in text.split("\n"):
+        indent = given[: len(given) - len(given.lstrip())]
+        line = indent
+        for word in re.findall(r"\S+\s*", given):
+            pieces = [word] if fits(indent + word) else re.findall(r"[^,;]*[,;]+\s*|[^,;]+", word)
+            for piece in pieces if all(fits(indent + piece) for piece in pieces) else list(word):
+                if line.strip() and not fits(line + piece):
+                    lines.append(line.rstrip())
+                    line = indent + hang
+                line += piece
+        lines.append(line.rstrip())
+    return lines
+
+
+class Names:
+    """Names beside what they name in one panel: each keeps clear of the others, and of lines where it can.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+        With its place and limits set.
+    lines : (n, 2, 2) array
+        Ends of straight pieces that names should not cross.
+    within : matplotlib Bbox, optional
+        Where names may stand, in pixels; default the panel.
+    """
+
+    def __init__(self, axes: Any, lines: ArrayLike = (), *, within: Any = None) -> None:
+        self._axes, self._within = axes, axes.bbox if within is None else within
+        self._renderer = axes.figure.canvas.get_renderer()
+        self._dot = axes.figure.dpi / 72.0
+        ends = self._page(np.asarray(lines, dtype=float).reshape(-1, 2))
+        self._lines = ends.reshape(-1, 2, 2)
+        self._taken: list[Array] = []
+        self.left_out = 0
+
+    def keep(self, point: ArrayLike, size: float) -> None:
+        """Keep names clear of a marker of so many points."""
+        middle, half = self._page(np.asarray(point, dtype=float)), size / 2.0 * self._dot
+        self._taken.append(np.array([middle - half, middle + half]))
+
+    def put(
+        self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, size: float = NOTE, lead: bool = True
+    ) -> bool:
+        """Write a name beside the first of several points where there is room; leave it out where there is none.
+
+        Parameters
+        ----------
+        text : str
+        anchors : (n, 2) array
+            Points that may be named, the best first.
+        away : (2,) array
+            Direction on the page, in which the name stands if it can.
+        colour, size : str, float
+            Of the text; size in points.
+        lead : bool
+            Whether a line leads to a name that stands far off.
+
+        Returns
+        -------
+        bool
+            Whether the name was written.
+        """
+        spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
+        spots = spots[
+            ((spots >= self._within.min - 0.5) & (spots <= self._within.max + 0.5)).all(axis=1)
+        ]  # half a pixel
+        if not len(spots):
+            return False
+        label = self._axes.annotate(
+            text, (0, 0), xycoords="figure pixels", color=colour, fontsize=size, ha="center", va="center", zorder=6,
+        )  # fmt: skip
+        extent = label.get_window_extent(self._renderer)
+        half = np.array([extent.width, extent.height]) / 2.0 + CLEAR * self._dot
+        unit = np.asarray(away, dtype=float) / np.linalg.norm(away)
+        spot, middle = self._free(spots, unit, half)
+        if middle is None:
+            label.remove()
+            self.left_out += 1
+            return False
+        self._taken.append(np.array([middle - half, middle + half]))
+        # in points from the named point: stays in place at any resolution
+        anchor = self._axes.transData.inverted().transform(spot)
+        label.remove()
+        shift = (middle - spot) / self._dot
+        far = lead and np.linalg.norm(shift) - min(half) / self._dot > LEADER
+        self._axes.annotate(
+            text, tuple(anchor), xytext=tuple(shift), textcoords="offset points", color=colour, fontsize=size,
+            ha="center", va="center", zorder=6, annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 1.0}
+            if far else None,
+        )  # fmt: skip
+        return True
+
+    def _free(self, spots: Array, unit: Array, half: Array) -> tuple[Array, Array | None]:
+        """Return the point to name and the middle of the first free place, best one clear of lines."""
+        low, high = self._within.min + half, self._within.max - half
+        for strict in (True, False):
+            for distance in DISTANCES:
+                for angle in ANGLES:
+                    turn = np.radians(angle)
+                    way = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ unit
+                    # the nearest edge of the name is so far off, whichever way it stands
+                    off = distance * self._dot * 0.5 + float(np.abs(half * way).sum())
+                    for spot in spots:
+                        middle = spot + off * way
+                        if not ((middle >= low).all() and (middle <= high).all()):
+                            continue
+                        box = np.array([middle - half, middle + half])
+                        if any((box[0] < own[1]).all() and (own[0] < box[1]).all() for own in self._taken):
+                            continue
+                        if not strict or not crossed(self._lines, box).any():
+                            return spot, middle
+        return spots[0], None
+
+    def _page(self, points: Array) -> Array:
+        return np.asarray(self._axes.transData.transform(points))
+
+
+def crossed(lines: Array, box: Array) -> Any:
+    """Tell which straight pieces (n, 2, 2) pass through a box (2, 2), lower corner first."""
+    if not len(lines):
+        return np.zeros(0, dtype=bool)
+    start, step = lines[:, 0], lines[:, 1] - lines[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.sort((box[None] - start[:, None]) / step[:, None], axis=1)  # (n, low or high, axis)
+    still = step == 0.0
+    inside = (box[0] <= start) & (start <= box[1])
+    enter = np.where(still, np.where(inside, -np.inf, np.inf), ends[:, 0]).max(axis=1)
+    leave = np.where(still, np.where(inside, np.inf, -np.inf), ends[:, 1]).min(axis=1)
+    return np.maximum(enter, 0.0) <= np.minimum(leave, 1.0)

@@ -1,0 +1,200 @@
+"""What the least amount depends on, each datum changed by a comparable step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, styled
+from fcdm_opt.show.lettering import Sheet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
+    from fcdm_opt.tolerance.solution import Solution
+
+STEP = 0.01
+"""Relative step of every datum: 1 %."""
+
+NEGLIGIBLE = 1e-9
+"""Of the largest bar: smaller ones are rounding, and left out."""
+
+SHAPE = ("face ", "vertex ", "seed ")
+"""How the names of data of the bodies' shape begin."""
+
+MOST, LEAST = 16, 4
+"""Bars of a picture; at least so many of them of the bodies' shape."""
+
+NAMES, STEPS, BELOW, ROW = 2.15, 0.65, 0.42, 0.165
+"""Inches for the names of the bars, for their steps, for the axis below, and for a bar."""
+
+ROOM, HATCH, CORNERS, LETTERS = 1.36, "////", 4, 40
+"""How far the axis goes, largest bar 1; hatch of what lowers the amount; corners and letters of a name in full."""
+
+BODIES = ("body 1 (movable)", "body 2 (static)")
+
+
+class Bar(NamedTuple):
+    """How much the amount changes, to first order, with a step of one datum.
+
+    Attributes
+    ----------
+    name : str
+        The datum, such as "size of body 1 (movable)".
+    value : float
+        Change of the amount, in its own units; nan where it has no derivative by this datum.
+    unit : str
+        The step, such as "+1 %".
+    note : str
+        What the step means, where the name does not say it.
+    """
+
+    name: str
+    value: float
+    unit: str
+    note: str
+
+
+@styled
+def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = "") -> Figure:
+    """Draw what the least amount depends on: a bar for a step of each datum; lower amounts are hatched.
+
+    Where derivatives do not exist, or hold on one side only, the caption says why.
+
+    Parameters
+    ----------
+    solution : Solution
+    title, caption : str
+        Text above and below the picture.
+    """
+    found, problem = solution.sensitivity, solution.problem
+    every = bars(found, problem)
+    few = [bar for bar in every if not bar.name.startswith(SHAPE)]
+    shape = sorted((bar for bar in every if bar.name.startswith(SHAPE)), key=lambda bar: -abs(bar.value))
+    shown = [*few, *shape[: max(MOST - len(few), LEAST)]]
+    notes = [caption] if caption else []
+    if any(bar in shape for bar in shown):
+        notes.append(
+            f"faces move outwards, vertices and seeds the way that costs most, by {STEP:.0%} of the length "
+            f"{problem.length:.4g} of the problem"
+        )
+    if len(shown) < len(every):
+        notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
+    missing = sum(map(math.isnan, found.faces.values()))
+    if every and missing:
+        notes.append(f"{missing} faces have no derivative of their own: their shift would part a corner that matters")
+    if not found.exists:
+        notes.append("derivatives are one-sided or not unique: " + "; ".join(found.reasons))
+    sheet = Sheet.of(PAGE, BELOW + ROW * max(len(shown), 2), title=title, caption="\n".join(notes))
+    axes = sheet.axes(NAMES, BELOW, PAGE - NAMES - STEPS, sheet.size[1] - BELOW)
+    axes.set(ylim=(max(len(shown), 2) - 0.5, -0.5))
+    axes.set_xlabel("change of the amount (length units) with the step on the right, to first order")
+    axes.set_yticks(range(len(shown)), [_short(bar.name) for bar in shown])
+    axes.tick_params(axis="y", length=0)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    if not shown:
+        text = "nothing nearby changes the amount" if found.exists else "no derivatives"
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=DARK)
+        axes.set_xticks([])
+        return sheet.figure
+    axes.grid(visible=True, axis="x")
+    axes.axvline(0.0, color=BLACK, linewidth=0.6)
+    largest = max(abs(bar.value) for bar in shown if math.isfinite(bar.value)) or 1.0
+    axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
+    for row, bar in enumerate(shown):
+        known, less = math.isfinite(bar.value), bar.value < 0.0
+        if known:
+            axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
+                      edgecolor="white", linewidth=0.0)  # fmt: skip
+        beside = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
+        text = f"{bar.value:+.3g}" if known and bar.value else "0" if known else "no derivative"
+        axes.annotate(text, (bar.value if known else 0.0, row), xytext=(-3.0 if less else 3.0, 0.0),
+                      ha="right" if less else "left", color=DARK, **beside)  # fmt: skip
+        axes.annotate(bar.unit, (1.0, row), xycoords=("axes fraction", "data"), xytext=(6.0, 0.0),
+                      annotation_clip=False, **beside)  # fmt: skip
+    return sheet.figure
+
+
+def _short(name: str) -> str:
+    """Return a bar's name, of a face with many corners the first few."""
+    *head, last = name.rsplit(" ", 1)
+    corners = last.split(",")
+    if len(corners) > CORNERS:
+        last = f"{','.join(corners[:CORNERS])}... ({len(corners)})"
+    name = " ".join([*head, last])
+    return name if len(name) <= LETTERS else f"{name[: LETTERS - 3]}..."
+
+
+def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
+    """Return how the amount changes with each datum that matters, all for steps of the same relative size.
+
+    Sizes, tolerances and weights change by 1 %, lengths by 1 % of `problem.length`, angles by what moves a point at
+    that distance as far. Sizes of both bodies come first and always, then what else matters, by kind; the seed and,
+    where a face cannot be shifted without breaking a corner, the vertices count in the direction that costs most. Faces
+    and vertices by which the amount has no derivative are left out.
+
+    Parameters
+    ----------
+    sensitivity : Sensitivity
+    problem : Problem
+        The solved one.
+
+    Returns
+    -------
+    list of Bar
+        Empty where no derivative exists, as without a motion, and where nothing matters, as where none is needed.
+    """
+    found = list(_all(sensitivity, problem))
+    largest = max((abs(bar.value) for bar in found if math.isfinite(bar.value)), default=0.0)
+    if largest == 0.0:
+        return []
+    least = NEGLIGIBLE * largest
+    return [bar for k, bar in enumerate(found) if k < len(BODIES) or not abs(bar.value) <= least]
+
+
+def _all(found: Sensitivity, problem: Problem) -> Iterator[Bar]:
+    shift = STEP * problem.length
+    length, percent = f"+{shift:.3g}", f"+{STEP:.0%}".replace("%", " %")
+    for body, value, size in zip(BODIES, found.target.tolist(), problem.target.tolist(), strict=True):
+        yield Bar(f"size of {body}", STEP * size * value, percent, "the size made; all else as it is")
+    if found.nominal.any():
+        for body, value, size in zip(BODIES, found.nominal.tolist(), problem.nominal_pair.tolist(), strict=True):
+            yield Bar(f"nominal size of {body}", STEP * size * value, percent, "the size made follows it")
+    if found.tolerance is not None:
+        for body, row in zip(BODIES, found.tolerance.tolist(), strict=True):
+            for sign, value in zip("-+", row, strict=True):
+                yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "of the nominal size")
+    for parameter, (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
+        rotates = parameter.kind != "translation"
+        step, unit = (STEP, f"+{math.degrees(STEP):.3g} deg") if rotates else (shift, length)
+        for side, value in zip(("lower", "upper"), found.limits[parameter.name], strict=True):
+            if side == "lower" or low != high:  # equal limits are one datum
+                yield Bar(f"{side} limit of {parameter.name}", step * value, unit, "the limit raised")
+    yield Bar("clearance", shift * found.clearance, length, "")
+    for name, value in found.keep_out.items():
+        yield Bar(f"clearance from {name}", shift * value, length, "keep-out")
+    names = [parameter.name for parameter in problem.motion.parameters]
+    for name, weight, value in zip(names, problem.weights.tolist(), found.weights.values(), strict=True):
+        yield Bar(f"weight of {name}", STEP * weight * value, percent, "of the amount")
+    for label, value in _largest(found.faces):
+        yield Bar(f"face {label}", shift * value, length, "its plane shifted outwards")
+    if np.isnan(list(found.faces.values())).any():
+        for label, value in _largest({name: _norm(row) for name, row in found.vertices.items()}):
+            yield Bar(f"vertex {label}", shift * value, length, "moved in the direction that costs most")
+    for label, value in _largest({name: _norm(row) for name, row in found.seeds.items()}):
+        yield Bar(f"seed of {label}", shift * value, length, "moved in the direction that costs most")
+
+
+def _norm(row: Any) -> float:
+    return float(np.linalg.norm(row))
+
+
+def _largest(values: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return names and values, the largest first, without those that have no derivative."""
+    return sorted(((name, x) for name, x in values.items() if math.isfinite(x)), key=lambda item: -abs(item[1]))

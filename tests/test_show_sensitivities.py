@@ -1,0 +1,129 @@
+"""Bars of what the amount depends on: their values are those of solving again, their picture says what they mean."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.text import Text
+from picture_checks import check_texts, shown
+
+import fcdm_opt as fo
+from fcdm_opt.show.album import Album
+from fcdm_opt.show.sensitivities import STEP, Bar, bars, sensitivities_figure
+from fcdm_opt.tolerance.solution import Solution, Status
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+
+
+@cache
+def solved(file: str, name: str) -> Solution:
+    (asked,) = (p for p in fo.load_problems(PROBLEMS / f"{file}.toml") if p.name == name)
+    return fo.solve(asked)
+
+
+def named(solution: Solution) -> dict[str, Bar]:
+    made = bars(solution.sensitivity, solution.problem)
+    assert len({bar.name for bar in made}) == len(made)
+    return {bar.name: bar for bar in made}
+
+
+def test_bars_are_what_solving_again_gives() -> None:
+    """The central difference over the bar's own step, of linear and nearly linear answers."""
+    solution = solved("bracket", "past the ribs")
+    asked, found = solution.problem, named(solution)
+
+    def again(**changes: Any) -> float:
+        return fo.solve(asked.changed(**changes)).amount
+
+    for k, name in enumerate(("size of body 1 (movable)", "size of body 2 (static)")):
+        up, down = asked.target.copy(), asked.target.copy()
+        up[k] *= 1.0 + STEP
+        down[k] *= 1.0 - STEP
+        slope = (again(target=tuple(up)) - again(target=tuple(down))) / 2.0
+        assert found[name].value == pytest.approx(slope, rel=0.02)
+        assert found[name].unit == "+1 %"
+    weights = dict(zip(("TX", "TZ"), asked.weights.tolist(), strict=True))
+    for name, weight in weights.items():
+        up, down = (again(weights={**weights, name: weight * factor}) for factor in (1.0 + STEP, 1.0 - STEP))
+        assert found[f"weight of {name}"].value == pytest.approx((up - down) / 2.0, rel=0.02)
+
+
+def test_a_tolerance_counts_by_a_hundredth_and_sizes_come_always() -> None:
+    found = named(solved("example1", "B"))
+    asked = solved("example1", "B").problem
+    wider = asked.changed(tolerance=0.02 + 1e-4)
+    slope = (fo.solve(wider).amount - solved("example1", "B").amount) / 1e-4
+    assert found["tolerance + of body 1 (movable)"].value == pytest.approx(STEP * slope, rel=0.02)
+    assert found["tolerance + of body 1 (movable)"].unit == "+0.01"
+    assert "size of body 2 (static)" in found
+    assert found["size of body 2 (static)"].value == 0.0
+
+
+def test_a_limit_that_holds_gets_a_bar_with_its_unit() -> None:
+    box = fo.Body.convex([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], name="box")
+    beside = fo.Body.convex([[x + 3, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], name="beside")
+    asked = fo.Problem(
+        box, beside, target=(1.0, 1.0), goal="touch", motion=fo.Translation("x") >> fo.Rotation("z"),
+        limits={"RZ": (0.0, 0.1)},
+    )  # fmt: skip
+    found = named(fo.solve(asked))
+    wider, nearer = (fo.solve(asked.changed(limits={"RZ": (0.0, 0.1 + step)})).amount for step in (1e-3, -1e-3))
+    bar = found["upper limit of RZ"]
+    assert bar.unit == "+0.573 deg"
+    assert bar.value == pytest.approx(0.01 * (wider - nearer) / 2e-3, rel=1e-3)  # a step of 0.01 rad
+    assert "lower limit of RZ" not in found
+
+
+def test_without_a_motion_there_are_no_bars_and_the_picture_says_so() -> None:
+    asked = solved("example1", "B").problem
+    nothing = Solution(problem=asked, status=Status.NOT_FOUND, pair=asked.target)
+    assert bars(nothing.sensitivity, asked) == []
+    figure = sensitivities_figure(nothing, title="nothing", caption="a caption")
+    told = " ".join(text.get_text() for text in shown(figure))
+    assert "no derivatives" in told
+    assert "no motion was found" in told
+    check_texts(figure, least=3)
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("example1", "B"), ("example2", "A"), ("bracket", "past the ribs"), ("lid", "A flush on the rim")],
+)
+def test_the_picture_shows_every_bar_with_its_step(file: str, name: str) -> None:
+    solution = solved(file, name)
+    figure = sensitivities_figure(solution, title=name, caption="a caption")
+    check_texts(figure, least=12)
+    (axes,) = figure.axes
+    widths = [patch.get_width() for patch in axes.patches]
+    made = bars(solution.sensitivity, solution.problem)
+    assert set(widths) <= {bar.value for bar in made}
+    assert max(map(abs, widths)) == max(abs(bar.value) for bar in made)
+    for patch in axes.patches:  # told apart without colour
+        assert (patch.get_hatch() is None) == (patch.get_width() >= 0.0)
+    told = [text.get_text() for text in figure.findobj(Text)]
+    assert {bar.unit for bar in made[:2]} <= set(told)
+    assert any("(length units)" in text for text in told)
+    if not solution.sensitivity.exists:
+        assert any(solution.sensitivity.reasons[0][:30] in " ".join(text.split()) for text in told)
+
+
+def test_what_has_no_derivative_is_said_not_drawn() -> None:
+    solution = solved("example2", "A")
+    found = replace(solution.sensitivity, length=math.nan, clearance=math.nan)
+    made = {bar.name: bar for bar in bars(found, solution.problem)}
+    assert math.isnan(made["clearance"].value)
+
+
+def test_an_album_writes_the_sensitivities_of_a_solved_case(tmp_path: Path) -> None:
+    said: list[str] = []
+    album = Album(tmp_path / "album", said.append)
+    album.add_solution("file", "file.toml", solved("bracket", "past the ribs"))
+    names = {path.name for path in (tmp_path / "album").iterdir()}
+    stem = "file-past_the_ribs"
+    assert names == {f"{stem}-{kind}.{end}" for kind in ("curve", "scene", "sensitivities") for end in ("png", "svg")}
+    assert not album.failed
