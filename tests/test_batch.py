@@ -63,7 +63,7 @@ def check_batch(movable: fo.Body, static: fo.Body, poses: np.ndarray, box: Any =
 # ------------------------------------------------------------------------------------------------- equal to single ones
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_random_poses_of_convex_pairs(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)

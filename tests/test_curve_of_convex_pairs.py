@@ -114,13 +114,13 @@ def test_one_contact_over_the_whole_box_in_closed_form(case):
     np.testing.assert_allclose(curve.rho2(x), (r - p * x) / q, rtol=1e-14)
 
 
-@runs(300)
+@runs(150)
 @given(generators, reaches)
 def test_convex_pairs_with_seeds_inside_equal_the_exact_curve(rng, reach):
     check_convex(*random_pair(rng, reach, INSIDE))
 
 
-@runs(400)
+@runs(200)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_convex_pairs_with_seeds_anywhere_equal_the_exact_curve(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)
@@ -128,14 +128,14 @@ def test_convex_pairs_with_seeds_anywhere_equal_the_exact_curve(rng, reach, seed
         check_convex(one, two)
 
 
-@runs(60)
+@runs(30)
 @given(generators)
 def test_larger_generic_hulls_equal_the_exact_curve(rng):
     one, two = (random_shape(rng, 1000, "inside", 12) for _ in range(2))
     check_convex(one, two.shifted(rng.integers(-3000, 3000, 3).tolist()))
 
 
-@runs(100)
+@runs(50)
 @given(generators)
 def test_posed_generic_pairs_equal_the_exact_curve_of_the_pose_as_given(rng):
     one, two = random_pair(rng, 1000, INSIDE)
@@ -149,7 +149,7 @@ def test_random_pairs_cover_curves_of_many_segments_and_few_have_none():
     assert counts.count(0) < 0.2 * len(counts)
 
 
-@runs(100)
+@runs(50)
 @given(generators, reaches)
 def test_both_seeds_inside_give_one_decreasing_function(rng, reach):
     curve = curve_of(*random_pair(rng, reach, INSIDE))

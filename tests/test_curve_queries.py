@@ -21,7 +21,7 @@ from fcdm_opt.geometry.elements import Element
 # --------------------------------------------------------------------------------------- lines, gap, distance, locate
 
 
-@runs(150)
+@runs(75)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_crossings_of_vertical_lines_are_exact(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)
@@ -37,7 +37,7 @@ def test_crossings_of_vertical_lines_are_exact(rng, reach, seeds):
     assert curve.rho2(x.reshape(2, 3)).shape == (2, 3)
 
 
-@runs(150)
+@runs(75)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_gap_is_the_exact_separation_or_depth_with_the_right_sign(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)
@@ -52,7 +52,7 @@ def test_gap_on_a_contact_of_exact_floats_is_zero_within_rounding(case):
     assert curve.gap((r / p / 2, r / q / 2 * (1 + 1e-12))) < 0 < curve.gap((r / p / 2, r / q / 2 * (1 - 1e-12)))
 
 
-@runs(60)
+@runs(30)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_distance_is_euclidean_and_never_below_the_gap(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)
@@ -72,7 +72,7 @@ def test_distance_of_unions_is_that_of_the_nearest_parts():
         assert curve.distance(rho) == pytest.approx(truth.distance(rho), abs=1e-8)
 
 
-@runs(50)
+@runs(25)
 @given(generators, reaches)
 def test_locate_finds_segments_and_switching_points_and_nothing_off_the_curve(rng, reach):
     curve = curve_of(*random_pair(rng, reach, INSIDE))
@@ -93,7 +93,7 @@ def outside_by(points: np.ndarray, body: Body, part: int, rho: float) -> float:
     return float(heights.max())
 
 
-@runs(100)
+@runs(50)
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_contact_points_belong_to_both_scaled_bodies(rng, reach, seeds):
     curve = curve_of(*random_pair(rng, reach, seeds))
@@ -151,14 +151,14 @@ def generic_pairs(rng: np.random.Generator) -> tuple[Shape, Shape]:
     return one, two.shifted(rng.integers(-4000, 4000, 3).tolist())
 
 
-@runs(60)
+@runs(30)
 @given(generators)
 def test_swapped_bodies_mirror_the_curve(rng):
     one, two = generic_pairs(rng)
     check_same(curve_of(one, two, ODD_BOX), curve_of(two, one, (ODD_BOX[1], ODD_BOX[0])), swap=True)
 
 
-@runs(60)
+@runs(30)
 @given(generators)
 def test_a_common_rigid_motion_changes_nothing(rng):
     one, two = (own.body() for own in generic_pairs(rng))
@@ -166,7 +166,7 @@ def test_a_common_rigid_motion_changes_nothing(rng):
     check_same(decision_curve(one, two, box=ODD_BOX), decision_curve(one.moved(T), two.moved(T), box=ODD_BOX))
 
 
-@runs(30)
+@runs(15)
 @given(generators)
 def test_the_transform_moves_body_1_as_moving_it_does(rng):
     one, two = (own.body() for own in generic_pairs(rng))
@@ -174,7 +174,7 @@ def test_the_transform_moves_body_1_as_moving_it_does(rng):
     check_same(decision_curve(one, two, box=ODD_BOX, transform=T), decision_curve(one.moved(T), two, box=ODD_BOX))
 
 
-@runs(60)
+@runs(30)
 @given(generators, st.sampled_from([1e-9, 1e-6, 1e-3, 1e3, 1e6]))
 def test_the_unit_of_length_changes_nothing(rng, factor):
     one, two = generic_pairs(rng)
@@ -185,7 +185,7 @@ def test_the_unit_of_length_changes_nothing(rng, factor):
     check_same(curve_of(one, two), decision_curve(*scaled, box=ODD_BOX), lengths=factor)
 
 
-@runs(60)
+@runs(30)
 @given(generators, st.sampled_from([-0.3, 1e-6, 0.02, 0.5]))
 def test_moving_body_1_away_along_the_seed_line_scales_the_curve(rng, eps):
     one, two = (own.body() for own in generic_pairs(rng))
@@ -196,7 +196,7 @@ def test_moving_body_1_away_along_the_seed_line_scales_the_curve(rng, eps):
     check_same(first, second, factor=1 + eps)
 
 
-@runs(60)
+@runs(30)
 @given(generators)
 def test_permuted_vertices_map_the_labels(rng):
     one, two = generic_pairs(rng)
@@ -210,7 +210,7 @@ def test_permuted_vertices_map_the_labels(rng):
     check_same(curve_of(one, two), decision_curve(*made, box=ODD_BOX), rename=(names[0], names[1]))
 
 
-@runs(30)
+@runs(15)
 @given(generators)
 def test_far_origin_changes_nothing(rng):
     one, two = random_pair(rng, 3, INSIDE)

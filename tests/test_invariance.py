@@ -157,7 +157,7 @@ def rounding_of(shapes: Sequence[Shape], far: float = 0.0) -> float:
 # --------------------------------------------------------------------------- exact changes, of degenerate pairs as well
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(*EVERY_PAIR)
 def test_swapped_bodies_mirror_the_curve(rng, reach, seeds):
     one, two = bodies(*random_pair(rng, reach, seeds))
@@ -167,7 +167,7 @@ def test_swapped_bodies_mirror_the_curve(rng, reach, seeds):
     check_gaps(rng, first, second, swap=True)
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(*EVERY_PAIR)
 def test_the_order_of_vertices_only_renames(rng, reach, seeds):
     shapes = random_pair(rng, reach, seeds)
@@ -181,7 +181,7 @@ def test_the_order_of_vertices_only_renames(rng, reach, seeds):
     check_gaps(rng, first, second)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(*EVERY_PAIR, st.integers(-20, 20))
 def test_units_that_are_powers_of_two_change_nothing(rng, reach, seeds, power):
     shapes, factor = random_pair(rng, reach, seeds), 2.0**power
@@ -192,7 +192,7 @@ def test_units_that_are_powers_of_two_change_nothing(rng, reach, seeds, power):
     assert first.paths == second.paths
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(*EVERY_PAIR, st.tuples(*[st.integers(-1, 1)] * 3))
 def test_places_a_million_away_change_nothing(rng, reach, seeds, direction):
     shapes, shift = random_pair(rng, reach, seeds), 2.0**20 * np.array(direction)
@@ -202,7 +202,7 @@ def test_places_a_million_away_change_nothing(rng, reach, seeds, direction):
     check_gaps(rng, first, second)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(*EVERY_PAIR, st.sampled_from(orientations()))
 def test_common_quarter_turns_change_nothing(rng, reach, seeds, turn):
     one, two = bodies(*random_pair(rng, reach, seeds))
@@ -213,7 +213,7 @@ def test_common_quarter_turns_change_nothing(rng, reach, seeds, turn):
     check_gaps(rng, first, decision_curve(one.moved(T), two.moved(T), box=ODD_BOX))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(*EVERY_PAIR, st.sampled_from(orientations()))
 def test_quarter_turns_by_the_transform_are_those_of_the_body(rng, reach, seeds, turn):
     one, two = bodies(*random_pair(rng, reach, seeds))
@@ -225,7 +225,7 @@ def test_quarter_turns_by_the_transform_are_those_of_the_body(rng, reach, seeds,
     check_gaps(rng, first, second)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(*EVERY_PAIR)
 def test_repeated_and_inner_points_change_nothing(rng, reach, seeds):
     """Points that repeat a vertex or lie between vertices, before, among and after them; the first of equals counts."""
@@ -256,7 +256,7 @@ def generic(rng: np.random.Generator, seeds: tuple[str, str] = INSIDE) -> tuple[
 SEEDS_OFF_THE_SURFACE = st.sampled_from([(p, q) for p in ("inside", "outside") for q in ("inside", "outside")])
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(generators, SEEDS_OFF_THE_SURFACE)
 def test_common_motions_move_nothing_but_by_rounding(rng, seeds):
     shapes, T = generic(rng, seeds), random_pose(rng, 500.0)
@@ -267,7 +267,7 @@ def test_common_motions_move_nothing_but_by_rounding(rng, seeds):
     check_gaps(rng, first, second, rounding=rounding)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(generators, SEEDS_OFF_THE_SURFACE)
 def test_the_transform_moves_body_1_as_moving_it_does(rng, seeds):
     shapes, T = generic(rng, seeds), random_pose(rng, 500.0)
@@ -279,7 +279,7 @@ def test_the_transform_moves_body_1_as_moving_it_does(rng, seeds):
     check_gaps(rng, first, second, rounding=rounding)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(generators)
 def test_the_transform_is_read_in_the_moved_frame(rng):
     """T before a common motion G is G T G^-1 after it."""
@@ -294,7 +294,7 @@ def test_the_transform_is_read_in_the_moved_frame(rng):
     check_gaps(rng, first, second, rounding=rounding)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(generators, SEEDS_OFF_THE_SURFACE, st.integers(-6, 6))
 def test_units_change_nothing_but_by_rounding(rng, seeds, power):
     shapes, factor = generic(rng, seeds), 10.0**power
@@ -304,7 +304,7 @@ def test_units_change_nothing_but_by_rounding(rng, seeds, power):
     check_gaps(rng, first, second, lengths=factor, rounding=rounding_of(shapes))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(generators, SEEDS_OFF_THE_SURFACE)
 def test_far_places_change_what_they_round(rng, seeds):
     shapes, shift = generic(rng, seeds), 1e6 * rng.uniform(-1, 1, 3)
@@ -331,7 +331,7 @@ def test_generic_pairs_are_rarely_too_near_to_degenerate():
 # -------------------------------------------------------------------------------------- changes that round, degenerate
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(generators, st.sampled_from([1, 2, 3]), st.sampled_from(["motion", "transform", "unit", "place"]))
 def test_degenerate_pairs_stay_where_they_are(rng, reach, change):
     """Both seeds inside: one falling curve; labels may differ where vertices meet, the curve may not."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from solids import FAMILIES, random_solid
-from strategies import generators, random_rotation
+from strategies import generators, random_rotation, runs
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.crossings import first_crossing
@@ -160,6 +160,7 @@ def test_ends_of_prisms_are_cut_into_triangles_without_new_corners(name, start):
     np.testing.assert_allclose(again.volume, 2 * area, rtol=1e-13)
 
 
+@runs(50)
 @given(generators)
 def test_random_star_shaped_outlines(rng):
     count = int(rng.integers(5, 40))
@@ -206,6 +207,7 @@ def in_parts(points: np.ndarray, parts: Any, slack: float) -> tuple[np.ndarray, 
     return inside, clear
 
 
+@runs(50)
 @given(generators)
 def test_order_does_not_matter(rng):
     solid = random_solid(rng, "extrusion", bool(rng.integers(2)))
@@ -288,6 +290,7 @@ def test_what_is_certain_is_repaired_and_reported(name, size):
     np.testing.assert_allclose(again.volume, float(volume) * size**3, rtol=1e-12)
 
 
+@runs(50)
 @given(generators)
 def test_triangles_wound_the_other_way_are_turned_back(rng):
     solid = random_solid(rng, "extrusion", False)
@@ -384,6 +387,7 @@ def test_what_is_not_certain_is_refused_with_the_place(name, turned):
     assert "lid" in str(caught.value)
 
 
+@runs(50)
 @given(generators)
 def test_a_missing_triangle_is_found_where_it_is(rng):
     solid = random_solid(rng, "extrusion", bool(rng.integers(2)))
@@ -394,6 +398,7 @@ def test_a_missing_triangle_is_found_where_it_is(rng):
         assert f"vertex {v + 1} (" in str(caught.value)
 
 
+@runs(50)
 @given(generators)
 def test_two_solids_are_refused_as_one_surface_exactly_where_they_overlap(rng):
     from manifold3d import Manifold, Mesh64
@@ -462,7 +467,7 @@ def test_crossings_are_those_of_rational_arithmetic(shared, reach, unit, away):
     """Triangles on a grid: most of them in special position; a grid of tenths far away rounds to none."""
     rng = np.random.default_rng([shared, reach])
     answers = []
-    while len(answers) < 300:
+    while len(answers) < (300 if reach == 9 else 150):  # few meet on a wide grid
         points = rng.integers(0, reach, (6, 3), endpoint=True) * float(unit) + away
         rows = np.array([[0, 1, 2], [*range(shared), *range(3, 6 - shared)]])
         corners = [[tuple(map(Fraction, points[v].tolist())) for v in row] for row in rows]

@@ -57,7 +57,7 @@ def walked_labels(region: Region) -> list[list[tuple[frozenset[int], frozenset[i
 # --------------------------------------------------------------------------------------------- what the walk proves
 
 
-@runs(400)
+@runs(200)
 @given(generators)
 def test_whatever_the_walk_proves_near_ties_is_exact(rng):
     """Integer pairs full of ties, stirred by 1e-17 to 1e-9 of their size, posed or not."""
@@ -83,7 +83,7 @@ def sorted_labels(chain: list[tuple[frozenset[int], frozenset[int]]]) -> list[tu
     return [(sorted(one), sorted(two)) for one, two in chain]
 
 
-@runs(200)
+@runs(100)
 @given(generators)
 def test_emptiness_proved_in_floats_is_exact(rng):
     one, two = random_pair(rng, 10, ("outside", "outside"))
@@ -187,7 +187,7 @@ def test_the_face_that_exact_numbers_name_is_kept_beside_one_almost_in_its_plane
 # -------------------------------------------------------------------------------------------------- boxes and batches
 
 
-@runs(60)
+@runs(30)
 @given(generators)
 def test_one_pose_and_many_agree_where_the_box_ends_on_a_switching_point(rng):
     one, two = random_pair(rng, 1000, ("inside", "inside"))

@@ -58,7 +58,7 @@ def whole(movable: fo.Body, static: fo.Body, T: np.ndarray) -> fo.DecisionCurve:
     return curve
 
 
-@runs(150)
+@runs(75)
 @given(generators, st.sampled_from([(1, 3), (2, 2), (4, 5), (9, 8)]), st.booleans())
 def test_the_curve_is_that_of_all_pairs(rng, counts, aligned):
     one, two = (heap(rng, count, aligned) for count in counts)
@@ -90,7 +90,7 @@ def test_some_random_curves_have_segments_in_both_worlds():
 def test_of_sixty_by_sixty_parts_less_than_one_in_twenty_is_walked():
     rng = np.random.default_rng(0)
     shares = []
-    for _ in range(6):
+    for _ in range(3):
         one, two = (heap(rng, 60, False) for _ in range(2))
         T = posed(rng, False)
         T[:3, 3] *= 8 / np.linalg.norm(T[:3, 3])
@@ -116,7 +116,7 @@ def test_a_floor_on_a_floor_is_one_segment_of_few_pairs():
 
 def test_bounds_of_pairs_never_exceed_their_distance():
     rng = np.random.default_rng(1)
-    for _ in range(20):
+    for _ in range(10):
         one, two, T = heap(rng, 5, False), heap(rng, 6, False), posed(rng, False)
         curve = fo.decision_curve(one, two, transform=T)
         rho = rng.uniform(0.5, 2, 2)

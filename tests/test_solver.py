@@ -434,7 +434,7 @@ def odd_problem(rng: np.random.Generator) -> Problem | None:
 
 def test_whatever_is_asked_gets_a_status_and_no_exception():
     rng, asked, statuses = np.random.default_rng(51), 0, set()
-    while asked < 60:
+    while asked < 32:
         problem = odd_problem(rng)
         if problem is None:
             continue
@@ -449,7 +449,7 @@ def test_whatever_is_asked_gets_a_status_and_no_exception():
 
 def test_no_answer_of_an_odd_question_is_rejected_by_the_judge():
     rng, asked, rejected = np.random.default_rng(52), 0, []
-    while asked < 60:
+    while asked < 32:
         problem = odd_problem(rng)
         if problem is None:
             continue

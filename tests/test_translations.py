@@ -44,7 +44,7 @@ def least_shift(moving: Any, fixed: list[Any], others: list[Any], axes: str, tou
     return best
 
 
-@runs(150)
+@runs(75)
 @given(generators, st.sampled_from(["xy", "yz", "xyz"]), st.sampled_from(["touch", "clear"]))
 def test_the_least_shift_of_boxes_is_found(rng, axes, goal):
     moving, fixed = random_box(rng), [random_box(rng) for _ in range(int(rng.integers(1, 3)))]

@@ -75,7 +75,7 @@ def amount_at(task: Task, theta: np.ndarray, apart: bool) -> float:
 @pytest.mark.parametrize("apart", [True, False])
 def test_no_search_finds_less_than_the_bound(motion, apart):
     searched = 0
-    for seed in range(12):
+    for seed in range(6):
         rng = np.random.default_rng([seed, motion])
         chosen = MOTIONS[motion]
         weights = {p.name: float(rng.uniform(0.3, 3)) for p in chosen.parameters} if seed % 3 == 0 else None
@@ -96,7 +96,7 @@ def test_no_search_finds_less_than_the_bound(motion, apart):
         found = minimize(lambda x: amount_at(task, x, apart), best, method="Nelder-Mead", options=options)  # noqa: B023
         assert bound.lower <= min(found.fun, *amounts) * (1 + 1e-12)
         searched += 1
-    assert searched >= 8
+    assert searched >= 4
 
 
 @pytest.mark.parametrize("apart", [True, False])

@@ -160,10 +160,16 @@ class Region:
         """
         if self._walked:
             return self.status == "empty"
-        rows = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
+        rows = self._facet_rows
         reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
         sizes = np.array([*reach, np.linalg.norm(self.pose[9:])])
         return bool((rows[:, 3:] * [1.0, 1.0, -1.0] <= DEFAULT.planarity * sizes).all(axis=1).any())
+
+    @cached_property
+    def _facet_rows(self) -> Array:
+        """Normals and contact lines of all facet directions, (k, 6)."""
+        rows: Array = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
+        return rows
 
     @cached_property
     def lines(self) -> Array:
@@ -296,7 +302,7 @@ class Region:
 
         Of two faces within `planarity` of each other it stays the one that exact numbers name.
         """
-        rows = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
+        rows = self._facet_rows
         reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
         slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ reach)
         tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack

@@ -572,6 +572,12 @@ class Problem:
 
         return problem_to_dict(self)
 
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook."""
+        from fcdm_opt.tolerance.drawn import problem_card
+
+        return problem_card(self)
+
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Problem:
         """Rebuild a problem from `to_dict`, bit for bit, or from the contents of a problem file with one case.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.cards import card, counted, number, sentence, table
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -18,6 +19,9 @@ from fcdm_opt.tolerance.problem import Problem
 
 if TYPE_CHECKING:
     from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
+
+CHECKS_SHOWN = 30
+"""Checks that a certificate's card lists."""
 
 
 class Status(Enum):
@@ -77,6 +81,18 @@ class Certificate:
     def failed(self) -> tuple[Check, ...]:
         """The checks that did not pass."""
         return tuple(check for check in self.checks if not check.passed)
+
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook: every check, those that failed first."""
+        words = {True: "\u2713 passed", False: "\u2717 failed"}
+        lines = [
+            (words[bool(own.passed)], own.name, number(own.value), number(own.limit), own.note)
+            for own in sorted(self.checks, key=lambda own: bool(own.passed))
+        ]
+        told = f"{len(self.checks) - len(self.failed)} of {counted(len(self.checks), 'check')} passed"
+        shown = table(("check", "of", "value", "limit", "note"), lines, most=CHECKS_SHOWN)
+        state, mood = ("passed", "good") if self.passed else ("not passed", "bad")
+        return card("Certificate", sentence(told), shown, state=state, mood=mood)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -211,6 +227,12 @@ class Solution:
             },
             "seconds": dict(self.seconds),
         }
+
+    def _repr_html_(self) -> str:
+        """Return a card for a notebook."""
+        from fcdm_opt.tolerance.drawn import solution_card
+
+        return solution_card(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Solution:

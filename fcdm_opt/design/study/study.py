@@ -63,7 +63,7 @@ class Study:
     problem : path, Problem, Question, or a sequence of problems or questions
         What is varied; a problem file with all its cases.
     vary : mapping of key to values, or sequence of Variable
-        A key is a place such as "tolerance", "target[1]", "limits.RZ_deg", "bodies.movable.vertices[5][3]" or
+        A key is a place such as "tolerance", "target[1]", "limits.RZ_deg", `bodies.movable.vertices[5][3]` or
         "parameters.draft_deg", or a tuple of such keys that vary together. Values: a list (with several keys, of
         lists), a mapping of names to values, or `Uniform`, `Normal`, `Measured`. None stands for the default.
     parameters : mapping of name to number or expression

@@ -72,7 +72,7 @@ def _closed(task: Task, answer: Answer) -> bool:
 def _doubtful(task: Task, answer: Answer) -> bool:
     """Tell whether local searches may have missed the least motion."""
     if answer.stage == polar.STAGE:
-        return False  # no local search
+        return not task.coherent  # no local search, but one that ends where the contact is lost
     large = answer.q is not None and task.amount(answer.q) > LARGE * task.size
     return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
 

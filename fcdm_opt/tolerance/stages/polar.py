@@ -37,16 +37,16 @@ BESIDE = 1e-4  # radians: where it is asked what ends the window, which stops sh
 
 
 def suits(task: Task) -> bool:
-    """Tell whether a task's motions are such a fan: two parameters, coherent, and no flush contact to keep."""
+    """Tell whether a task's motions are such a fan: two parameters, a tracked contact, and none that stays flush."""
     line = len(task.tracked) == 1 and task.goal in ("beyond", "at")
     two = len(task.tracked) == 2 and task.goal == "beyond"
-    fan_like = task.coherent and len(task.weights) == 2 and task.weighted and (line or two)
+    fan_like = len(task.weights) == 2 and task.weighted and (line or two)
     return fan_like and not any(task.flush) and tape(task.motion) is not None
 
 
 def nothing(task: Task) -> bool:
-    """Tell whether no direction has a motion: a rule of search, which looks further than others."""
-    return suits(task) and not np.isfinite(task.needs).any() and _least(task) is None
+    """Tell whether no direction has a coherent motion: a rule of search, which looks further than others."""
+    return task.coherent and suits(task) and not np.isfinite(task.needs).any() and _least(task) is None
 
 
 def polar(task: Task) -> Answer | None:

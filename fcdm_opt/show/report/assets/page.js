@@ -1,0 +1,195 @@
+// Draws the figures of the report: the scene, the decision curve, and the numbers that belong to what they show.
+// All data are embedded: cases, each with poses and families of frames (see fcdm_opt/show/report/page.py).
+
+const PLOT = { displayModeBar: false, responsive: true, doubleClick: false, scrollZoom: false };
+const SCENE = { ...PLOT, scrollZoom: true };
+
+const state = { case: 0, pose: "corrected", family: null, index: 0, zoom: "window" };
+let cases = [];
+let drawing = null, again = false, hasScene = true, freshView = true;
+
+// ------------------------------------------------------------------------------------------------------ what is shown
+
+const currentCase = () => cases[state.case];
+const family = () => state.family && currentCase().families?.[state.family];
+
+/** The frame that scene, curve and numbers show: of the slider if it was moved last, else of the pose. */
+const currentFrame = () => (family() ? family().frames[state.index] : currentCase().poses[state.pose]);
+
+function chooseCase(number, { remember = true } = {}) {
+  state.case = number;
+  const { poses, families, file } = currentCase();
+  state.pose = ["corrected", "rescaled", "nominal"].find(pose => poses[pose]);
+  state.family = null;
+  freshView = true;
+  for (const section of all("[data-case]")) {
+    const chosen = Number(section.dataset.case) === number;
+    if (section.tagName === "A") section.toggleAttribute("aria-current", chosen);
+    else section.classList.toggle("chosen", chosen);
+  }
+  const tables = all(".matrix").filter(table => Number(table.dataset.file) === file);
+  const own = tables.find(table => table.querySelector(`[data-case="${number}"]`)) ?? tables[0];
+  for (const table of all(".matrix")) table.classList.toggle("chosen", table === own);
+  element("choose").value = number;
+  for (const input of all("input[name=pose]")) input.disabled = !poses[input.value];
+  for (const input of all("input[name=family]")) input.disabled = !families?.[input.value];
+  fillKeys();
+  prepareSlider(["tolerance", "motion"].find(name => families?.[name]) ?? null);
+  if (remember) history.replaceState(null, "", `#case-${number}`);
+  show();
+}
+
+/** Name the bodies in the keys below the figures, and leave out what this case does not have. */
+function fillKeys() {
+  const { bodies, poses, families, tolerance_box: box, quadrant } = currentCase();
+  const frames = [poses, ...Object.values(families ?? {}).map(each => each?.frames ?? [])].flatMap(Object.values);
+  element("key-movable").textContent = bodies[0].name;
+  element("key-static").textContent = bodies[1].name;
+  element("key-keep-out").hidden = bodies.length < 3;
+  element("key-snug").hidden = !frames.some(frame => frame?.curve.some(segment => segment[5]));
+  element("key-tolerance").hidden = !box;
+  element("key-quadrant").hidden = !quadrant;
+}
+
+/** Set the slider to a family's start, the case as asked; without a family it is switched off. */
+function prepareSlider(name) {
+  const slider = element("slider"), chosen = name && currentCase().families[name];
+  for (const input of all("input[name=family]")) input.checked = input.value === name;
+  slider.disabled = !chosen;
+  element("sliders").hidden = !chosen;
+  slider.max = chosen ? chosen.frames.length - 1 : 0;
+  slider.value = chosen ? chosen.start : 0;
+  slider.dataset.family = name ?? "";
+  element("slider-name").textContent = chosen ? chosen.label : "no family for this case";
+  element("family-note").textContent = chosen?.note ?? "";
+  nameSliderValue();
+}
+
+function nameSliderValue() {
+  const slider = element("slider"), chosen = currentCase().families?.[slider.dataset.family];
+  const text = chosen?.shown[slider.value] ?? "";
+  element("slider-value").textContent = text;
+  slider.setAttribute("aria-valuetext", text);
+  slider.setAttribute("aria-label", chosen ? chosen.label : "no family");
+}
+
+function slide() {
+  const slider = element("slider");
+  Object.assign(state, { family: slider.dataset.family, index: Number(slider.value) });
+  nameSliderValue();
+  show();
+}
+
+function choosePose(pose) {
+  Object.assign(state, { pose, family: null });
+  show();
+}
+
+function show() {
+  for (const input of all("input[name=pose]")) input.checked = !state.family && input.value === state.pose;
+  showNumbers();
+  requestDrawing();
+}
+
+// ------------------------------------------------------------------------------------------------------------ numbers
+
+function showNumbers() {
+  const frame = currentFrame(), { feature_shapes: shapes } = currentCase();
+  const write = (id, text) => (element(id).textContent = text || "\u2013");
+  const named = family() ? `${family().label} ${family().shown[state.index]}` : `pose ${poseName()}`;
+  write("shown", `Shown: case ${currentCase().name}, ${named}${frame.note ? `: ${frame.note}` : ""}.`);
+  write("now-motion", frame.motion);
+  write("now-amount", digits(frame.amount));
+  write("now-target", pair(frame.target));
+  write("now-rho", pair(frame.rho));
+  write("now-gap", digits(frame.pair_gap, 4));
+  write("now-state", frame.pair_state);
+  write("now-status", (frame.status ?? "").toLowerCase().replaceAll("_", " "));
+  const features = featuresOf(frame).map(k => shapes[k].label).join(" and ");
+  write("now-features", frame.contact?.length || !features ? features : `none here; tracked: ${features}`);
+}
+
+const poseName = () => all("input[name=pose]").find(input => input.value === state.pose).parentElement.innerText.trim();
+
+// ------------------------------------------------------------------------------------------------------------ drawing
+
+/** Draw as soon as the last drawing is done; what came in between is left out. */
+function requestDrawing() {
+  if (drawing) {
+    again = true;
+    return;
+  }
+  drawing = (async () => {
+    do {
+      again = false;
+      await new Promise(requestAnimationFrame);
+      await drawCurve();
+      if (hasScene) await drawScene();
+    } while (again);
+    drawing = null;
+    root.dataset.drawn = [state.case, state.family ?? state.pose, state.family ? state.index : ""].join(" ").trim();
+  })();
+}
+
+// ----------------------------------------------------------------------------------------------------------- the start
+
+function listen() {
+  element("choose").addEventListener("change", event => chooseCase(Number(event.target.value)));
+  element("slider").addEventListener("input", slide);
+  for (const input of all("input[name=pose]")) input.addEventListener("change", () => choosePose(input.value));
+  for (const input of all("input[name=family]")) input.addEventListener("change", () => (prepareSlider(input.value), slide()));
+  for (const button of all("[data-turn]")) button.addEventListener("click", () => move(button.dataset.turn));
+  for (const button of all("[data-zoom]")) button.addEventListener("click", () => chooseZoom(button.dataset.zoom));
+  for (const cell of all("a[data-case]")) {
+    cell.addEventListener("click", event => (event.preventDefault(), chooseCase(Number(cell.dataset.case))));
+  }
+  element("bodies").addEventListener("keydown", event => {
+    const name = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!name || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    move(name);
+  });
+  addEventListener("hashchange", () => chooseCase(caseInAddress(), { remember: false }));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
+  const paper = matchMedia("print");
+  paper.addEventListener("change", () => setPrinting(paper.matches));
+  addEventListener("beforeprint", () => setPrinting(true));
+  addEventListener("afterprint", () => setPrinting(false));
+}
+
+function chooseZoom(name) {
+  state.zoom = name;
+  for (const button of all("[data-zoom]")) button.setAttribute("aria-pressed", button.dataset.zoom === name);
+  requestDrawing();
+}
+
+/** On paper: light colours, all folded tables open. */
+function setPrinting(starts) {
+  root.classList.toggle("printing", starts);
+  for (const folded of all("details")) {
+    if (starts && !folded.open) folded.dataset.folded = "";
+    if (starts) folded.open = true;
+    else if ("folded" in folded.dataset) (delete folded.dataset.folded, (folded.open = false));
+  }
+  drawCurve();
+  if (hasScene) drawScene();
+}
+
+function caseInAddress() {
+  const number = Number(/^#case-(\d+)$/.exec(location.hash)?.[1] ?? 0);
+  return number < cases.length ? number : 0;
+}
+
+({ cases } = JSON.parse(await unpacked("packed-figures")));
+if (cases.length) {
+  loadPlotly(await unpacked("packed-plotly"));
+  hasScene = Boolean(document.createElement("canvas").getContext("webgl"));
+  element("bodies").hidden = !hasScene;
+  element("scene-missing").hidden = hasScene;
+  element("viewer").hidden = false;
+  root.classList.add("drawn");
+  listen();
+  chooseCase(caseInAddress(), { remember: false });
+  await drawing;
+}
+root.dataset.ready = "yes";

@@ -1,0 +1,268 @@
+// The bodies in space, their features in contact, and from where they are seen.
+
+const VIEW_SIZE = 1.75; // of the scene: the bodies' diagonal in units of the view
+const TURN = Math.PI / 18, ZOOM = 1.25, STEEPEST = Math.PI / 24;
+const NEAR = 3; // how much "to the contact" enlarges
+
+const minus = (p, q) => p.map((x, k) => x - q[k]);
+const dot = (p, q) => p.reduce((sum, x, k) => sum + x * q[k], 0);
+const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
+const norm = p => Math.hypot(...p);
+const unit = p => p.map(x => x / (norm(p) || 1));
+const middle = points => [0, 1, 2].map(k => points.reduce((sum, p) => sum + p[k], 0) / points.length);
+
+const seedOf = body => currentCase().scene.objects.find(object => object.body === body).seed;
+
+/** Where a frame puts points of a body: scaled about its seed, the movable body then moved. */
+function placed(points, body, frame) {
+  const seed = seedOf(body);
+  const size = body < 2 ? frame.sizes[body] : 1, T = body === 0 ? frame.transform : null;
+  return points.map(point => {
+    const p = point.map((x, k) => seed[k] + size * (x - seed[k]));
+    return T ? [0, 4, 8].map(row => T[row] * p[0] + T[row + 1] * p[1] + T[row + 2] * p[2] + T[row + 3]) : p;
+  });
+}
+
+const corners = triangles => ({ i: triangles.map(t => t[0]), j: triangles.map(t => t[1]), k: triangles.map(t => t[2]) });
+/** A little smaller about the middle: faces that lie in another body's faces would flicker. */
+function shrunk(points) {
+  const centre = middle(points), most = 0.004 * extent().size;
+  return points.map(p => p.map((x, k) => x - Math.sign(x - centre[k]) * Math.min(most, Math.abs(x - centre[k]) / 2)));
+}
+const columns = points => ({ x: points.map(p => p[0]), y: points.map(p => p[1]), z: points.map(p => p[2]) });
+const lines = (points, edges) => columns(edges.flatMap(([i, j]) => [points[i], points[j], [null, null, null]]));
+const LIGHT = { ambient: 0.85, diffuse: 0.3, specular: 0, roughness: 1, fresnel: 0 };
+
+function drawScene() {
+  const frame = currentFrame(), colours = palette(), gd = element("bodies");
+  const traces = [...bodyTraces(frame, colours), ...featureTraces(frame, colours), ...triad(colours)];
+  if (frame.contacts?.length) {
+    const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
+    traces.push({
+      type: "scatter3d", mode: "markers", name: "contact", ...columns(frame.contacts), marker: ring,
+      hoverinfo: "text", text: frame.contacts.map(p => `contact point<br>${pair(p)}`),
+    });
+  }
+  const view = freshView || !gd.layout?.scene ? firstView() : currentView();
+  freshView = false;
+  const axis = k => ({ visible: false, range: extent().range[k], autorange: false, showspikes: false });
+  const layout = {
+    margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", showlegend: false,
+    font: { family: FONT, size: 13, color: colours.ink }, hoverlabel: hoverStyle(colours),
+    scene: {
+      xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", dragmode: "turntable", ...view,
+      annotations: featureNames(frame, colours),
+    },
+  };
+  gd.setAttribute("aria-label", `Scene in three dimensions. ${element("shown").textContent}`);
+  return Plotly.react(gd, traces, layout, SCENE);
+}
+
+function bodyTraces(frame, colours) {
+  const look = [[colours.movable, 0.38], [colours.static, 0.38]];
+  return currentCase().scene.objects.flatMap(object => {
+    const [colour, opacity] = look[object.body] ?? [colours.muted, 0.2], points = placed(object.points, object.body, frame);
+    const solid = columns(object.body < 2 ? points : shrunk(points));
+    const name = plain(object.name), role = ["movable", "static"][object.body] ?? "keep-out";
+    const [seed] = placed([object.seed], object.body, frame);
+    return [
+      {
+        type: "mesh3d", name: role, ...solid, ...corners(object.triangles), color: colour, opacity, flatshading: true,
+        lighting: LIGHT,
+        hoverinfo: "text", text: points.map(p => `${name}, ${role}<br>corner ${pair(p)}`),
+      },
+      {
+        type: "scatter3d", mode: "lines", name: `${role} edges`, ...lines(points, object.edges), hoverinfo: "skip",
+        line: { color: colour, width: 3 },
+      },
+      {
+        type: "scatter3d", mode: "markers", name: `${role} seed`, ...columns([seed]),
+        marker: { symbol: "cross", size: 5, color: colour }, hoverinfo: "text", text: [`seed of ${name}`],
+      },
+    ];
+  });
+}
+
+/** Features in contact, or where there is none those that are tracked. */
+function featuresOf(frame) {
+  if (frame.contact?.length) return frame.contact;
+  return (frame.transform && currentCase().poses.tracked?.contact) || [];
+}
+
+const shapesOf = frame => featuresOf(frame).flatMap(k => currentCase().feature_shapes[k].shapes);
+const shapeName = shape => plain(`P${shape.body + 1} ${shape.name}`);
+
+/** Edges of only one of some triangles: the outline of what they make up. */
+function rim(triangles) {
+  const edges = triangles.flatMap(([i, j, k]) => [[i, j], [j, k], [k, i]]), count = new Map();
+  const key = ([i, j]) => `${Math.min(i, j)} ${Math.max(i, j)}`;
+  for (const edge of edges) count.set(key(edge), (count.get(key(edge)) ?? 0) + 1);
+  return edges.filter(edge => count.get(key(edge)) === 1);
+}
+
+/** The features in contact, in green. */
+function featureTraces(frame, colours) {
+  return shapesOf(frame).flatMap(shape => {
+    const points = placed(shape.points, shape.body, frame), text = shapeName(shape), name = `feature ${text}`;
+    const edge = shape.kind === "E" ? [[0, 1]] : rim(shape.triangles);
+    const outline = shape.kind === "V" ? { mode: "markers", ...columns(points) } : { mode: "lines", ...lines(points, edge) };
+    const traces = [{
+      type: "scatter3d", name, hoverinfo: "text", text, ...outline,
+      line: { color: colours.good, width: shape.kind === "E" ? 8 : 4 }, marker: { size: 6, color: colours.good },
+    }];
+    if (shape.triangles?.length) {
+      traces.push({
+        type: "mesh3d", name, ...columns(points), ...corners(shape.triangles), color: colours.good, opacity: 0.4,
+        flatshading: true, lighting: { ambient: 1, diffuse: 0 }, hoverinfo: "text", text: points.map(() => text),
+      });
+    }
+    return traces;
+  });
+}
+
+/** Names of the features, written over the scene: those of the movable body above their place, the others below. */
+function featureNames(frame, colours) {
+  const seen = new Set(), count = [0, 0];
+  return shapesOf(frame).filter(shape => !seen.has(shapeName(shape)) && seen.add(shapeName(shape))).map(shape => {
+    const [x, y, z] = middle(placed(shape.points, shape.body, frame)), step = count[shape.body]++;
+    const side = (step % 2 ? -1 : 1) * (shape.body ? -1 : 1);
+    return {
+      x, y, z, text: shapeName(shape), ax: 55 * side, ay: (shape.body ? 1 : -1) * (64 + 26 * step), captureevents: false,
+      font: { family: FONT, size: 13, color: colours.strong }, bgcolor: colours.raised, bordercolor: colours.good, borderpad: 3,
+      arrowcolor: colours.good, arrowwidth: 1.2, arrowhead: 6, arrowsize: 0.8,
+    };
+  });
+}
+
+/** Directions x, y, z at the lower corner. */
+function triad(colours) {
+  const { low, size } = extent(), length = 0.13 * size, at = low.map(x => x - 0.4 * length);
+  const ends = [0, 1, 2].map(k => at.map((x, j) => x + (j === k ? length : 0)));
+  const font = { family: FONT, size: 12, color: colours.quiet };
+  return [
+    {
+      type: "scatter3d", mode: "lines", name: "axes", ...lines([at, ...ends], [[0, 1], [0, 2], [0, 3]]),
+      hoverinfo: "skip", line: { color: colours.quiet, width: 3 },
+    },
+    {
+      type: "scatter3d", mode: "text", name: "axis names", ...columns(ends), text: ["x", "y", "z"], textfont: font,
+      hoverinfo: "skip",
+    },
+  ];
+}
+
+/** Box of the poses, which the first view fits, and the range of all frames, which nothing leaves. */
+function extent() {
+  const shown = currentCase();
+  if (shown.extent) return shown.extent;
+  const all = frame => shown.scene.objects.flatMap(object => placed(object.points, object.body, frame));
+  const reached = frames => frames.filter(Boolean).flatMap(all);
+  const wider = ([low, high], x) => [Math.min(low, x), Math.max(high, x)];
+  const bounds = points => [0, 1, 2].map(k => points.reduce((found, p) => wider(found, p[k]), [Infinity, -Infinity]));
+  const box = bounds(reached(Object.values(shown.poses)));
+  const size = norm(box.map(([lo, hi]) => hi - lo));
+  const families = Object.values(shown.families ?? {}).filter(Boolean).flatMap(each => each.frames);
+  const every = families.length ? bounds(reached(families)) : box;
+  const range = box.map(([lo, hi], k) => [Math.min(lo, every[k][0]) - 0.2 * size, Math.max(hi, every[k][1]) + 0.2 * size]);
+  return (shown.extent = { low: box.map(([lo]) => lo), middle: box.map(([lo, hi]) => (lo + hi) / 2), size, range });
+}
+
+// --------------------------------------------------------------------------------------------------- view of the scene
+
+const xyz = ([x, y, z]) => ({ x, y, z });
+const values = ({ x, y, z }) => [x, y, z];
+
+/** A point of the scene in units of the view at a zoom. */
+function inView(point, zoom) {
+  const { range, size } = extent();
+  return point.map((x, k) => ((x - (range[k][0] + range[k][1]) / 2) * VIEW_SIZE * zoom) / size);
+}
+
+function viewOf(eye, up, focus, zoom) {
+  const { range, size } = extent(), target = inView(focus, zoom);
+  const camera = {
+    projection: { type: "orthographic" }, up: xyz(up), center: xyz(target),
+    eye: xyz(unit(eye).map((x, k) => 2 * x + target[k])),
+  };
+  return { camera, aspectratio: xyz(range.map(([lo, hi]) => ((hi - lo) * VIEW_SIZE * zoom) / size)) };
+}
+
+/** Across the line from seed to seed, a little from above. */
+function firstView() {
+  const d = unit(minus(seedOf(1), seedOf(0))), side = cross(d, [0, 0, 1]);
+  const eye = norm(side) > 0.2 ? unit(side).map((x, k) => x + 0.3 * d[k] + (k === 2 ? 0.4 : 0)) : [1, -1.6, 0.7];
+  return viewOf(eye, [0, 0, 1], extent().middle, 1);
+}
+
+function currentView() {
+  const { camera, aspectratio } = element("bodies").layout.scene;
+  return { camera, aspectratio };
+}
+
+/** Turn a vector about a unit axis (Rodrigues). */
+function turned(p, axis, angle) {
+  const c = Math.cos(angle), s = Math.sin(angle), along = dot(axis, p), across = cross(axis, p);
+  return p.map((x, k) => x * c + across[k] * s + axis[k] * along * (1 - c));
+}
+
+const MOVES = {
+  left: () => turn("up", -TURN), right: () => turn("up", TURN),
+  up: () => turn("side", -TURN), down: () => turn("side", TURN),
+  in: () => zoom(ZOOM), out: () => zoom(1 / ZOOM), reset: firstView, near: lookAtContact, normal: lookAlongNormal,
+};
+const KEYS = {
+  ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down",
+  "+": "in", "=": "in", "-": "out", 0: "reset", c: "near", n: "normal",
+};
+
+function turn(about, angle) {
+  const { camera, aspectratio } = currentView(), up = unit(values(camera.up)), centre = values(camera.center);
+  const arm = minus(values(camera.eye), centre);
+  const next = turned(arm, about === "up" ? up : unit(cross(up, arm)), angle);
+  const steep = Math.acos(dot(up, unit(next)));
+  if (about === "side" && (steep < STEEPEST || steep > Math.PI - STEEPEST)) return null;
+  return { camera: { ...camera, eye: xyz(next.map((x, k) => x + centre[k])) }, aspectratio };
+}
+
+function zoom(factor) {
+  const { camera, aspectratio } = currentView(), centre = values(camera.center);
+  const moved = centre.map(x => x * factor), eye = minus(values(camera.eye), centre);
+  return {
+    camera: { ...camera, center: xyz(moved), eye: xyz(eye.map((x, k) => x + moved[k])) },
+    aspectratio: xyz(values(aspectratio).map(x => x * factor)),
+  };
+}
+
+/** Contact points of the frame shown, or where it has none those of the poses. */
+function contactsNear() {
+  const { tracked, corrected, nominal } = currentCase().poses;
+  const frame = [currentFrame(), tracked, corrected, nominal].find(each => each?.contacts?.length);
+  return frame?.contacts ?? [extent().middle];
+}
+
+function lookAtContact() {
+  const { camera } = currentView(), contacts = contactsNear();
+  return viewOf(minus(values(camera.eye), values(camera.center)), values(camera.up), middle(contacts), NEAR);
+}
+
+/** Normal of the first contact: of its face, or across its two edges; else from seed to seed, but across its edge. */
+function contactNormal() {
+  const frame = currentFrame(), feature = currentCase().feature_shapes[featuresOf(frame)[0]];
+  const shapes = (feature?.shapes ?? []).map(shape => ({ kind: shape.kind, points: placed(shape.points, shape.body, frame) }));
+  const face = shapes.find(shape => shape.kind === "F"), edges = shapes.filter(shape => shape.kind === "E");
+  const [one, two] = edges.map(({ points }) => unit(minus(points[1], points[0])));
+  if (face) return cross(minus(face.points[1], face.points[0]), minus(face.points[2], face.points[0]));
+  if (two && norm(cross(one, two)) > 1e-6) return cross(one, two);
+  const d = minus(...[1, 0].map(body => placed([seedOf(body)], body, frame)[0]));
+  return one ? minus(d, one.map(x => x * dot(d, one))) : d;
+}
+
+function lookAlongNormal() {
+  const normal = contactNormal(), up = Math.abs(unit(normal)[2]) > 0.9 ? [0, 1, 0] : [0, 0, 1];
+  return norm(normal) ? viewOf(normal, up, middle(contactsNear()), NEAR) : null;
+}
+
+function move(name) {
+  const view = element("bodies").layout?.scene && MOVES[name]();
+  if (view) Plotly.relayout("bodies", { "scene.camera": view.camera, "scene.aspectratio": view.aspectratio });
+}

@@ -1,0 +1,156 @@
+// A study's points: chosen columns against each other, and one point at a time in full.
+
+const SYMBOLS = ["circle", "square", "diamond", "triangle-up", "triangle-down", "star", "hexagon", "pentagon"];
+const COLOURS = ["movable", "static", "good", "violet", "amber", "ink"];
+const FAILED = "x-thin-open";
+const MOST_SERIES = 12; // values of a column that tells lines apart
+const NOTHING = "nothing";
+const EDGE = 0.025; // of the height: where points without a value stand
+
+let study;
+
+/** Values of a column, in the order of the points. */
+const column = name => study.rows.map(row => row[study.columns.indexOf(name)]);
+const isNumeric = name => column(name).some(value => typeof value === "number");
+const distinct = name => [...new Set(column(name).map(value => JSON.stringify(value)))];
+
+/** What a value reads as: numbers with six digits, texts as they are. */
+const reads = value => (typeof value === "number" ? digits(value) : value == null || value === "" ? "\u2013" : String(value));
+
+function fillChoices() {
+  const numeric = study.columns.filter(isNumeric);
+  const varied = study.varied.filter(name => numeric.includes(name));
+  const longest = [...varied].sort((one, two) => distinct(two).length - distinct(one).length)[0];
+  choices("x-axis", numeric, longest ?? numeric[0]);
+  choices("y-axis", numeric, "amount");
+  const few = study.columns.filter(name => distinct(name).length > 1 && distinct(name).length <= MOST_SERIES);
+  const others = few.filter(name => name !== longest);
+  choices("series", [NOTHING, ...others], others.find(name => study.varied.includes(name)) ?? NOTHING);
+}
+
+function choices(id, names, chosen) {
+  const select = element(id);
+  for (const name of names) select.append(new Option(name, name, name === chosen, name === chosen));
+  select.addEventListener("change", draw);
+}
+
+/** Points in groups: by what tells them apart, and by whether their motion is usable. */
+function groups() {
+  const name = element("series").value;
+  const values = name === NOTHING ? study.rows.map(() => "") : column(name).map(value => JSON.stringify(value));
+  const found = [...new Set(values)];
+  return found.map((value, k) => ({
+    name: value === "" ? "usable motion" : `${name} = ${reads(JSON.parse(value))}`,
+    colour: COLOURS[k % COLOURS.length],
+    symbol: SYMBOLS[k % SYMBOLS.length],
+    places: values.flatMap((own, place) => (own === value ? [place] : [])),
+  }));
+}
+
+function draw() {
+  const colours = palette(), across = element("x-axis").value, up = element("y-axis").value;
+  const x = column(across), y = column(up), chosen = Number(element("slider").value);
+  const isVaried = study.varied.includes(across);
+  const traces = groups().flatMap(group => {
+    const drawn = places => ({
+      type: study.rows.length > 4000 ? "scattergl" : "scatter", name: group.name,
+      x: places.map(place => x[place]), y: places.map(place => y[place]), customdata: places,
+      text: places.map(hover), hoverinfo: "text",
+    });
+    const good = group.places.filter(place => study.usable[place]);
+    const bad = group.places.filter(place => !study.usable[place]);
+    const lines = isVaried && isLine(good.map(place => x[place]));
+    return [
+      {
+        ...drawn(good), mode: lines ? "lines+markers" : "markers", line: { color: colours[group.colour], width: 1.6 },
+        marker: { size: 6, symbol: group.symbol, color: colours[group.colour] },
+      },
+      { ...drawn(bad.filter(place => y[place] != null)), mode: "markers", marker: failed(colours[group.colour]) },
+      {
+        ...drawn(bad.filter(place => y[place] == null)), mode: "markers", marker: failed(colours[group.colour]),
+        type: "scatter", y: bad.filter(place => y[place] == null).map(() => EDGE), yaxis: "y2",
+      },
+    ];
+  });
+  traces.push({
+    type: "scatter", mode: "markers", name: "chosen point", hoverinfo: "skip", x: [x[chosen]], y: [y[chosen]],
+    marker: { size: 17, symbol: "circle-open", color: colours.ink, line: { width: 2.5, color: colours.ink } },
+  });
+  const axis = title => ({
+    title: { text: plain(title), standoff: 10 }, zeroline: false, gridcolor: colours.grid, linecolor: colours.muted,
+    tickcolor: colours.muted, ticks: "outside", showline: true, mirror: true, automargin: true, exponentformat: "power",
+  });
+  const shapes = up === "amount" && study.budget != null ? [{
+    type: "line", xref: "paper", x0: 0, x1: 1, y0: study.budget, y1: study.budget,
+    line: { color: colours.quiet, width: 1.5, dash: "dot" },
+    label: { text: `budget ${digits(study.budget)}`, textposition: "start", font: { size: 12, color: colours.quiet } },
+  }] : [];
+  Plotly.react("chart", traces, {
+    uirevision: `${across} ${up}`, margin: { l: 8, r: 10, t: 8, b: 8 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: colours.paper,
+    font: { family: FONT, size: 13, color: colours.ink }, xaxis: axis(across),
+    yaxis: axis(up === "amount" ? "amount (length units)" : up), showlegend: false, hovermode: "closest",
+    yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true },
+    hoverlabel: hoverStyle(colours), dragmode: "pan", shapes,
+  }, { displayModeBar: false, responsive: true, doubleClick: "reset", scrollZoom: false });
+  fillKey();
+  root.dataset.drawn = [across, up, element("series").value, chosen].join("|");
+}
+
+/** The mark of a point without a usable motion; where there is nothing to draw it at, it stands on the lower edge. */
+const failed = colour => ({ size: 9, symbol: FAILED, color: colour, line: { width: 2, color: colour } });
+
+/** Whether values rise or fall all the way, so that a line through them says something. */
+const isLine = values => values.length > 1 && (values.every((value, k) => !k || value > values[k - 1]) || values.every((value, k) => !k || value < values[k - 1]));
+
+function fillKey() {
+  const marks = { circle: "\u25cf", square: "\u25a0", diamond: "\u25c6", "triangle-up": "\u25b2", "triangle-down": "\u25bc", star: "\u2605", hexagon: "\u2b22", pentagon: "\u2b1f" };
+  const items = groups().map(group => [marks[group.symbol], group.name, `c-${group.colour}`]);
+  if (study.usable.some(usable => !usable)) items.push(["\u2715", "no usable motion", "c-ink"]);
+  items.push(["\u25ef", "the point below", "c-ink"]);
+  element("key").replaceChildren(...items.map(([mark, words, kind]) => {
+    const item = document.createElement("li"), sign = document.createElement("i");
+    sign.className = kind;
+    sign.textContent = mark;
+    item.append(sign, words);
+    return item;
+  }));
+}
+
+const hover = place => [...study.varied, "status", "amount"]
+  .map(name => `${plain(name)}: ${plain(shortened(reads(study.rows[place][study.columns.indexOf(name)])))}`).join("<br>");
+const shortened = text => (text.length > 60 ? `${text.slice(0, 57)}...` : text);
+
+/** Show the chosen point in full. */
+function showPoint() {
+  const place = Number(element("slider").value), row = study.rows[place];
+  element("slider-value").textContent = `number ${study.numbers[place]}; ${place + 1} of ${study.rows.length}`;
+  element("slider").setAttribute("aria-valuetext", `point ${study.numbers[place]}`);
+  element("now").replaceChildren(...study.columns.map((name, k) => {
+    const item = document.createElement("div"), term = document.createElement("dt"), value = document.createElement("dd");
+    term.textContent = name;
+    value.textContent = reads(row[k]);
+    if (value.textContent.length > 40) item.className = "wide";
+    item.append(term, value);
+    return item;
+  }));
+}
+
+function choosePoint(place) {
+  element("slider").value = place;
+  showPoint();
+  draw();
+}
+
+study = JSON.parse(await unpacked("packed-figures"));
+if (study.rows.length) {
+  loadPlotly(await unpacked("packed-plotly"));
+  element("viewer").hidden = false;
+  root.classList.add("drawn");
+  element("slider").max = study.rows.length - 1;
+  fillChoices();
+  choosePoint(0);
+  element("slider").addEventListener("input", () => choosePoint(Number(element("slider").value)));
+  element("chart").on("plotly_click", event => event.points[0].customdata != null && choosePoint(event.points[0].customdata));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+}
+root.dataset.ready = "yes";

@@ -1,0 +1,221 @@
+"""What a report says of one case: question, answer, proof, what was modelled and left out, and the frames to show."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from time import perf_counter
+from typing import Any
+
+from fcdm_opt.curve.decision_curve import decision_curve
+from fcdm_opt.curve.segments import Segment
+from fcdm_opt.show.plots import tolerance_box, window
+from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
+from fcdm_opt.show.report.frames import Frames, shown_parameters
+from fcdm_opt.show.report.left_out import left_out
+from fcdm_opt.show.report.plain import drawn, plain
+from fcdm_opt.show.report.scenes import scene
+from fcdm_opt.show.sensitivities import bars
+from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.tables import asked_text, bound_text, motion_text
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerances import DEFAULT
+
+PROOF = "proof"
+"""How the names of a certificate's checks of a proof begin."""
+
+
+def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[str, Any]:
+    """Return the data of one case.
+
+    Parameters
+    ----------
+    problem : Problem
+        As asked; that of the solution names the features that were chosen.
+    case : SolvedCase
+    seconds : float
+        Time for the frames of both families.
+    """
+    return {**_answer(problem, case), **_grounds(case.solution), **_pictures(problem, case.solution, seconds)}
+
+
+def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
+    """Return question and answer."""
+    solution = case.solution
+    published = {"motion": problem.published_text, "amount": plain(case.published_amount)}
+    return {
+        "name": problem.name,
+        "asked": asked_text(problem),
+        "goal": problem.goal,
+        "status": solution.status.name,
+        "advice": solution.status.value,
+        "usable": solution.usable,
+        "motion": motion_text(solution),
+        "amount": plain(solution.amount),
+        "lower_bound": plain(solution.lower_bound),
+        "gap": plain(solution.gap),
+        "bound_text": bound_text(solution).replace("\n", ", "),
+        "published": published if problem.published_text or problem.published is not None else None,
+        "touch_amount": plain(case.touch_amount),
+        "parameters": _parameters(problem, solution),
+        "pair": plain(solution.pair),
+        "pair_gap": plain(solution.pair_gap),
+        "pair_state": solution.pair_state,
+        "rho": plain(solution.rho),
+        "features": [feature.label for feature in solution.features],
+        "configurations": _configurations(solution),
+        "active": list(solution.active),
+        "stage": solution.stage,
+        "seconds": plain(solution.seconds),
+        "sha256": digest(problem),
+    }
+
+
+def _parameters(problem: Problem, solution: Solution) -> list[dict[str, Any]]:
+    units = {"translation": "length", "rotation": "rad"}
+    kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
+    shown = shown_parameters(problem, solution.parameters)
+    return [
+        {"name": name, "value": value, "unit": kinds[name], "shown": text}
+        for (name, value), text in zip(solution.parameters.items(), shown, strict=True)
+    ]
+
+
+def _configurations(solution: Solution) -> list[str]:
+    """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
+    problem = solution.problem
+    contact = problem.nominal_contact
+    if solution.transform is not None and solution.rho is not None:
+        contact = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform).locate(
+            solution.rho
+        )
+    if contact is None:
+        return []
+    return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
+
+
+def digest(problem: Problem) -> str:
+    """Return the SHA-256 of the question as plain data: of its JSON, keys sorted, without blanks."""
+    text = json.dumps(problem.to_dict(), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+# ------------------------------------------------------------------------------------------------------------- grounds
+
+
+def _grounds(solution: Solution) -> dict[str, Any]:
+    """Return what the answer rests on."""
+    return {
+        "bodies": _bodies(solution.problem),
+        "modelled": _modelled(solution),
+        "left_out": left_out(solution),
+        "certificate": plain(solution.to_dict()["certificate"]),
+        "evidence": _evidence(solution),
+        "sensitivities": _sensitivities(solution),
+    }
+
+
+def _bodies(problem: Problem) -> list[dict[str, Any]]:
+    listed = [("movable", problem.movable), ("static", problem.static)]
+    listed += [("keep-out", keep_out.body) for keep_out in problem.keep_out]
+    found = [
+        {
+            "name": body.name,
+            "role": role,
+            "vertices": len(body.vertices),
+            "parts": len(body.parts),
+            "seed": plain(body.seed),
+            "notes": [note for note in body.notes if note],
+            "deviation": plain(body.deviation),
+        }
+        for role, body in listed
+    ]
+    for own, keep_out in zip(found[2:], problem.keep_out, strict=True):
+        low, high = keep_out.ends
+        scale = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+        own["notes"].insert(0, f"scale {scale}, clearance {keep_out.clearance:g}")
+    return found
+
+
+def _modelled(solution: Solution) -> list[dict[str, Any]]:
+    counts = solution.modelled
+    rows = [
+        {"what": what, "kept": counts[f"{key}_kept"], "total": counts[f"{key}_total"]}
+        for key, what in (("part_pairs", "part pairs"), ("features", "pairs of elements"), ("keep_outs", "keep-outs"))
+        if f"{key}_kept" in counts
+    ]
+    return rows + [{"what": key, "kept": counts[key], "total": None} for key in ("variables", "constraints")]
+
+
+def _evidence(solution: Solution) -> dict[str, Any] | None:
+    """Return what the proof is made of, and whether the judge passed it."""
+    if solution.evidence is None:
+        return None
+    own = solution.evidence
+    checks = [] if solution.certificate is None else solution.certificate.checks
+    proof = [check.passed for check in checks if check.name.startswith(PROOF)]
+    text = f"{len(own.reasons)} cells of motions that will not do, in {len(own.fronts)} columns of directions"
+    return {"bound": plain(own.bound), "text": text, "checked": bool(proof) and all(proof)}
+
+
+def _sensitivities(solution: Solution) -> dict[str, Any] | None:
+    if not solution.status.found:
+        return None
+    found = solution.sensitivity
+    text = "first derivatives of the least amount"
+    if not found.exists:
+        why = "; ".join(found.reasons)
+        text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
+    return {"bars": [plain(bar._asdict()) for bar in bars(found, solution.problem)], "text": text}
+
+
+# ------------------------------------------------------------------------------------------------------------ pictures
+
+
+def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str, Any]:
+    """Return the bodies and all frames; those of the tolerance may take the time that the motion's leave."""
+    far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
+    seen = window(problem, solution, far)
+    frames = Frames(problem, seen)
+    poses = _poses(frames, problem, solution)
+    start = perf_counter()
+    motion = motion_family(frames, solution, seconds / 2)
+    tolerance = tolerance_family(frames, problem, solution, seconds - (perf_counter() - start))
+    low, high = tolerance_box(problem)
+    return {
+        "scene": scene(problem),
+        "axes": {"box": drawn(problem.box), "window": drawn(seen)},
+        "nominal": drawn(problem.nominal_pair),
+        "tolerance_box": drawn(list(zip(low, high, strict=True))) if problem.tolerance is not None else None,
+        "signs": plain(problem.signs) if problem.signs.any() else None,
+        "quadrant": problem.goal == "beyond",
+        "poses": poses,
+        "tracked_shapes": frames.shapes.of(solution.features),
+        "families": {"tolerance": tolerance, "motion": motion},
+        "feature_shapes": frames.shapes.listed(),
+        "labels": frames.labels,
+    }
+
+
+def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, Any]:
+    corrected = tracked = None
+    if solution.transform is not None:
+        corrected = frames.solved(solution, "the parts made, after the motion")
+        if solution.rho is not None and (abs(solution.rho / solution.pair - 1.0) > DEFAULT.requirement).any():
+            tracked = frames.frame(
+                solution.rho,
+                solution.transform,
+                solution.rho,
+                target=solution.pair,
+                motion=corrected["motion"],
+                amount=solution.amount,
+                parameters=corrected["parameters"],
+                note="at the scales of the tracked contact, after the motion",
+            )
+    return {
+        "nominal": frames.still(problem.nominal_pair, "nominal sizes, no motion"),
+        "rescaled": frames.still(problem.target, "the parts made, no motion"),
+        "corrected": corrected,
+        "tracked": tracked,
+    }

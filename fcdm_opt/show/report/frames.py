@@ -1,0 +1,220 @@
+"""One frame of a report: bodies at two scales and a pose, with the decision curve there and the numbers that go along.
+
+A `Frames` makes all frames of one case, so that feature labels and shapes are listed once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.curve.contact import Meeting, meetings
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import IDENTITY
+from fcdm_opt.show.plots import reaching
+from fcdm_opt.show.report.plain import drawn
+from fcdm_opt.show.report.scenes import Shapes
+from fcdm_opt.show.tables import motion_text
+from fcdm_opt.tolerance.problem import TRACKING, Problem
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerances import DEFAULT
+
+NO_MOTION = "none"
+"""The motion of a frame at rest, in words."""
+
+
+class Frames:
+    """Makes the frames of one case.
+
+    Parameters
+    ----------
+    problem : Problem
+    window : (2, 2) array
+        Scales that are shown enlarged, which may reach beyond the problem's box.
+
+    Attributes
+    ----------
+    box : pair of intervals
+        Scales over which curves are listed: those of the problem's box and of the window.
+    shapes : Shapes
+        Of the features that are in contact in some frame.
+    """
+
+    def __init__(self, problem: Problem, window: ArrayLike) -> None:
+        self._problem = problem
+        self._rest = reaching(problem.curve, window)
+        self._labels: dict[Feature, int] = {}
+        self._moved: tuple[Array | None, DecisionCurve] = None, self._rest
+        self.box: Box = self._rest.box
+        self.shapes = Shapes(problem.movable, problem.static)
+
+    @property
+    def labels(self) -> list[str]:
+        """Labels of the features of all segments of all frames."""
+        return [feature.label for feature in self._labels]
+
+    def still(self, sizes: Array, note: str) -> dict[str, Any]:
+        """Return the frame at rest at two scales."""
+        return self.frame(sizes, None, None, motion=NO_MOTION, amount=0.0, note=note)
+
+    def solved(self, solution: Solution, note: str = "") -> dict[str, Any]:
+        """Return the frame of a solution: the parts made where it puts them, or at rest where there is no motion."""
+        return self.frame(
+            solution.pair,
+            solution.transform,
+            solution.rho,
+            motion=motion_text(solution),
+            amount=solution.amount,
+            gap=solution.pair_gap,
+            parameters=shown_parameters(self._problem, solution.parameters),
+            status=solution.status.name,
+            usable=solution.usable,
+            note=note,
+        )
+
+    def frame(
+        self,
+        sizes: Array,
+        transform: Array | None,
+        rho: Array | None,
+        *,
+        motion: str,
+        amount: float,
+        gap: float | None = None,
+        parameters: list[str] | None = None,
+        target: Array | None = None,
+        status: str | None = None,
+        usable: bool | None = None,
+        note: str = "",
+    ) -> dict[str, Any]:
+        """Return a frame.
+
+        Parameters
+        ----------
+        sizes : (2,) array
+            Scales at which the bodies are shown.
+        transform : (4, 4) array or None
+            Pose change of body 1, None at rest.
+        rho : (2,) array or None
+            The tracked contact's scales.
+        motion : str
+        amount : float
+        gap : float, optional
+            Signed gap of the bodies shown; by default the decision curve's.
+        parameters : list of str, optional
+            Values of the motion's parameters, with units.
+        target : (2,) array, optional
+            The scales made; default `sizes`.
+        status, usable
+            Of a solution; None for a pose that is none.
+        note : str
+            What else is to be said of it.
+        """
+        curve = self._curve(transform)
+        if gap is None or not math.isfinite(gap):
+            gap = float(curve.gap(sizes))
+        state = self._state(gap)
+        points, features = self._contacts(curve, sizes, state)
+        return {
+            "sizes": drawn(sizes),
+            "transform": None if transform is None else drawn(np.asarray(transform).ravel()),
+            "curve": self._segments(curve),
+            "switching": self._switching(curve),
+            "contacts": drawn(points),
+            "contact": self.shapes.of(features),
+            "target": drawn(sizes if target is None else target),
+            "rho": None if rho is None or not np.isfinite(rho).all() else drawn(rho),
+            "status": status,
+            "usable": usable,
+            "motion": motion,
+            "amount": drawn(amount),
+            "pair_gap": drawn(gap),
+            "pair_state": state,
+            "parameters": parameters or [],
+            "note": "; ".join(filter(None, (note, self._lost(curve, rho)))),
+        }
+
+    def _curve(self, transform: Array | None) -> DecisionCurve:
+        """Return the decision curve after a motion; the last one is kept: the case as asked is shown several times."""
+        if transform is None or (transform == IDENTITY).all():
+            return self._rest
+        last, curve = self._moved
+        if last is None or not (transform == last).all():
+            curve = decision_curve(self._problem.movable, self._problem.static, box=self.box, transform=transform)
+            self._moved = transform, curve
+        return curve
+
+    def _segments(self, curve: DecisionCurve) -> list[list[float]]:
+        return [
+            [*drawn((*segment.start, *segment.end)), self._label(segment.feature), int(segment.snug)]
+            for segment in curve.segments
+        ]
+
+    def _label(self, feature: Feature) -> int:
+        return self._labels.setdefault(feature, len(self._labels))
+
+    def _switching(self, curve: DecisionCurve) -> list[list[Any]]:
+        """Return the switching points, numbered as in the problem's box; those beyond it have no number."""
+        if curve.box == self._problem.box:
+            return [[*drawn(point.rho), f"SW{point.index}"] for point in curve.switching_points]
+        numbered = replace(curve, box=self._problem.box).switching_points
+        names = {tuple(drawn(point.rho)): f"SW{point.index}" for point in numbered}
+        places = [tuple(drawn(point.rho)) for point in curve.switching_points]
+        return [[*place, names.get(place, "")] for place in places]
+
+    def _state(self, gap: float) -> str:
+        if abs(gap) <= self._problem.contact_slack:
+            return "touching"
+        return "apart" if gap > 0 else "overlapping"
+
+    def _contacts(self, curve: DecisionCurve, sizes: Array, state: str) -> tuple[Array, tuple[Feature, ...]]:
+        """Return where the bodies shown touch, one point a feature, (k, 3), and these features; or nothing."""
+        none: tuple[Array, tuple[Feature, ...]] = np.empty((0, 3)), ()
+        if state != "touching":
+            return none
+        place = np.asarray(sizes)
+        found = curve.locate(place)
+        if found is None:  # touching within `contact_slack`, which is wider than a place on the curve
+            place = curve.nearest(place)
+            if not (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all():
+                return none
+            found = curve.locate(place)
+        if isinstance(found, SwitchingPoint):
+            return found.contacts, found.contact_features
+        if found is None:
+            return none
+        bodies, piece = (self._problem.movable, self._problem.static), found.piece_at(place)
+        others = meetings(*bodies, curve.pose, place, DEFAULT.nominal * self._problem.size)
+        met = [Meeting(piece.parts, piece.contact), *(other for other in others if other.parts != piece.parts)]
+        sets: dict[Feature, list[Array]] = {}
+        for own in met:
+            sets.setdefault(own.contact.feature, []).append(shared(bodies, curve.pose, own, place))
+        return np.array([middle(own) for own in sets.values()]), tuple(sets)
+
+    def _lost(self, curve: DecisionCurve, rho: Array | None) -> str:
+        """Tell where the tracked features are not the contact that there is."""
+        if rho is None or self._problem.goal not in TRACKING:
+            return ""
+        if not (np.isfinite(rho).all() and min(rho) > 0):
+            return "the tracked features meet at no pair of scales here"
+        state = self._state(float(curve.gap(rho)))
+        if state == "touching":
+            return ""
+        return f"the tracked features are not the contact here: at their scales the bodies are {state}"
+
+
+def shown_parameters(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
+    """Return parameters in words: lengths as they are, angles in degrees."""
+    kinds = [parameter.kind for parameter in problem.motion.parameters]
+    return [
+        f"{x:.6g}" if kind == "translation" else f"{math.degrees(x):.6g} deg"
+        for kind, x in zip(kinds, parameters.values(), strict=False)
+    ]

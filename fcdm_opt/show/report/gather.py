@@ -1,0 +1,150 @@
+"""All that a report shows, as plain data that JSON holds: from problem files to solved cases with their frames."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Protocol
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.show.report.cases import case_report
+from fcdm_opt.show.report.matrix import matrices
+from fcdm_opt.show.solved import SolvedCase, solved_case
+from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerances import DEFAULT, Tolerances
+
+PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
+"""Whose versions a report names."""
+
+FAMILIES = 8.0
+"""Seconds that the frames of one case may take, by default."""
+
+
+class ReadFile(Protocol):
+    """A problem file as read: its problems, or why there are none."""
+
+    @property
+    def path(self) -> Path:
+        """Where it was read."""
+
+    @property
+    def title(self) -> str:
+        """The file's title, which may be empty."""
+
+    @property
+    def note(self) -> str:
+        """The file's note, which may be empty."""
+
+    @property
+    def problems(self) -> Sequence[Problem]:
+        """Its cases."""
+
+    @property
+    def error(self) -> str | None:
+        """What is wrong with it."""
+
+
+def gather(
+    files: Iterable[ReadFile],
+    *,
+    certify: bool = True,
+    say: Callable[[str], None] | None = None,
+    seconds: float = FAMILIES,
+) -> dict[str, Any]:
+    """Solve all cases of problem files and return what a report shows of them.
+
+    Parameters
+    ----------
+    files : iterable of ReadFile
+    certify : bool
+        Prove how small a motion can be at all.
+    say : callable, optional
+        Gets a line for each case, and what is wrong with one.
+    seconds : float
+        About how long the frames of one case may take. A family has five frames at least.
+
+    Returns
+    -------
+    dict
+        Lists, dicts, texts and finite numbers. The same files give the same data but for date and times, and for how
+        many frames the time allowed.
+    """
+    listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
+    for number, file in enumerate(files):
+        head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
+        errors = [file.error] if file.error else []
+        problems, solved = list[Problem](), list[SolvedCase]()
+        for problem in file.problems:
+            if say:
+                say(f"{file.path.name}: case {problem.name}")
+            try:
+                case = solved_case(problem, certify=certify)
+                data = case_report(problem, case, seconds=seconds)
+            except InputError as reason:
+                errors.append(str(reason.within(file=file.path.name, key=f"case {problem.name!r}")))
+                if say:
+                    say(f"error: {errors[-1]}")
+                continue
+            problems.append(problem)
+            solved.append(case)
+            cases.append({"file": number, **data})
+        first = len(cases) - len(solved)
+        tables += [{"file": number, **table} for table in matrices(problems, solved, first=first)]
+        listed.append(
+            {**head, "cases": list(range(first, len(cases))), **({"error": "; ".join(errors)} if errors else {})}
+        )
+    return {
+        **_title(listed),
+        "made": made(),
+        "tolerances": _tolerances(),
+        "files": listed,
+        "matrices": tables,
+        "cases": cases,
+    }
+
+
+def _title(files: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return title and note of the report: those of its file, if it is one."""
+    if len(files) == 1:
+        return {"title": files[0]["title"] or files[0]["file"], "note": files[0]["note"]}
+    return {"title": f"Tolerance problems: {len(files)} files", "note": ""}
+
+
+def _digest(path: Path) -> str | None:
+    """Return the SHA-256 of a file's bytes, None where it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def made() -> dict[str, str]:
+    """Return when a report was made, and with what."""
+    import platform
+
+    versions = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def _tolerances() -> list[list[Any]]:
+    """Return name, value and meaning of every tolerance."""
+    lines = (inspect.getdoc(Tolerances) or "").splitlines()
+    meanings: dict[str, list[str]] = {}
+    name = ""
+    for line in lines[lines.index("Attributes") + 2 :]:
+        if line.startswith(" "):
+            meanings[name].append(line.strip())
+        else:
+            name = line.strip()
+            meanings[name] = []
+    return [[own.name, getattr(DEFAULT, own.name), " ".join(meanings[own.name])] for own in fields(Tolerances)]

@@ -1,0 +1,121 @@
+"""The four requirements of one question as a 2 x 2 table, as in Tables 1 and 2 of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.show.report.plain import plain
+from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.tables import bound_text, motion_text
+from fcdm_opt.tolerance.problem import SIGNS, Problem
+from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solver import solve
+
+LAYOUT = (("A", "C"), ("B", "D"))
+"""Rows and columns as in the paper: rho_1 larger on the left, rho_2 larger above."""
+
+
+@dataclass
+class _Table:
+    """Cases that ask the same but for the requirement: letter -> (number of the case, case)."""
+
+    question: Any
+    cells: dict[str, tuple[int, SolvedCase]] = field(default_factory=dict)
+
+
+def matrices(problems: Sequence[Problem], cases: Sequence[SolvedCase], *, first: int = 0) -> list[dict[str, Any]]:
+    """Return the tables of a file's cases.
+
+    Cases of the same bodies, nominal sizes, tolerances, goal, pair state and clearance that differ in the requirement
+    share a table; keep-outs and path must be the same too, the motion need not. A requirement that the file does not
+    ask for is solved with the motion of the table's first case. Without a requirement a case has no table.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        As asked, one a case.
+    cases : sequence of SolvedCase
+    first : int
+        Number of the first case in the report.
+    """
+    tables: list[_Table] = []
+    asked: list[Problem] = []
+    for number, (problem, case) in enumerate(zip(problems, cases, strict=True), first):
+        if problem.requirement is None:
+            continue
+        question, letter = _question(problem), problem.requirement
+        table = next((own for own in tables if own.question == question and letter not in own.cells), None)
+        if table is None:
+            table = _Table(question)
+            tables.append(table)
+            asked.append(problem)
+        table.cells[letter] = number, case
+    return [_listed(table, problem) for table, problem in zip(tables, asked, strict=True)]
+
+
+def _question(problem: Problem) -> tuple[Any, ...]:
+    """Return what cases of one table share."""
+    assert problem.tolerance is not None
+    return (
+        id(problem.movable),
+        id(problem.static),
+        tuple(problem.nominal_pair.tolist()),
+        tuple(problem.tolerance.ravel().tolist()),
+        problem.goal,
+        problem.pair,
+        problem.clearance,
+        problem.path,
+        tuple(id(keep_out) for keep_out in problem.keep_out),
+    )
+
+
+def _listed(table: _Table, first: Problem) -> dict[str, Any]:
+    names = [case.solution.problem.name for _, case in table.cells.values()]
+    cells = {
+        letter: _known(*table.cells[letter]) if letter in table.cells else _missing(first, letter) for letter in SIGNS
+    }
+    head = {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first)}
+    return {**head, "layout": [list(row) for row in LAYOUT], "cells": cells}
+
+
+def tolerance_text(problem: Problem) -> str:
+    """Return the tolerances: "2 %", or both bodies' downward and upward ones where they differ."""
+    rows = [] if problem.tolerance is None else (100.0 * problem.tolerance).tolist()
+    if len({x for row in rows for x in row}) == 1:
+        return f"{rows[0][0]:.6g} %"
+    texts = [f"{minus:.6g} %" if minus == plus else f"-{minus:.6g} / +{plus:.6g} %" for minus, plus in rows]
+    return ", ".join(f"rho_{k} {text}" for k, text in enumerate(texts, 1))
+
+
+def _known(number: int, case: SolvedCase) -> dict[str, Any]:
+    return {"case": number, **_cell(case.solution), "from_file": True, "note": ""}
+
+
+def _missing(first: Problem, letter: str) -> dict[str, Any]:
+    """Return the cell of a requirement that the file does not ask for."""
+    note = f"not a case of the file: solved for this table with the motion of case {first.name}, without a proof"
+    try:
+        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
+    except InputError as reason:
+        nothing = {
+            **dict.fromkeys(("amount", "bound", "published")),
+            **{"motion": "-", "bound_text": "", "pair_state": "unknown", "status": "", "verified": False},
+        }
+        return {"case": None, **nothing, "from_file": False, "note": f"{note}; {reason}"}
+    return {"case": None, **_cell(solution), "from_file": False, "note": note}
+
+
+def _cell(solution: Solution) -> dict[str, Any]:
+    return {
+        "motion": motion_text(solution),
+        "amount": plain(solution.amount),
+        "bound": plain(solution.lower_bound),
+        "bound_text": bound_text(solution).replace("\n", ", "),
+        "published": solution.problem.published_text or None,
+        "pair_state": solution.pair_state,
+        "status": solution.status.name,
+        "verified": solution.usable,
+    }

@@ -1,0 +1,324 @@
+"""The report's HTML as text: well formed, hostile names harmless, everything readable in it, nothing fetched."""
+
+from __future__ import annotations
+
+import base64
+import copy
+import gzip
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from fcdm_opt.show.report.markup import filled, shown, table, yes_no
+from fcdm_opt.show.report.page import page
+
+HOSTILE = "</script><b>\"'&{{js}}"
+MOST = 3_000_000  # bytes of a report
+VOID = {"meta", "link", "input", "br", "img", "hr"}
+AT_REST = {
+    "sizes": [1.0, 1.0],
+    "transform": None,
+    "curve": [[0.8, 1.2, 1.2, 0.8, 0, 0]],
+    "switching": [],
+    "contacts": [],
+    "contact": [],
+    "target": [1.02, 1.02],
+    "rho": None,
+    "status": None,
+    "usable": None,
+    "motion": "none",
+    "amount": 0.0,
+    "pair_gap": 0.1,
+    "pair_state": "apart",
+    "parameters": [],
+    "note": "",
+}
+
+
+def body(name: str, role: str) -> dict:
+    return {
+        "name": name,
+        "role": role,
+        "vertices": 4,
+        "parts": 1,
+        "seed": [0.0, 0.0, 0.0],
+        "notes": [],
+        "deviation": 0.0,
+    }
+
+
+def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
+    """A case with every kind of text in it."""
+    corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    solid = {"points": corners, "triangles": [[0, 1, 2]], "edges": [[0, 1]], "seed": [0.2, 0.2, 0.2]}
+    return {
+        "file": 0,
+        "name": name,
+        "asked": asked,
+        "goal": "beyond",
+        "status": "PAIR_OVERLAPS",
+        "advice": f"advice {text}",
+        "usable": True,
+        "motion": f"TZ 0.25 {text}",
+        "amount": 0.25,
+        "lower_bound": 0.2499,
+        "gap": 4e-4,
+        "bound_text": "0.2499, gap 4e-04",
+        "published": {"motion": f"published {text}", "amount": 0.3},
+        "touch_amount": 0.1,
+        "parameters": [{"name": f"TZ {text}", "value": 0.25, "unit": "length", "shown": "0.25"}],
+        "pair": [1.02, 1.02],
+        "pair_gap": -0.01,
+        "pair_state": "overlapping",
+        "rho": [1.02, 1.03],
+        "features": [f"V1F2(P1V6; P2V2,V3,V5) {text}"],
+        "configurations": ["F-V"],
+        "active": [f"active {text}"],
+        "stage": "1: closed form",
+        "seconds": {"solve": 0.01},
+        "sha256": "0" * 64,
+        "bodies": [body(f"one {text}", "movable"), body(f"two {text}", "static")],
+        "modelled": [{"what": f"part pairs {text}", "kept": 1, "total": 4}],
+        "left_out": [f"left out {text}"],
+        "certificate": {
+            "passed": False,
+            "checks": [
+                {"name": f"check of {name}", "passed": True, "value": 1e-15, "limit": 1e-9, "note": f"note {text}"},
+                {"name": "second", "passed": False, "value": None, "limit": "inf", "note": ""},
+            ],
+        },
+        "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True},
+        "sensitivities": {
+            "text": f"derivatives {text}",
+            "bars": [
+                {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
+                {"name": "other", "value": -0.25, "unit": "+1 %", "note": ""},
+                {"name": "none", "value": None, "unit": "+1 %", "note": ""},
+            ],
+        },
+        "scene": {"size": 1.0, "objects": [{"body": k, "name": f"b{k} {text}", **solid} for k in (0, 1)]},
+        "feature_shapes": [],
+        "labels": [f"label {text}"],
+        "axes": {"box": [[0.8, 3.0], [0.8, 3.0]], "window": [[0.9, 1.1], [0.9, 1.1]]},
+        "nominal": [1.0, 1.0],
+        "tolerance_box": [[0.98, 1.02], [0.98, 1.02]],
+        "signs": [1.0, 1.0],
+        "quadrant": True,
+        "poses": {"nominal": AT_REST, "rescaled": AT_REST, "corrected": None, "tracked": None},
+        "families": {"tolerance": None, "motion": None},
+    }
+
+
+def payload(text: str = "plain") -> dict:
+    cell = {
+        "case": 0,
+        "motion": f"TZ 0.25 {text}",
+        "amount": 0.25,
+        "bound": 0.2499,
+        "bound_text": "0.2499, gap 4e-04",
+        "published": f"published {text}",
+        "pair_state": "overlapping",
+        "status": "PAIR_OVERLAPS",
+        "verified": True,
+        "from_file": True,
+        "note": f"note {text}",
+    }
+    none = {**cell, "case": None, "amount": None, "bound": None, "status": "INFEASIBLE", "verified": False}
+    return {
+        "title": f"Title {text}",
+        "note": f"First {text}.\n\nSecond.",
+        "made": {"date": "2026-01-01", "fcdm_opt": f"0.1 {text}"},
+        "tolerances": [["planarity", 1e-12, f"meaning {text}"]],
+        "files": [
+            {"file": f"a{text}.toml", "title": f"File {text}", "note": text, "sha256": "1" * 64, "cases": [0, 1]},
+            {"file": "b.toml", "title": "", "note": "", "sha256": "2" * 64, "cases": [], "error": f"wrong {text}"},
+        ],
+        "matrices": [
+            {
+                "file": 0,
+                "title": f"cases {text}",
+                "tolerance": "2 %",
+                "cells": {"A": cell, "B": none, "C": None, "D": {**cell, "case": 1}},
+            }
+        ],
+        "cases": [case("first", text=text), case(f"second {text}", asked="target 1, 2", text=text)],
+    }
+
+
+class Reader(HTMLParser):
+    """Collects elements and text, and refuses tags that do not close in order."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[tuple[str, str]] = []
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open, f"</{tag}> closes nothing"
+        assert self.open[-1] == tag, f"</{tag}> closes <{self.open[-1]}>"
+        self.open.pop()
+
+    def handle_data(self, data):
+        self.text.append((self.open[-1] if self.open else "", data))
+
+
+def read(html: str) -> Reader:
+    reader = Reader()
+    reader.feed(html)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def visible(reader: Reader) -> str:
+    return " ".join("".join(text for tag, text in reader.text if tag not in ("script", "style")).split())
+
+
+def packed(html: str, name: str) -> str:
+    found = re.search(rf'id="packed-{name}">([A-Za-z0-9+/=]+)</script>', html)
+    assert found
+    return gzip.decompress(base64.b64decode(found[1])).decode()
+
+
+@pytest.fixture(scope="module")
+def plain() -> str:
+    return page(payload())
+
+
+def test_tags_close_in_order_and_ids_are_unique(plain):
+    reader = read(plain)
+    ids = [attributes["id"] for _, attributes in reader.elements if "id" in attributes]
+    assert len(ids) == len(set(ids)) > 20
+    for _, attributes in reader.elements:  # what is referred to is there
+        for key in ("for", "aria-labelledby", "aria-describedby"):
+            assert attributes.get(key) is None or attributes[key] in ids
+        if (attributes.get("href") or "").startswith("#"):
+            assert attributes["href"][1:] in ids
+
+
+def test_hostile_names_stay_text(plain):
+    harmless, hostile = read(plain), read(page(payload(HOSTILE)))
+    assert [tag for tag, _ in hostile.elements] == [tag for tag, _ in harmless.elements]
+    assert [sorted(a) for _, a in hostile.elements] == [sorted(a) for _, a in harmless.elements]
+    words = visible(hostile)
+    for text in ("advice", "left out", "note", "evidence", "derivatives", "meaning", "wrong", "Title", "published"):
+        assert f"{text} {HOSTILE}" in words
+
+
+def test_nothing_is_fetched(plain):
+    reader = read(plain)
+    for tag, attributes in reader.elements:
+        assert tag not in ("iframe", "object", "embed", "base", "img")
+        for key in ("src", "href", "action", "data", "srcset"):
+            assert (attributes.get(key) or "#").startswith(("#", "data:")), (tag, attributes)
+    styles = "".join(text for tag, text in reader.text if tag == "style")
+    assert "url(" not in styles
+    assert "@import" not in styles
+    policy = next(a["content"] for tag, a in reader.elements if a.get("http-equiv") == "Content-Security-Policy")
+    assert "default-src 'none'" in policy
+    assert not re.search(r"https?:", policy)
+
+
+def test_every_case_has_answer_and_certificate_without_scripts(plain):
+    words = visible(read(plain))
+    for name in ("first", "second plain"):
+        assert f"check of {name}" in words
+    assert words.count("No motion") == 0
+    assert words.count("1 of 2 checks hold") == 2
+    assert "for requirement A (+,+), goal" in words
+    assert "for target 1, 2, goal" in words
+    assert "overlapping by 0.01" in words
+    assert "wrong plain" in words
+
+
+def test_requirements_stand_as_in_the_papers_tables(plain):
+    matrix = plain[plain.index('<table class="matrix"') :]
+    matrix = matrix[: matrix.index("</table>")]
+    assert re.findall(r'class="letter">(\w)<', matrix) == ["A", "C", "B", "D"]
+    assert re.findall(r'href="#case-(\d)"', matrix) == ["0", "1"]
+    assert "no motion: infeasible" in matrix
+    assert "not asked" in matrix
+
+
+def test_a_case_without_motion_says_so():
+    none = payload()
+    none["cases"] = [{**case("stuck"), "amount": None, "motion": "-", "status": "INFEASIBLE", "certificate": None}]
+    none["cases"][0] |= {"lower_bound": None, "gap": None, "bound_text": "impossible", "pair": None, "pair_state": None}
+    none["cases"][0] |= {"sensitivities": None, "published": None, "touch_amount": None, "rho": None}
+    none["files"] = none["files"][:1]
+    none["files"][0]["cases"], none["matrices"] = [0], []
+    words = visible(read(page(none)))
+    assert "No motion: infeasible" in words
+    assert "impossible" in words
+    assert "proof checked" in words
+    assert "advice plain" in words
+
+
+def test_nothing_read_is_a_page_too():
+    empty = payload() | {"cases": [], "matrices": []}
+    empty["files"] = [{**file, "cases": []} for file in empty["files"]]
+    assert "wrong plain" in visible(read(page(empty)))
+
+
+def test_figures_and_plotly_come_back_as_they_were(plain):
+    from plotly.offline import get_plotlyjs
+
+    assert packed(plain, "plotly") == get_plotlyjs()
+    figures = json.loads(packed(plain, "figures"))["cases"]
+    for drawn, given in zip(figures, payload()["cases"], strict=True):
+        assert drawn["poses"] == given["poses"]
+        assert drawn["scene"] == given["scene"]
+    assert "Licensed under the MIT license" in plain[: plain.index("<body>")]
+
+
+def test_same_payload_same_page_of_bounded_size(plain):
+    assert page(copy.deepcopy(payload())) == plain
+    assert len(plain.encode()) < MOST
+
+
+def test_numbers_that_json_does_not_have_are_refused():
+    broken = payload()
+    broken["cases"][0]["nominal"] = [float("nan"), 1.0]
+    with pytest.raises(ValueError, match="JSON"):
+        page(broken)
+
+
+def test_longest_bar_fills_its_half(plain):
+    bars = re.findall(r'class="bar (more|less)" style="left:([\d.]+)%;width:([\d.]+)%"', plain)
+    assert bars == [("more", "50.00", "50.00"), ("less", "25.00", "25.00")] * 2
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "\u2013"),
+        (True, "yes"),
+        (0.1 + 0.2, "0.3"),
+        ([1, 2.5], "1, 2.5"),
+        ([], "\u2013"),
+        ("<", "&lt;"),
+        (7, "7"),
+    ],
+)
+def test_values_as_text(value, text):
+    assert shown(value) == text
+
+
+def test_marks_say_it_in_words():
+    assert [re.sub("<[^>]+>", "", yes_no(x)) for x in (True, False, None)] == ["✓ yes", "✗ no", "○ not asked"]
+
+
+def test_slots_are_filled_once():
+    assert filled("{{a}} {{b}}", {"a": "{{b}}", "b": "x"}) == "{{b}} x"
+
+
+def test_a_table_without_rows_is_left_out():
+    assert table("caption", ("a",), []) == ""
