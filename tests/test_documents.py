@@ -13,6 +13,7 @@ import pytest
 import typer
 from documents import NOT_RUN, ROOT, Command, Document, agree, documents
 from typer.exceptions import TyperException
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
@@ -238,3 +239,13 @@ def exists(name: str) -> bool:
                 return False
         value = getattr(value, part)
     return True
+
+
+def test_the_first_result_is_what_the_first_line_prints() -> None:
+    page = next(page for page in PAGES if page.name == "README.md")
+    shown = next(block.text for block in page.blocks if block.text.startswith("example1.toml: "))
+    printed = CliRunner().invoke(app, ["solve", "--certify", str(ROOT / "problems/example1.toml")])
+    assert printed.exit_code == 0
+    lines = printed.stdout.splitlines()
+    kept = [line.rstrip() for line in lines if not line.startswith("time of ")]
+    assert "\n".join(kept).strip() == shown.strip()
