@@ -28,6 +28,7 @@ CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
 CELLS_MORE = 60_000  # the same, for more parameters
 FEWEST = 100  # cells that are looked at however large the scene
 CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
+DENYING = 2e6  # the same, of three parameters within limits: about a second, less than the program takes to give up
 SECONDS = 20.0  # for the search over rotations
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
@@ -35,9 +36,9 @@ NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is
 
 
 def branch_and_bound(task: Task) -> Answer | None:
-    """Find the least motion with one or two parameters, or prove that there is none."""
+    """Find the least motion with one or two parameters, or prove that there is none; of three only the latter."""
     if len(task.weights) > MOST_PARAMETERS:
-        return None
+        return _denied(task)
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
         return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), gap=FINE_GAP)[0]
@@ -46,6 +47,22 @@ def branch_and_bound(task: Task) -> Answer | None:
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
     left = beyond is not None and beyond.q is not None
     return replace(answer, status=Status.LEFT_COHERENT_RANGE if left else answer.status, last=True)
+
+
+def _denied(task: Task) -> Answer | None:
+    """Return that limits leave no motion, where that is soon proved; None where it is not.
+
+    It is asked where descent found nothing. Without limits there nearly always is a motion, and keep-outs and tracked
+    contacts leave descent without one too often for the proof to be tried in vain.
+    """
+    limited = np.isfinite(task.limits).any()
+    if len(task.weights) > MOST_CHECKED or task.tracked or task.keep_out or not (task.weighted and limited):
+        return None
+    try:
+        proof = prove(task, np.inf, gap=GAP, most=_most(task, DENYING))
+    except NotImplementedError:  # as in `bounded`
+        return None
+    return None if np.isfinite(proof.lower_bound) else Answer(Status.INFEASIBLE, None, STAGE, np.inf)
 
 
 def confirmed(task: Task, answer: Answer) -> Answer:
@@ -122,7 +139,6 @@ def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) 
     effort : float
         Cells times vertices of a cell's tests, after which the bound is what it is.
     """
-    most = int(np.clip(effort / task.tested_vertices, FEWEST, CELLS.get(len(task.weights), CELLS_MORE)))
     known, upper = answer.q, _amount(task, answer)
     better: Found | None = None
 
@@ -137,7 +153,7 @@ def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) 
         return found.q
 
     try:
-        proof = prove(task, upper, gap=gap, most=most, search=search)
+        proof = prove(task, upper, gap=gap, most=_most(task, effort), search=search)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)
@@ -149,6 +165,11 @@ def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) 
         answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
     kept = proof.evidence if task.weighted and len(task.weights) <= MOST_CHECKED else None
     return replace(answer, lower_bound=min(bound, _amount(task, answer))), kept
+
+
+def _most(task: Task, effort: float) -> int:
+    """Return how many cells an effort allows."""
+    return int(np.clip(effort / task.tested_vertices, FEWEST, CELLS.get(len(task.weights), CELLS_MORE)))
 
 
 def near(task: Task, q: Array) -> Found | None:

@@ -1,7 +1,8 @@
-"""Stage 4, next: motions with two parameters along a coherent path, direction by direction.
+"""Stage 4, next: motions with two parameters that keep a tracked contact, direction by direction.
 
 Where the contact ends before the least motion of its kind, the least coherent one stands at the end of a window of
-directions, of which local searches see one side. Looked at ray by ray it is an ordinary minimum, see `fan`.
+directions, of which local searches see one side. Looked at ray by ray it is an ordinary minimum, see `fan`. Where the
+path is free it is an answer too, and no ray tells of a contact that comes back: others are left to branch and bound.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from fcdm_opt.tolerance.stages.tape import tape
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 
-STAGE = "4: directions of a coherent path, one after the other"
+STAGE = "4: directions, one after the other, while the contact lasts"
 RAYS, RAYS_OF_MANY = 240, 96  # directions looked at first; of bodies of many parts, which take longer
 COARSE = 12  # one in so many is looked at before, so that the others need not be followed far
 MANY = 4  # part pairs, from which on every look is at all of them
