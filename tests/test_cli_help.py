@@ -121,6 +121,8 @@ def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytes
     [
         ("solv x.toml", "error: solv: no such command, did you mean 'solve'?; allowed: init,"),
         ("solve x.toml --certfy", "error: --certfy: no such option, did you mean '--certify'?"),
+        ("solve --jsn x.toml", "error: --jsn: no such option, did you mean '--json'?"),
+        ("init --jsonn a b", "error: --jsonn: no such option; see"),  # dashes alone made '--version' near
         ("solve", "error: FILE: missing; allowed: Problem files (TOML); see fcdm-opt solve --help"),
         ("map x.toml --out o --jobs many", "error: --jobs: "),
         (f"map {BOXES} --box 1,2 --out /proc/none", "error: --box: not four numbers; found '1,2'; allowed: "),

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
+import threading
 import tomllib
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import jsonschema
@@ -15,7 +18,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fcdm_opt import load_problems, solve
-from fcdm_opt.cli import app
+from fcdm_opt.cli import app, starting
 from fcdm_opt.design.schemas import DIALECT, KINDS, json_schema
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -188,6 +191,82 @@ def test_a_mesh_that_is_no_solid_is_named_and_nothing_is_written(tmp_path: Path)
     assert f"error: {open_}: body 'open': the surface is not closed" in result.stderr
     assert not out.parent.exists()
     assert run("init", cube, tmp_path / "none.stl", "--out", out).exit_code == 2
+
+
+def test_a_name_that_looks_like_an_option_or_has_spaces_can_be_solved_as_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was said to do next took "-dash.toml" for options, and the file's own comments "a b.toml" for two files."""
+    monkeypatch.chdir(tmp_path)
+    box(tmp_path / "-a b.off", (1.0, 1.0, 1.0), (0.0, 0.0, 0.5))
+    box(tmp_path / "b.off", (4.0, 4.0, 1.0), (0.0, 0.0, -0.5))
+    said = run("init", "--", "-a b.off", "b.off")
+    assert said.exit_code == 0
+    told = said.stdout.splitlines()[-1].removeprefix("next: ")
+    noted = Path("-a b-b.toml").read_text().splitlines()[2].removeprefix("#").split("   the")[0].strip()
+    assert shlex.split(told) == shlex.split(noted) == ["fcdm-opt", "solve", "./-a b-b.toml"]
+    assert run(*shlex.split(told)[1:]).exit_code == 0
+
+
+def test_a_link_to_nothing_was_overwritten_unasked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    box(tmp_path / "a.off", (1.0, 1.0, 1.0), (0.0, 0.0, 0.5))
+    Path("link.toml").symlink_to("nothing.toml")
+    assert run("init", "a.off", "a.off", "--out", "link.toml").exit_code == 2
+    assert Path("link.toml").is_symlink()
+    refused = run("init", "a.off", "a.off", "--out", "a.off/x.toml")
+    assert (refused.exit_code, "a.off/x.toml: the file cannot be written" in refused.stderr) == (2, True)
+
+
+def test_what_is_not_looked_at_is_not_denied_and_what_is_deepest_is_said(tmp_path: Path) -> None:
+    """Far apart, growth is beyond the scales looked at: 20 rho = 1e4; in a U, what overlaps is a pair of parts."""
+    far = box(tmp_path / "far.off", (10.0,) * 3, (1e4, 0.0, 0.0))
+    cube = box(tmp_path / "cube.off", (30.0, 30.0, 30.0), (0.0, 0.0, 0.0))
+    text, path = drafted(far, cube, tmp_path)
+    assert "both made 0.02 to 50 times as large, they never just touch" in text
+    assert len(load_problems(path)) == len(SIGNS)
+    two = tmp_path / "two.off"  # two boxes beside each other
+    left = box(two, (2.0, 2.0, 2.0), (-3.0, 0.0, 0.0)).read_text().splitlines()
+    right = box(two, (2.0, 2.0, 2.0), (3.0, 0.0, 0.0)).read_text().splitlines()
+    rows = [[4, *(int(v) + 8 for v in row.split()[1:])] for row in right[10:]]
+    two.write_text(
+        "\n".join(["OFF", "16 12 0", *left[2:10], *right[2:10], *left[10:]])
+        + "\n"
+        + "\n".join(" ".join(map(str, row)) for row in rows)
+    )
+    small = box(tmp_path / "small.off", (2.0, 2.0, 2.0), (3.0, 0.0, 1.5))
+    assert "overlap by 0.5 mm, at the deepest pair of convex parts" in drafted(two, small, tmp_path)[0]
+
+
+def test_the_label_of_a_round_face_filled_a_page(tmp_path: Path) -> None:
+    turns = [(np.cos(t), np.sin(t)) for t in np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False).tolist()]
+    points = [(x, y, z) for z in (0.0, 5.0) for x, y in turns]
+    rows = [[*range(63, -1, -1)], [*range(64, 128)], *([k, (k + 1) % 64, (k + 1) % 64 + 64, k + 64] for k in range(64))]
+    peg = tmp_path / "peg.off"
+    peg.write_text(
+        "\n".join(["OFF", "128 66 0", *(" ".join(map(repr, map(float, p))) for p in points)])
+        + "\n"
+        + "\n".join(" ".join(map(str, [len(row), *row])) for row in rows)
+    )
+    table = box(tmp_path / "table.off", (4.0, 4.0, 1.0), (0.0, 0.0, -0.5))
+    made = draft(peg, table, file=tmp_path / "p.toml")
+    assert max(map(len, [*made.text.splitlines(), *made.summary])) <= 200
+    assert "touch: F1F2(P1V1,V2,V3" in made.text
+
+
+def test_nothing_was_said_while_a_mesh_was_read_for_minutes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    box(tmp_path / "a.off", (1.0, 1.0, 1.0), (0.0, 0.0, 0.5))
+    stages: list[str] = []
+    draft("a.off", "a.off", file="p.toml", at=stages.append)
+    assert stages[:2] == ["reading a.off and cutting it into convex parts"] * 2
+    assert stages[2] == "looking where the parts are: 16 corners"
+    assert stages[3].startswith('trying goal "clear" with the motion TX')
+    monkeypatch.setattr(starting, "PATIENCE", 0.01)
+    slow = Body.from_file
+    monkeypatch.setattr(Body, "from_file", lambda *args, **more: (sleep(0.2), slow(*args, **more))[1])
+    assert run("init", "a.off", "a.off").stderr.count("still reading a.off and cutting it") == 2
+    assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer) and thread.is_alive()]
 
 
 # --------------------------------------------------------------------------------------------------------------- schema

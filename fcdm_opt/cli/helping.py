@@ -121,7 +121,7 @@ def _misunderstood(reason: Any) -> str:
     unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
     if unknown and command is not None:
         name, known = unknown.group(2), list(command.commands)
-        return f"{name}: no such command{_near(name, known)}; allowed: {', '.join(known)}"
+        return f"{name or repr(name)}: no such command{_near(name, known)}; allowed: {', '.join(known)}"
     parameter = getattr(reason, "param", None)
     if parameter is not None:
         name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar or parameter.name
@@ -132,7 +132,8 @@ def _misunderstood(reason: Any) -> str:
 
 
 def _near(name: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, known, 1)
+    words = {own.lstrip("-"): own for own in known}  # dashes are alike in all options
+    near = [words[word] for word in difflib.get_close_matches(name.lstrip("-"), list(words), 1)]
     return f", did you mean {near[0]!r}?" if near else ""
 
 

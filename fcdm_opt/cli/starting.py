@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Timer
 from typing import Annotated
 
 import typer
@@ -13,6 +16,7 @@ from fcdm_opt.errors import InputError
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
+PATIENCE = 3.0  # seconds that a stage may take until it is told
 
 
 def init_command(
@@ -42,17 +46,19 @@ def init_command(
     Looks at where the parts are (apart, touching, overlapping), chooses goal and motion, and solves each case once.
     """
     from fcdm_opt.design.moved_files import write
-    from fcdm_opt.tolerance.drafting.draft import draft
+    from fcdm_opt.tolerance.drafting.draft import draft, quoted
 
     path = Path(f"{movable.stem}-{static.stem}{SUFFIX}") if out is None else out
     _check_place(path, (movable, static), force)
-    made = draft(movable, static, file=path, unit=unit)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    with _slow() as at:
+        made = draft(movable, static, file=path, unit=unit, at=at)
+    with suppress(OSError):  # what is wrong with it is said when the file is written
+        path.parent.mkdir(parents=True, exist_ok=True)
     write(path, made.text)
     say(f"wrote {path}")
     for line in made.summary:
         typer.echo(line)
-    typer.echo(f"next: fcdm-opt solve {_quoted(path)}")
+    typer.echo(f"next: fcdm-opt solve {quoted(path)}")
 
 
 def schema_command(
@@ -78,11 +84,25 @@ def _check_place(path: Path, meshes: tuple[Path, Path], force: bool) -> None:
         raise InputError("a folder is there", key="--out", found=str(path), allowed="the name of a file")
     if path.exists() and any(mesh.exists() and path.samefile(mesh) for mesh in meshes):
         raise InputError("this is one of the meshes", key="--out", found=str(path), allowed="another name")
-    if path.exists() and not force:
+    if (path.exists() or path.is_symlink()) and not force:
         raise InputError("the file is there already", key="--out", found=str(path), allowed="another name, or --force")
 
 
-def _quoted(path: Path) -> str:
-    import shlex
+@contextmanager
+def _slow() -> Iterator[Callable[[str], None]]:
+    """Give what is to be told of each stage as it begins; the slow ones are said on stderr."""
+    running: list[Timer] = []
 
-    return shlex.quote(str(path))
+    def told(text: str) -> None:
+        while running:
+            running.pop().cancel()
+        timer = Timer(PATIENCE, say, [f"still {text}"])
+        timer.daemon = True
+        timer.start()
+        running.append(timer)
+
+    try:
+        yield told
+    finally:
+        while running:
+            running.pop().cancel()

@@ -28,22 +28,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
     if kind not in KINDS:
         raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
     model = ProblemFile if kind == "problem" else StudyFile
-    document = _without_null(model.model_json_schema())
+    document = model.model_json_schema()
     document.pop("title", None)
     head = {"$schema": DIALECT, "$id": f"urn:fcdm-opt:{kind}", "title": f"{kind.capitalize()} file of fcdm-opt (TOML)"}
     return {**head, **document}
-
-
-def _without_null(value: Any) -> Any:
-    """Return a schema without the value null, which TOML does not have."""
-    if isinstance(value, list):
-        return [_without_null(item) for item in value]
-    if not isinstance(value, dict):
-        return value
-    kept = {key: _without_null(item) for key, item in value.items() if not (key == "default" and item is None)}
-    choices = kept.get("anyOf")
-    if isinstance(choices, list) and {"type": "null"} in choices:
-        rest = [choice for choice in choices if choice != {"type": "null"}]
-        del kept["anyOf"]
-        kept = {**(rest[0] if len(rest) == 1 else {"anyOf": rest}), **kept}
-    return kept

@@ -254,10 +254,13 @@ class Body(_Sealed):
 
         Parameters
         ----------
-        vertices, faces : arrays
-            See `checked_mesh`.
+        vertices : (n, 3) array
+            Corners, length units.
+        faces : sequence of sequences of int
+            Polygons as rows of `vertices`; seen from outside they run counter-clockwise.
         decomposition : {"auto", "exact", "coacd"}
-            See `decompose`; a convex solid is one part.
+            How a non-convex solid is cut into convex parts: exactly at its reflex edges, or approximately by CoACD, which
+            "auto" takes for very large meshes only. A convex solid is one part.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`.
         name : str
@@ -266,7 +269,7 @@ class Body(_Sealed):
         Raises
         ------
         InputError
-            For a surface that bounds no solid, see `checked_mesh`.
+            For a surface that bounds no solid: open, crossing itself, or with no one inside.
         """
         mesh = checked_mesh(vertices, faces, name=name)
         origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
@@ -291,10 +294,10 @@ class Body(_Sealed):
         Parameters
         ----------
         path : path
-        unit : {"m", "cm", "mm", "um", "in", "ft"}
-            Unit of the body's coordinates.
+        unit : str
+            Unit of the body's coordinates: "m", "cm", "mm", "um", "in" or "ft".
         file_unit : str, optional
-            Unit of the file's numbers, where the file cannot say it, see `read_mesh`; default `unit`.
+            Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`.
         decomposition : {"auto", "exact", "coacd"}
             As in `from_mesh`.
         seed : {"centroid", "vertices", "box"} or (3,) array

@@ -41,8 +41,8 @@ def drawn_mesh(
     ----------
     path : path
         Its suffix says what it is, see `mesh_formats`.
-    unit : {"m", "cm", "mm", "um", "in", "ft"}
-        Unit of the coordinates returned.
+    unit : str
+        Unit of the coordinates returned: "m", "cm", "mm", "um", "in" or "ft".
     file_unit : as `unit`, optional
         Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`. GLB files are in metres
         and STEP files name their unit: there it is an error.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -19,7 +19,7 @@ from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 TOLERANCE = 0.02
-SECONDS = 20.0  # after which what was found so far is taken: a file may be edited, waiting may not
+SECONDS = 20.0  # after which nothing further is begun, and what was found so far is taken: a file may be edited, waiting may not
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
 
@@ -60,10 +60,11 @@ class Choice:
         return axis if aside <= DEFAULT.stationary * length else None
 
 
-def chosen(situation: Situation) -> Choice:
+def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) -> Choice:
     """Return the first goal, of those that make sense for the state, that some motion solves in all four cases.
 
     Translations along one axis come before those along three wherever they are as small, and rotations after both.
+    `at` is told what is tried.
     """
     best: Choice | None = None
     start = perf_counter()
@@ -71,6 +72,7 @@ def chosen(situation: Situation) -> Choice:
         for motion in _motions(situation):
             if best is not None and perf_counter() - start > SECONDS:
                 return best
+            at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
             found = _tried(situation, goal, motion)
             if found is None:
                 continue

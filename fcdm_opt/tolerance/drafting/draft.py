@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
@@ -16,7 +18,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.files import NANOMETRES
 from fcdm_opt.tolerance.drafting.choice import AXES, SECONDS, TOLERANCE, Choice, chosen, named
-from fcdm_opt.tolerance.drafting.situation import Near, Situation
+from fcdm_opt.tolerance.drafting.situation import WIDE, Near, Situation
 from fcdm_opt.tolerance.problem import SIGNS
 from fcdm_opt.tolerance.schema import STEPS
 from fcdm_opt.tolerances import DEFAULT
@@ -24,6 +26,7 @@ from fcdm_opt.tolerances import DEFAULT
 UNIT, WIDTH = "mm", 110
 OWN_UNIT = (".glb", ".step", ".stp")  # files that say themselves what their lengths are
 MOST_POINTS = 8  # switching points that are listed
+LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
 UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
 FAR = 5.0  # sizes between the parts at which they are likely to be drawn in different frames
 LARGE = 0.1  # share of the size from which a motion is no correction any more
@@ -49,7 +52,14 @@ class Draft:
     summary: tuple[str, ...]
 
 
-def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: str | None = None) -> Draft:
+def draft(
+    movable: str | Path,
+    static: str | Path,
+    *,
+    file: str | Path,
+    unit: str | None = None,
+    at: Callable[[str], None] = lambda _: None,
+) -> Draft:
     """Return a commented problem file about two meshes, drawn in one frame; it solves as it stands.
 
     Parameters
@@ -60,6 +70,8 @@ def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: st
         Where the problem file will be: paths in it start there.
     unit : str, optional
         Unit of all lengths in it; default "mm".
+    at : callable, optional
+        Is told what is done next, in words: meshes of very many faces take minutes.
 
     Raises
     ------
@@ -71,9 +83,13 @@ def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: st
     own = UNIT if unit is None else unit
     paths = Path(movable), Path(static)
     places = [_relative(path, Path(file)) for path in paths]
-    bodies = [Body.from_file(path, unit=own) for path in paths]
+    bodies = []
+    for path in paths:
+        at(f"reading {_shown(str(path))} and cutting it into convex parts")
+        bodies.append(Body.from_file(path, unit=own))
+    at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     situation = Situation(*bodies)
-    choice = chosen(situation)
+    choice = chosen(situation, at=at)
     remarks = _remarks(situation, own)
     sections = [
         _head(paths, Path(file), remarks),
@@ -99,12 +115,13 @@ def draft(movable: str | Path, static: str | Path, *, file: str | Path, unit: st
 
 def _head(paths: tuple[Path, Path], file: Path, remarks: list[str]) -> str:
     title = f"{paths[0].stem} and {paths[1].stem}"
+    name = _shown(quoted(file.name))
     lines = [
         f"# {_shown(title)}: a problem file of fcdm-opt, written by `fcdm-opt init`.",
         "#",
-        f"#   fcdm-opt solve {_shown(file.name)}            the smallest motion of each case",
-        f"#   fcdm-opt solve {_shown(file.name)} --certify  with a proof of how small it can be at all",
-        f"#   fcdm-opt curve {_shown(file.name)}            what touches at which sizes",
+        f"#   fcdm-opt solve {name}            the smallest motion of each case",
+        f"#   fcdm-opt solve {name} --certify  with a proof of how small it can be at all",
+        f"#   fcdm-opt curve {name}            what touches at which sizes",
         "#",
         '# "# " begins an explanation; "#" right before a key is an alternative: take it in place of the line above it',
         "# that has the same key. Editors complete keys and show what they mean after",
@@ -200,12 +217,12 @@ def _nominal(situation: Situation) -> list[str]:
     if situation.state != "touching":
         for near, why in ((situation.nearest, "the contact nearest to drawn"), (situation.grown, "both scaled alike")):
             if near is not None:
-                lines += [f"#nominal = {_near(near)}  # {why}: {near.features}"]
+                lines += [f"#nominal = {_near(near)}  # {why}: {_short(near.features)}"]
     listed = situation.switching_points(MOST_POINTS)
     for point in listed:
         pair = ", ".join(f"{x:.6g}" for x in point.rho.tolist())
         features = " and ".join(feature.label for feature in point.features)
-        lines += [f"#nominal = {point.index}  # switching point SW{point.index} at ({pair}): {features}"]
+        lines += [f"#nominal = {point.index}  # switching point SW{point.index} at ({pair}): {_short(features)}"]
     more = len(situation.curve.switching_points) - len(listed)
     if more:
         lines += [f"# ... and {more} more switching points: see `fcdm-opt curve`"]
@@ -268,7 +285,7 @@ def _case(letter: str, choice: Choice, drawn: float, unit: str) -> str:
     elif solution is not None:
         lines += [
             f"# NOT SOLVED as written. {_shown(solution.status.value)}",
-            f"# To change: the motion (see above), the goal, or the tolerance; looked for {SECONDS:g} s at most.",
+            f"# To change: the motion (see above), the goal, or the tolerance; no other was begun after {SECONDS:g} s.",
         ]
     else:
         lines += ["# NOT SOLVED as written: change the goal (see above)."]
@@ -299,18 +316,21 @@ def _remarks(situation: Situation, unit: str) -> list[str]:
 
 
 def _state(situation: Situation, unit: str) -> str:
+    union = len(situation.movable.parts) > 1 or len(situation.static.parts) > 1
+    deepest = ", at the deepest pair of convex parts" if union else ""
     words = {
         "touching": "the parts touch",
         "apart": f"the parts are {situation.gap:.6g} {unit} apart",
-        "overlapping": f"the parts overlap by {-situation.gap:.6g} {unit}",
+        "overlapping": f"the parts overlap by {-situation.gap:.6g} {unit}{deepest}",
     }
     text = words[situation.state]
     if situation.state == "touching":
         near = situation.nearest
-        return text + (f": {near.features}" if near is not None else "")
+        return text + (f": {_short(near.features)}" if near is not None else "")
     if math.isfinite(situation.growth):
         return f"{text}; both made {situation.growth:.6g} times as large, they would touch"
-    return f"{text}; scaling both alike leads to no contact"
+    low, high = WIDE[0]
+    return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
 
 
 def _motion(choice: Choice) -> str:
@@ -371,6 +391,18 @@ def _relative(mesh: Path, file: Path) -> str:
 def _text(text: str) -> str:
     """Return a text as TOML has it."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def quoted(path: str | Path) -> str:
+    """Return a path as a shell takes it: in quotes where needed, and never for an option."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
+
+
+def _short(label: str) -> str:
+    """Return a contact's label, its middle left out where it is very long."""
+    half = LONGEST // 2
+    return label if len(label) <= LONGEST else f"{label[:half]} ... {label[-half:]}"
 
 
 def _shown(text: str) -> str:
