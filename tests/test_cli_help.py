@@ -16,8 +16,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from fcdm_opt.cli import COMMANDS, app, solving
+from fcdm_opt.cli import COMMANDS, app
 from fcdm_opt.cli.guarding import BROKEN_PIPE, INTERNAL, INTERRUPTED
+from fcdm_opt.show import solved
 
 TOP = Path(__file__).parent.parent
 ROWS = {name: examples for rows in COMMANDS.values() for name, _, examples in rows}
@@ -153,11 +154,11 @@ def test_a_folder_was_left_where_no_file_could_be_read(command: str, tmp_path: P
 
 
 def test_a_defect_is_one_line_and_a_traceback_only_with_debug(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("planted\nhere")
 
     monkeypatch.chdir(TOP)
-    monkeypatch.setattr(solving, "_solved", broken)
+    monkeypatch.setattr(solved, "solved_case", broken)
     result = run("solve", BOXES)
     assert result.exit_code == INTERNAL
     assert result.stderr.startswith("error: internal: ZeroDivisionError: planted here; please report")
@@ -172,13 +173,38 @@ def test_a_defect_is_one_line_and_a_traceback_only_with_debug(monkeypatch: pytes
 
 
 def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.chdir(TOP)
-    monkeypatch.setattr(solving, "_solved", interrupted)
+    monkeypatch.setattr(solved, "solved_case", interrupted)
     result = run("solve", BOXES)
     assert (result.exit_code, result.stderr) == (INTERRUPTED, "interrupted\n")
+
+
+def test_an_interrupt_was_not_heard_while_a_library_was_busy() -> None:
+    """CoACD cuts a mesh for minutes without returning to Python; here a wait in C that signals do not end."""
+    busy = """if True:
+        import ctypes, os, signal, threading
+        from fcdm_opt.cli import guarding
+        guarding.GRACE = 0.2
+        lock, mutex = ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with guarding.guarded():
+            lock(mutex), lock(mutex)  # the second waits for ever
+        """
+    done = subprocess.run([sys.executable, "-c", busy], text=True, capture_output=True, timeout=30, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, "", "interrupted\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_was_a_traceback_where_json_is_asked_for() -> None:
+    with open("/dev/full", "w") as full:
+        done = process("solve", "none.toml", "--json", stdout=full)
+        _, errors = done.communicate(timeout=60)
+    assert done.returncode == 2
+    assert errors.splitlines()[-1] == "error: No space left on device"
+    assert "Traceback" not in errors
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:

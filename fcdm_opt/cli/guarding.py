@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -28,6 +30,7 @@ EXIT_CODES = (
     (INTERNAL, "a defect of fcdm-opt"),
     (INTERRUPTED, "interrupted"),
 )
+GRACE = 10.0  # seconds after which a run ends that an interrupt does not get through to
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,11 @@ def stopped(reason: Exception, text: str | None = None, *, code: int = BAD_INPUT
     """Say why the whole command is refused, as JSON too where that is asked for; return what ends it."""
     error = refuse(reason, text)
     if manner.get().as_json:
-        typer.echo(json.dumps({"error": error}, indent=2))
+        try:
+            typer.echo(json.dumps({"error": error}, indent=2))
+            sys.stdout.flush()
+        except OSError:  # a full disk may be the very reason
+            _silence()
     return typer.Exit(code)
 
 
@@ -69,7 +76,8 @@ def guarded() -> Iterator[None]:
     """Turn whatever ends a command into a line on stderr and an exit code."""
     try:
         try:
-            yield
+            with _interruptible():
+                yield
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()  # here a broken pipe is still ours to meet
@@ -95,10 +103,44 @@ def guarded() -> Iterator[None]:
         raise stopped(reason, what + hint, code=INTERNAL) from reason
 
 
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """See to it that an interrupt ends the run, even inside a library that returns to Python after minutes only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    ended = threading.Event()
+
+    def watch() -> None:
+        while numbers := os.read(reader, 64):  # written by the signal itself, before Python handles it
+            if signal.SIGINT in numbers and not ended.wait(GRACE):
+                say("interrupted")
+                os._exit(INTERRUPTED)
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    watcher.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        signal.set_wakeup_fd(before)
+        os.close(writer)
+        watcher.join()
+        os.close(reader)
+
+
 def _unheard() -> typer.Exit:
-    """Return how a command ends whose output nobody reads; what is still to be written goes nowhere."""
+    """Return how a command ends whose output nobody reads."""
+    _silence()
+    return typer.Exit(BROKEN_PIPE)
+
+
+def _silence() -> None:
+    """Send nowhere what is still to be written to stdout."""
     with suppress(OSError, ValueError, AttributeError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
-    return typer.Exit(BROKEN_PIPE)

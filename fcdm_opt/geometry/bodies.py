@@ -259,8 +259,8 @@ class Body(_Sealed):
         faces : sequence of sequences of int
             Polygons as rows of `vertices`; seen from outside they run counter-clockwise.
         decomposition : {"auto", "exact", "coacd"}
-            How a non-convex solid is cut into convex parts: exactly at its reflex edges, or approximately by CoACD, which
-            "auto" takes for very large meshes only. A convex solid is one part.
+            How a non-convex solid is cut into convex parts: exactly at its reflex edges, or approximately by CoACD,
+            which "auto" takes for very large meshes only. A convex solid is one part.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`.
         name : str

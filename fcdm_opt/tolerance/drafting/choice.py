@@ -19,7 +19,7 @@ from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 TOLERANCE = 0.02
-SECONDS = 20.0  # after which nothing further is begun, and what was found so far is taken: a file may be edited, waiting may not
+SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
 
