@@ -18,6 +18,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.units import measured
 
 if TYPE_CHECKING:
     from fcdm_opt.kinematics import Kinematics
@@ -192,12 +193,12 @@ class Motion:
         ways = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
         return float(np.linalg.norm(ways, axis=3).max(axis=(1, 2)).sum())
 
-    def describe(self, q: Sequence[float] | Array) -> str:
-        """Return the motion in words, lengths and degrees: "TZ 0.25 + RZ 7.02 deg"."""
+    def describe(self, q: Sequence[float] | Array, *, unit: str = "") -> str:
+        """Return the motion in words, degrees and lengths, in a unit or without: "TZ 0.25 mm + RZ 7.02 deg"."""
         words, start = [], 0
         for step in self.steps:
             count = len(step.parameters)
-            words.append(step.own_words([float(x) for x in q[start : start + count]]))
+            words.append(step.own_words([float(x) for x in q[start : start + count]], unit))
             start += count
         return " + ".join(words)
 
@@ -254,12 +255,11 @@ class Step(Motion):
         """Return the step in coordinates with another origin: itself where no fixed point enters."""
         return self
 
-    def own_words(self, q: list[float]) -> str:
-        """Parameters in words, in lengths and degrees."""
-        return " ".join(
-            f"{name} {_digits(x)}" if kind == "translation" else f"{name} {_digits(math.degrees(x))} deg"
-            for (name, kind), x in zip(self.own_parameters, q, strict=True)
-        )
+    def own_words(self, q: list[float], unit: str = "") -> str:
+        """Parameters in words, in degrees and lengths, in a unit or without."""
+        named = zip(self.own_parameters, q, strict=True)
+        shown = [(name, (x, unit) if kind == "translation" else (math.degrees(x), "deg")) for (name, kind), x in named]
+        return " ".join(f"{name} {measured(_digits(x), own)}" for name, (x, own) in shown)
 
 
 @dataclass(frozen=True)
@@ -498,10 +498,10 @@ class Screw(Step):
             return (1.0, away)
         return (1.0,) if self._endless else (math.hypot(self.pitch, away),)
 
-    def own_words(self, q: list[float]) -> str:
+    def own_words(self, q: list[float], unit: str = "") -> str:
         """Parameters in words: translation and angle, as in the paper's tables."""
         along, about = self.movements(q)
-        return f"Screw {_digits(along)}, {_digits(math.degrees(about))} deg"
+        return f"Screw {measured(_digits(along), unit)}, {_digits(math.degrees(about))} deg"
 
 
 @dataclass(frozen=True)

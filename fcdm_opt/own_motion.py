@@ -146,9 +146,9 @@ class OwnMotion(Step):
 
         return OwnMotion(shifted, self._parameters, self.name)
 
-    def own_words(self, q: list[float]) -> str:
-        """Name, and parameters in lengths and degrees."""
-        return f"{self.name} ({super().own_words(q)})"
+    def own_words(self, q: list[float], unit: str = "") -> str:
+        """Name, and parameters in degrees and lengths."""
+        return f"{self.name} ({super().own_words(q, unit)})"
 
 
 def _checked_parameters(parameters: Any) -> tuple[Parameter, ...]:

@@ -362,6 +362,13 @@ def test_numbers(value: float | None, text: str) -> None:
     assert cards.number(value) == text
 
 
+@pytest.mark.parametrize(
+    ("bound", "text"), [(0.1234567, "0.123456"), (0.07 - 1e-17, "0.07"), (99999.99, "99999.9"), (1e-310, "1e-310")]
+)
+def test_bounds_are_not_rounded_up(bound: float, text: str) -> None:
+    assert cards.floored(bound, 6) == text
+
+
 def test_long_texts_keep_both_ends() -> None:
     (text,) = read(cards.card("A" * 500 + "Z" * 500)).text
     assert len(text) < 200

@@ -124,7 +124,8 @@ def test_solve_prints_the_smallest_motion_of_two_cubes(cubes: Path) -> None:
     text = result.stdout
     row = next(line for line in text.splitlines() if "close it" in line)
     assert row.split()[-4:] == ["1", "1.000000", "touching", "yes"]
-    assert "TX 1 +" in row
+    assert "TX 1 " in row  # the shift along y does nothing, and is left out
+    assert "TY" not in row
     assert "1.3" in row.split()  # published: hypot(1.2, 0.5)
     assert text.splitlines()[-2].startswith("time of 1 case: ")
     assert '"touch"' not in text  # the column belongs to goal "beyond"
@@ -218,9 +219,9 @@ def test_an_unknown_option_is_bad_input(cubes: Path) -> None:
 
 
 def _rejecting(monkeypatch: pytest.MonkeyPatch) -> None:
-    from fcdm_opt.tolerance import solver
+    from fcdm_opt.show import solved
 
-    honest = solver.solve
+    honest = solved.solve
     verdict = Certificate((Check("planted", False, 1.0, 0.0, "a planted refusal"),))
 
     def refused(problem: Problem, **_: bool) -> Solution:
@@ -228,7 +229,7 @@ def _rejecting(monkeypatch: pytest.MonkeyPatch) -> None:
         status = Status.NOT_VERIFIED if answer.status.found else answer.status
         return replace(answer, certificate=verdict, status=status)
 
-    monkeypatch.setattr(solver, "solve", refused)
+    monkeypatch.setattr(solved, "solve", refused)
 
 
 def test_a_motion_that_was_not_verified_is_exit_code_3(cubes: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from fcdm_opt.design.whatif.compare import Comparison, Row, _checked, compare, c
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Free, Rotation, Translation
+from fcdm_opt.show.design_tables import print_comparison
 from fcdm_opt.tolerance.files import load_problems
 from fcdm_opt.tolerance.problem import Problem
 
@@ -89,7 +90,7 @@ def test_parts_of_a_family_make_its_motions() -> None:
         assert np.linalg.norm(weights * q) == pytest.approx(np.linalg.norm(Free().weights(1.7) * free))
 
 
-def test_failing_families_and_ties_of_a_closed_form() -> None:
+def test_failing_families_and_ties_of_a_closed_form(capsys: pytest.CaptureFixture[str]) -> None:
     found = compare(boxes())
     rows = {row.name: row for row in found.table}
     for name in ("translation x", "translations", "translation and rotation x"):
@@ -103,6 +104,11 @@ def test_failing_families_and_ties_of_a_closed_form() -> None:
     assert "translation x" in rows["translations"].tied
     assert rows["translation z"].tied == ("translation and rotation z",)
     assert rows["rotation x"].tied == ()
+    print_comparison(found)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[-1] == "outcome"
+    ended = {line.split("  ")[0]: line.strip().split("  ")[-1].strip() for line in lines[3:]}
+    assert (ended["translation x"], ended["rotation x"]) == ("verified", "impossible")
 
 
 def test_what_a_family_does_not_know_is_dropped_and_told() -> None:

@@ -144,7 +144,8 @@ def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
     assert "clash: lower limit of TX; upper limit of TX; lower limit of TY; upper limit of TY (proved)" in text
     code, text, _ = run("whatif", PROBLEMS / "peg_square.toml", "--case", "against the lower wall")
     assert code == 0
-    assert 'with goal "clear"' in text
+    assert 'ask for goal "clear"' in text
+    assert "outcome" in text
 
 
 @pytest.mark.parametrize("option", [("--set", "tolerance"), ("--budget", "much")])

@@ -16,6 +16,7 @@ from fcdm_opt.design.whatif.drop import Costs, Dropped, drop
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Translation
+from fcdm_opt.show.design_tables import print_costs
 from fcdm_opt.tolerance.files import load_problems
 from fcdm_opt.tolerance.keep_out import KeepOut
 from fcdm_opt.tolerance.problem import Problem
@@ -213,3 +214,16 @@ def test_results_are_plain_data():
     assert [row["saving"] for row in data["rows"]] == [row.saving for row in found.rows]
     assert data["goals"][0]["excess"] is None
     assert str(found).startswith("amount 2.5\nwithout keep-out 'ribs': saves 0.5")
+
+
+def test_the_table_says_what_was_changed_and_what_that_saves(capsys: pytest.CaptureFixture[str]):
+    print_costs(costs("bracket.toml", "past the ribs"))
+    text = capsys.readouterr().out
+    assert ["drop", "keep-out", "'ribs'", "2", "0.5", "0.9", "verified"] in [row.split() for row in text.splitlines()]
+    assert "below 0 saved: the motion gets larger" in text
+    assert '"foretold"' in text
+    print_costs(costs("keyway.toml", "C bottom and wall at once"))  # some other goal has no motion
+    text = capsys.readouterr().out
+    assert "impossible" in text or "no motion found" in text
+    assert "NOT_FOUND" not in text
+    assert "INFEASIBLE" not in text

@@ -17,12 +17,17 @@ from fcdm_opt.design.distributions import Measured, Normal, Uniform
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.best_pose import best_pose
 from fcdm_opt.design.fixed_pose.clearances import clearances
+from fcdm_opt.design.fixed_pose.local_search import Found, least_moved
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
+from fcdm_opt.design.fixed_pose.scene import Scene
+from fcdm_opt.design.fixed_pose.worst import Worst
+from fcdm_opt.design.sizes import worst_sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.collision import ScaledPair
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 ACCURACY = 1e-4
+XYZ = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
 
 
 def problem(name: str, case: int = 0) -> fo.Problem:
@@ -99,7 +104,7 @@ def test_measured_pairs_are_counted_as_they_are():
     assert found.interference == 3 / 5  # 0 is a contact
     assert found.counts.sum() == 5
     assert found.quantiles[[0, 5, -1], 1] == pytest.approx([gaps.min(), np.sort(gaps)[2], gaps.max()], abs=1e-12)
-    assert "5 measured pairs" in str(found)
+    assert "% of 5 measured pairs interfere" in str(found)
     assert json.loads(json.dumps(found.to_dict()))["count"] == 5
 
 
@@ -201,7 +206,10 @@ def test_the_peg_takes_the_middle_of_its_range(sizes):
     low, high = play(sizes)
     assert found.worst_gap == pytest.approx(max((high - low) / 2, -low), rel=1e-9)
     m = max(abs(0.25 + found.parameters["TX"]), abs(-0.125 + found.parameters["TY"]))
-    assert m == pytest.approx(max((high + low) / 2, 0.0), abs=1e-9)
+    best = max((high + low) / 2, 0.0)
+    assert m == pytest.approx(best, abs=1e-9)
+    least = best - 0.25 if best > 0.25 else np.hypot(0.25 - best, max(0.125 - best, 0.0))
+    assert found.amount == pytest.approx(least, abs=1e-8)
     proved(asked, found)
     assert found.gap <= ACCURACY * found.value
 
@@ -291,6 +299,57 @@ def test_three_parameters_tell_what_is_left():
     assert all(check.passed for check in found.check(asked))
 
 
+# A wedge above a groove of 90 degrees along y: its gap is (0.05 + z - |x| + 10 (1 - rho_1) + 10 (1 - rho_2)) / sqrt(2).
+
+
+def wedge_in_a_groove(motion: fo.Motion, **more) -> fo.Problem:
+    def prism(outline, half: float):
+        return [[x, y, z] for y in (-half, half) for x, z in outline]
+
+    wall = np.array([(30, 0), (0, 0), (0, 10), (20, 30), (30, 30)])
+    block = fo.Body.from_parts([prism(wall * (side, 1), 20) for side in (-1, 1)], seed=(0, 0, 0))
+    wedge = fo.Body.convex(prism([(0, 10.05), (-10, 20.05), (10, 20.05)], 15), seed=(0, 0, 20.05))
+    return fo.Problem(
+        wedge, block, requirement="A", tolerance=0.01, nominal=(1, 1), motion=motion, goal="touch", **more
+    )
+
+
+@pytest.mark.parametrize("weight", [1.0, 2.0, 10.0])
+def test_a_wedge_does_not_slide_along_its_groove(weight):
+    near = {"TX": (-1.0, 1.0), "TY": (-10.0, 10.0), "TZ": (-1.0, 1.0)}  # else it does better below the block
+    asked = wedge_in_a_groove(XYZ, weights={"TX": weight}, limits=near)
+    found = best_pose(asked, effort=300)
+    aside = 0.05 / (1.0 + weight**2)  # the least of (weight x)^2 + z^2 where z - |x| = -0.05
+    assert found.worst_gap == pytest.approx(0.2 / np.sqrt(2), rel=1e-9)
+    assert abs(found.parameters["TX"]) == pytest.approx(aside, abs=1e-7)
+    assert found.parameters["TY"] == 0.0
+    assert found.parameters["TZ"] == pytest.approx(aside - 0.05, abs=1e-7)
+    proved(asked, found)
+
+
+def test_a_pose_far_along_the_groove_is_brought_back():
+    asked = wedge_in_a_groove(XYZ >> fo.Rotation("z"), limits={"RZ": (-0.1, 0.1)})
+    worst = Worst(asked, Scene(asked.movable, asked.static, worst_sizes(asked, None, None)))
+    limits = np.array(asked.limits)
+    far, start = (Found(q, worst.off(q), worst.amount(q)) for q in np.array([(0, -4, -0.05, 0), (0, 0, 0, 0)]))
+    found = least_moved(worst, limits, far, start)
+    assert found.off.value <= far.off.value + 2e-11 * asked.size
+    assert np.abs(found.q) == pytest.approx([0.025, 0, 0.025, 0], abs=1e-7)
+    assert found.amount == pytest.approx(0.05 / np.sqrt(2), abs=1e-8)
+
+
+def test_a_block_on_a_table_is_lifted_and_nothing_else():
+    # gap 0.3 + z + 1 (1 - rho_1) + 2 (1 - rho_2) over [.9, 1.1] x [.95, 1.05]
+    block = fo.Body.convex(box((-1, -2, 0.3), (1, 2, 2.3)), seed=(0, 0, 1.3))
+    table = fo.Body.convex(box((-9, -9, -2.5), (9, 9, 0)), seed=(0, 0, -2))
+    asked = two(block, table, XYZ >> fo.Rotation("z"), limits={"RZ": (-0.5, 0.5)})
+    for certify in (False, True):
+        found = best_pose(asked, box=((0.9, 1.1), (0.95, 1.05)), effort=300, certify=certify)
+        assert found.worst_gap == pytest.approx(0.2, rel=1e-9)
+        assert list(found.parameters.values()) == pytest.approx([0, 0, -0.3, 0], abs=1e-9)
+        assert found.passed
+
+
 def test_a_proof_that_was_tampered_with_is_rejected():
     asked = problem("peg_square")
     found = best_pose(asked)
@@ -321,7 +380,10 @@ def test_results_are_plain_data():
     data = json.loads(json.dumps(found.to_dict()))
     assert data["status"] == "least worst gap"
     assert data["parameters"] == found.parameters
-    assert str(found).startswith("least worst gap: screw_angle")
+    assert data["motion"] == found.motion
+    turned = np.degrees(found.parameters["screw_angle"])
+    assert str(found).startswith(f"least worst gap: {found.motion}; gaps from {-found.least.gap:.6g} interference to ")
+    assert found.motion.endswith(f"{turned:.6g} deg")
 
 
 @pytest.mark.parametrize(

@@ -520,7 +520,7 @@ BAD_FILED = [
     ('unit = "mm"', 'unit = "mm"\ndeviation = [0, 0]', "bodies.movable.deviation", "not by both", "file_unit"),
     ('unit = "mm"', 'unit = "mm"\nfile_unit = "yd"', "bodies.movable.file_unit", "found 'yd'", "unit of the numbers"),
     ('unit = "mm"', 'unit = "mm"\ndecomposition = "cut"', "bodies.movable.decomposition", "found 'cut'", '"coacd"'),
-    ('file = "meshes/movable.off"\n', "", "bodies.movable.unit", "goes with file; found 'mm'", "peg.stl"),
+    ('file = "meshes/movable.off"\n', 'file_unit = "mm"\n', "bodies.movable.file_unit", "with file; found 'mm'", "stl"),
     ('file = "meshes/movable.off"\nunit = "mm"\n', "", "bodies.movable.vertices", "missing key", "file = "),
     ('file = "meshes/movable.off"', "file = 3", "bodies.movable.file", "found 3", "STL"),
     ("meshes/movable.off", "none.off", "bodies.movable.file", "none.off: ", ""),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from test_report_study import TAUS, result
 
+from fcdm_opt.design.study.point import row
 from fcdm_opt.show.report.study_page import study_page
 from fcdm_opt.tolerance.files import ProblemFile
 from fcdm_opt.tolerance.problem import Problem
@@ -254,6 +255,16 @@ def test_slider_and_cases_by_keyboard(wide, payload):
     shows(wide, payload["cases"][1], payload["cases"][1]["poses"]["corrected"])
 
 
+def test_skipping_to_the_answer_keeps_the_case(wide):
+    wide.page.select_option("#choose", "1")
+    wide.drawn("1 corrected")
+    wide.page.focus(".skip")
+    wide.page.keyboard.press("Enter")
+    wide.until("location.hash", "#answers")
+    wide.page.evaluate("new Promise(requestAnimationFrame)")
+    assert wide.page.input_value("#choose") == "1"
+
+
 def test_scene_by_keyboard(wide):
     first = wide.camera()
     wide.page.focus("#bodies")
@@ -331,7 +342,16 @@ def test_planted_overlap_and_cut_are_seen(wide):
         wide.page.evaluate(move, "")
 
 
+def test_paper_shows_the_chosen_case_alone_unless_all_are_wanted(wide):
+    wide.page.emulate_media(media="print")
+    wide.page.wait_for_selector("html.printing", state="attached")
+    assert [wide.page.is_visible(f"#case-{number}") for number in range(len(CASES))] == [True, False]
+    wide.page.emulate_media(media="screen")
+    wide.page.wait_for_selector("html:not(.printing)", state="attached")
+
+
 def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
+    wide.page.check("#print-all")
     wide.page.emulate_media(media="print", color_scheme="dark")
     wide.page.wait_for_selector("html.printing", state="attached")
     for number in range(len(payload["cases"])):
@@ -344,6 +364,7 @@ def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
     assert wide.page.evaluate(OVERLAPS) == []
     wide.page.emulate_media(media="screen", color_scheme="light")
     wide.page.wait_for_selector("html:not(.printing)", state="attached")
+    wide.page.uncheck("#print-all")
     assert not wide.page.is_visible("text=Relative tolerances and their reasons")
 
 
@@ -381,6 +402,26 @@ def test_readable_without_scripts(browser, address):
     context.close()
 
 
+def test_a_study_of_words_without_a_motion_is_drawn_too(browser, tmp_path):
+    made = result(["A", HOSTILE])
+    made.answers.clear()
+    made.answers.update({key: row(key, "INFEASIBLE", "Proved impossible") for key, _ in made.points})
+    path = tmp_path / "study.html"
+    path.write_text(study_page(made), encoding="utf-8")
+    opened = Opened(browser, path.as_uri())
+    try:
+        opened.page.select_option("#x-axis", "case")
+        opened.drawn("case|amount|case|0")
+        opened.slide(5)
+        opened.drawn("case|amount|case|5")
+        chosen = opened.trace("chart", "chosen point")
+        assert chosen["x"] == [HOSTILE.replace("<", "&lt;").replace(">", "&gt;")]
+        assert 0.0 < chosen["y"][0] < 0.1  # of the height: it has no amount
+        assert opened.wrong == []
+    finally:
+        opened.context.close()
+
+
 @pytest.mark.parametrize("options", [{}, {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark"}])
 def test_a_study_is_walked_through_point_by_point(browser, options, tmp_path):
     path = tmp_path / "study.html"
@@ -410,3 +451,23 @@ def test_a_study_is_walked_through_point_by_point(browser, options, tmp_path):
         assert opened.wrong == []
     finally:
         opened.context.close()
+
+
+def test_twice_the_tolerance_left_the_picture(wide, payload):
+    """The slider's last place: the box and all marks are inside the part of the curve that is shown."""
+    last = len(payload["cases"][0]["families"]["tolerance"]["values"]) - 1
+    wide.page.check("input[name=family][value=tolerance]", force=True)
+    wide.slide(last)
+    wide.drawn(f"0 tolerance {last}")
+    seen = wide.page.evaluate(
+        """() => {
+          const { layout, data } = document.getElementById("curve");
+          const box = layout.shapes.find(shape => shape.name === "tolerance box");
+          const marks = data.filter(trace => /parts made|tracked point/.test(trace.name));
+          const along = k => [box[`${k}0`], box[`${k}1`], ...marks.flatMap(trace => [...trace[k]])];
+          return ["x", "y"].map(k => [layout[`${k}axis`].range, along(k)]);
+        }"""
+    )
+    for (low, high), values in seen:
+        assert len(values) == 5
+        assert all(low < value < high for value in values)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.show.report import cases as cases_module
+from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES
 from fcdm_opt.show.report.gather import gather
 from fcdm_opt.show.report.left_out import left_out
+from fcdm_opt.show.report.page import LAYOUT
 from fcdm_opt.tolerance.files import ProblemFile
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
@@ -117,7 +118,7 @@ def test_case_that_is_refused_is_told_and_the_others_go_on(monkeypatch):
             raise fo.InputError("no such thing", key="motion", found="x", allowed="y")
         return fo.solve(problem, **arguments)
 
-    monkeypatch.setattr(cases_module, "solve", refusing)
+    monkeypatch.setattr(solved_module, "solve", refusing)
     said = []
     file = opened("boxes", "close the gap", "slanted", "both made larger")
     payload = gather([file], certify=False, say=said.append, seconds=0.0)
@@ -299,20 +300,26 @@ def test_keep_outs_are_in_the_scene_at_their_largest_scale():
     assert [item["body"] for item in case["scene"]["objects"]] == [0, 1, 2]
     assert [body["role"] for body in case["bodies"]] == ["movable", "static", "keep-out"]
     assert max(x for x, _, _ in case["scene"]["objects"][2]["points"]) == pytest.approx(1.02 * 18)
-    assert case["bodies"][2]["notes"][0] == "scale 0.98 to 1.02, clearance 0.5"
+    assert case["bodies"][2]["notes"][0] == "scale 0.98 to 1.02, clearance 0.5 mm"
 
 
 def off(kind, points, triangles, place):
-    """Return how far a place is off a vertex, an edge's segment or a face's plane."""
+    """Return how far a place is off a vertex or an edge's segment, or off the plane of a face's triangle it is in."""
     if kind == "V":
         return np.linalg.norm(place - points[0])
     if kind == "E":
         start, way = points[0], points[1] - points[0]
         share = np.clip((place - start) @ way / (way @ way), 0.0, 1.0)
         return np.linalg.norm(place - start - share * way)
-    a, b, c = points[triangles[0]]
-    normal = np.cross(b - a, c - a)
-    return abs((place - a) @ normal) / np.linalg.norm(normal)
+    found = [np.inf]
+    for a, b, c in points[triangles]:
+        normal = np.cross(b - a, c - a)
+        twice = np.linalg.norm(normal)
+        sides = ((a, b), (b, c), (c, a))
+        shares = [np.cross(end - start, place - start) @ normal / twice**2 for start, end in sides]
+        if min(shares) > -DRAWN:
+            found.append(abs((place - a) @ normal) / twice)
+    return min(found)
 
 
 @pytest.mark.parametrize("names", [("example1",), ("example2",), ("boxes",), LID])
@@ -339,6 +346,13 @@ def test_features_of_frames_are_those_of_the_solutions():
             labels = [case["feature_shapes"][k]["label"] for k in case["poses"]["corrected"]["contact"]]
             assert set(labels) == set(case["features"]) == {feature.label for feature in fo.solve(problem).features}
             assert [case["feature_shapes"][k]["label"] for k in case["tracked_shapes"]] == case["features"]
+
+
+def test_published_motions_are_measured_as_the_found_ones_are():
+    (problem,) = opened("boxes", "slanted").problems
+    for amount, found in (("weighted", 6.0), ("displacement", 2.0)):
+        asked = problem.changed(amount=amount, published=[2.0], weights={"T": 3.0})
+        assert solved_module.solved_case(asked, certify=False).published_amount == pytest.approx(found)
 
 
 def test_tracked_pose_touches_where_the_parts_made_do_not():
@@ -402,8 +416,7 @@ def test_table_is_laid_out_as_the_papers(name):
     payload = gathered(name)
     (table,) = payload["matrices"]
     assert (table["file"], table["title"], table["tolerance"]) == (0, "cases A, B, C, D", "2 %")
-    assert table["layout"] == [["A", "C"], ["B", "D"]]
-    for row, sign_2 in zip(table["layout"], (1.0, -1.0), strict=True):
+    for row, sign_2 in zip(LAYOUT, (1.0, -1.0), strict=True):
         for letter, sign_1 in zip(row, (1.0, -1.0), strict=True):
             cell = table["cells"][letter]
             case = payload["cases"][cell["case"]]
@@ -437,7 +450,7 @@ def test_two_cases_of_one_requirement_have_two_tables():
         "matrices"
     ]
     assert (first["cells"]["A"]["case"], second["cells"]["A"]["case"]) == (0, 1)
-    assert second["cells"]["D"]["motion"] == "TY 0 + TX 0.035"
+    assert second["cells"]["D"]["motion"] == "TX 0.035"
 
 
 # ------------------------------------------------------------------------------------------------- grounds and limits
@@ -491,3 +504,13 @@ def test_deviation_of_approximated_parts_is_told():
     assert sentence.startswith("rough is")
     assert "at most 0.25 and" in sentence
     assert "at most 0.125:" in sentence
+
+
+def test_meshes_are_named_with_their_checksums():
+    import hashlib
+
+    path = PROBLEMS / "peg_square.toml"
+    (file,) = gather([Opened(path, "", "", ())])["files"]
+    assert [mesh["file"] for mesh in file["meshes"]] == ["meshes/square_peg.stl", "meshes/square_plate.stl"]
+    for mesh in file["meshes"]:
+        assert mesh["sha256"] == hashlib.sha256((PROBLEMS / mesh["file"]).read_bytes()).hexdigest()

@@ -251,7 +251,7 @@ def test_requirements_stand_as_in_the_papers_tables(plain):
 def test_a_case_without_motion_says_so():
     none = payload()
     none["cases"] = [{**case("stuck"), "amount": None, "motion": "-", "status": "INFEASIBLE", "certificate": None}]
-    none["cases"][0] |= {"lower_bound": None, "gap": None, "bound_text": "impossible", "pair": None, "pair_state": None}
+    none["cases"][0] |= {"lower_bound": None, "gap": None, "bound_text": "impossible", "pair_state": "apart"}
     none["cases"][0] |= {"sensitivities": None, "published": None, "touch_amount": None, "rho": None}
     none["files"] = none["files"][:1]
     none["files"][0]["cases"], none["matrices"] = [0], []
@@ -260,6 +260,7 @@ def test_a_case_without_motion_says_so():
     assert "impossible" in words
     assert "proof checked" in words
     assert "advice plain" in words
+    assert "at rest, at" in words  # the state is not that after a motion
 
 
 def test_nothing_read_is_a_page_too():

@@ -7,6 +7,7 @@ import gzip
 import json
 import math
 import re
+import sys
 from html.parser import HTMLParser
 from typing import Any
 
@@ -14,10 +15,12 @@ import pytest
 
 from fcdm_opt.design.study.point import row
 from fcdm_opt.design.study.results import StudyResult
+from fcdm_opt.errors import InputError
+from fcdm_opt.show.report import markup
 from fcdm_opt.show.report import study_page as module
 from fcdm_opt.show.report.study_page import study_page
 
-HOSTILE = "</script><b>bold & 'quoted'"
+HOSTILE = r"</script><b>bold & 'quoted' $\frac$ $x$"
 TAUS = [0.01, 0.02, 0.03, 0.04]
 
 
@@ -117,6 +120,26 @@ def test_more_points_than_a_chart_holds_are_thinned_out_evenly(monkeypatch: pyte
     assert data["numbers"] == [0, 2, 4, 6]
     assert data["of"] == 8
     assert "2 of 8 points, evenly chosen" in " ".join(reader.text)
+
+
+def test_bounds_are_not_rounded_up() -> None:
+    made = result(["A"])
+    made.answers["0 0.01"]["lower_bound"] = 0.98765477
+    reader, _ = read(study_page(made))
+    assert "0.987654" in reader.text
+
+
+def test_pictures_show_dollar_signs_as_they_are() -> None:
+    page = study_page(result(["A", "B"], title="5 $ or 6 $"))
+    assert "5 $ or 6 $" in page[page.index("<svg") : page.index("</svg")]
+
+
+def test_a_missing_plotly_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    markup._plotly.cache_clear()
+    markup.embedded_plotly.cache_clear()
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
+    with pytest.raises(InputError, match="install it with pip install plotly"):
+        markup.embedded_plotly()
 
 
 def test_infinite_values_are_none() -> None:

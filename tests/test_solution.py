@@ -36,7 +36,7 @@ QUESTIONS: dict[str, tuple[Status, dict[str, Any]]] = {
     "infeasible": (Status.INFEASIBLE, {"target": (1, 1), "goal": "touch", "motion": Translation("z")}),
     "not found": (Status.NOT_FOUND, {"target": (1, 1), "goal": "touch",
                                      "limits": {"TX": (-0.1, 0.1), "TY": (-0.1, 0.1)},
-                                     "motion": Translation("x") >> Translation("y") >> Rotation("z")}),
+                                     "motion": Translation("x") >> Translation("y") >> Rotation("z") >> Rotation("x")}),
     "turned": (Status.SOLVED, {"target": (2.5, 1), "goal": "touch", "motion": Rotation("z") >> Translation((1, 1, 0))}),
 }  # fmt: skip
 EVERY_QUESTION = pytest.mark.parametrize("question", QUESTIONS)

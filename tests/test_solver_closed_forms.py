@@ -230,7 +230,7 @@ def test_limits_that_exclude_every_answer_are_infeasible_where_that_is_proved():
 
 
 def test_without_a_proof_the_status_does_not_claim_one():
-    """Translations alone are proved, and two parameters: 1/2 to go, .1 allowed, and a corner reaches .21 further."""
+    """Translations alone are proved, and up to three parameters: 1/2 to go, .1 allowed, a corner reaches .21 further."""
     narrow = {"TX": (-0.1, 0.1), "T": (-0.1, 0.1)}
     both = problem(HALF, PLATE, target=(1, 1), motion=X >> Translation((1, 1, 0)), limits=narrow)
     refused(both, Status.INFEASIBLE)
@@ -239,7 +239,10 @@ def test_without_a_proof_the_status_does_not_claim_one():
     refused(turned, Status.INFEASIBLE)
     refused(problem(HALF, PLATE, target=(1, 1), goal="clear", clearance=1, limits={"TX": (-0.4, 1)}), Status.INFEASIBLE)
     three = turned.changed(motion=X >> Rotation("z") >> Y, limits=limits | {"TY": (-1, 1)})
-    assert 0 < refused(three, Status.NOT_FOUND).lower_bound <= 0.5
+    refused(three, Status.INFEASIBLE)
+    tilted = Rotation("z") >> Rotation("x")
+    four = turned.changed(motion=X >> Y >> tilted, limits=limits | {"TY": (-1, 1), "RX": (-1, 1)})
+    assert 0 < refused(four, Status.NOT_FOUND).lower_bound <= 0.5
 
 
 def test_limits_that_exclude_rest_still_have_their_least_answer():

@@ -218,7 +218,7 @@ def test_differences_name_what_changed_and_nothing_else() -> None:
     assert set(told) == {"parameters.TY", "amount", "lower_bound", "pair"}
     assert told["parameters.TY"].after - told["parameters.TY"].before == pytest.approx(-0.0975, abs=1e-9)
     assert found.change == pytest.approx(0.0975, abs=1e-9)
-    assert str(found).startswith("target changed: amount 0.32 -> 0.4175 (foretold 0.4175)")
+    assert str(found).startswith("target changed: amount 0.32 -> 0.4175 mm (foretold 0.4175)")
 
 
 @pytest.mark.parametrize("ends", [(-0.3, -0.2), (-0.4, -0.2), (-0.2, -0.2), (-0.4, -0.3), (-0.3, -0.3), (-0.31, -0.29)])

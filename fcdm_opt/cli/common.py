@@ -163,7 +163,7 @@ class Inquiry:
     @contextmanager
     def case(self, file: OpenedFile, problem: Problem) -> Iterator[dict[str, Any]]:
         """Give the entry of a case in the document; bad input met meanwhile is said, and ends nothing else."""
-        entry: dict[str, Any] = {"name": problem.name}
+        entry: dict[str, Any] = {"name": problem.name, **({"unit": problem.unit} if problem.unit else {})}
         self._document[-1].setdefault("cases", []).append(entry)
         try:
             yield entry

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -224,12 +225,13 @@ def pose_command(
     pairs = None if sizes is None else _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        yield "as drawn", clearances(problem, sizes=pairs, box=within), tables.print_clearances
+        drawn = clearances(problem, sizes=pairs, box=within)
+        yield "as drawn", drawn, partial(tables.print_clearances, where="as drawn")
         best = best_pose(problem, sizes=pairs, box=within, clearance=ends)
         yield "best pose", best, tables.print_best_pose
         if best.transform is not None:
             made = clearances(problem, sizes=pairs, box=within, pose=best.transform)
-            yield "at the best pose", made, tables.print_clearances
+            yield "at the best pose", made, partial(tables.print_clearances, where="at the best pose")
 
     _each_case(Inquiry(files, case, as_json=as_json), asked)
 

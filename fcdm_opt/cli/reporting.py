@@ -67,8 +67,10 @@ def _files(sources: Iterable[Path]) -> Iterator[Path]:
 def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the report on problem files, nothing where none could be read, and the exit code of each file and case."""
     from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.markup import embedded_plotly
     from fcdm_opt.show.report.page import page
 
+    embedded_plotly()  # what is missing is said before anything is solved
     opened = opened_files(paths, cases)
     if not any(file.problems for file in opened):
         return "", [BAD_INPUT]

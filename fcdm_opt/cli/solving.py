@@ -38,13 +38,15 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
     for file in inquiry:
         found = _distinct_curves(file.problems)
-        inquiry.say_of("curves", [{"cases": names, **_curve_data(curve)} for curve, names in found])
+        unit = next((problem.unit for problem in file.problems), "")  # a file has one
+        shared = {"unit": unit} if unit else {}
+        inquiry.say_of("curves", [{"cases": names, **shared, **_curve_data(curve)} for curve, names in found])
         if found and not as_json:
-            print_curves(file.path.name, file.title, file.note, found)
+            print_curves(file.path.name, file.title, file.note, found, unit=unit)
         if inquiry.pictures:
             for number, (curve, _) in enumerate(found, 1):
                 suffix = f"-pair{number}" if len(found) > 1 else ""
-                inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve)
+                inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve, unit=unit)
     inquiry.finish()
 
 
@@ -133,7 +135,7 @@ def _default_direction(file: OpenedFile, problem: Problem) -> Any:
         what = f"no direction is given, and none follows from a motion that solves the case: {advice}"
         names = ",".join(f"{name}{'_deg' * (kind == 'rotation')}=1" for name, kind in problem.motion.parameters)
         raise InputError(what, key="--direction", found="none", allowed=f"NAME=VALUE,... as {names}")
-    motion = problem.motion.describe(list(solution.parameters.values()))
+    motion = problem.motion.describe(list(solution.parameters.values()), unit=problem.unit)
     say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {motion}")
     return solution.parameters
 

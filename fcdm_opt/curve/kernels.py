@@ -52,7 +52,9 @@ class _Announcement(event.Listener):
     def on_start(self, event: Any) -> None:
         if not self.said and event.data["dispatcher"].py_func.__module__ == __name__:
             self.said = True
-            logging.getLogger("fcdm_opt").warning("compiling the numerical kernels: about a minute, once")
+            logging.getLogger("fcdm_opt").warning(
+                "compiling numerical kernels that were not used before: minutes in all, kept for later runs"
+            )
 
     def on_end(self, event: Any) -> None:
         pass

@@ -17,7 +17,7 @@ from fcdm_opt.design.places import Place, look_up, parse, put, written
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion
-from fcdm_opt.tolerance.files import Case, Defaults, ProblemFile, Scene, checked, plain_body, same_units
+from fcdm_opt.tolerance.files import Case, Defaults, ProblemFile, Scene, checked, plain_body, same_unit
 from fcdm_opt.tolerance.keep_out import KeepOut, keep_outs
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.schema import STEPS, BodyEntry, Entry, KeepOutEntry, closest, plain
@@ -127,8 +127,15 @@ class Table:
     @cached_property
     def body(self) -> Body:
         """The body itself; equal ones are built once a process."""
-        own = {key: item for key, item in self.data.items() if key not in _OF_KEEP_OUTS}
-        return _built(self.text if len(own) == len(self.data) else canonical(own), self.role)
+        own = {key: item for key, item in self.bare.data.items() if key not in _OF_KEEP_OUTS}
+        return _built(self.bare.text if len(own) == len(self.bare.data) else canonical(own), self.role)
+
+    @cached_property
+    def bare(self) -> Table:
+        """The table without the unit of its vertices, which is only shown; itself where it names none, or a file."""
+        if "file" in self.data or "unit" not in self.data:
+            return self
+        return Table({key: item for key, item in self.data.items() if key != "unit"}, self.role)
 
     def with_value(self, place: Place, value: Any) -> Table:
         """Return the table with a value at a place in it, or in whole.
@@ -139,7 +146,7 @@ class Table:
             return Table(value, self.role)
         data: Mapping[str, Any] = self.data
         if "file" in data and place == ("vertices",):
-            data = {key: item for key, item in data.items() if key not in _MESH}
+            data = {key: item for key, item in data.items() if key == "unit" or key not in _MESH}
         elif "file" in data and place[0] not in (*_MESH, *_BESIDE_MESH):
             data = self.drawn.data
         return Table(put(data, place, value, dropped=excluded), self.role)
@@ -149,7 +156,7 @@ class Table:
 def _read(text: str, role: str, stamp: tuple[int, ...]) -> Table:
     """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
     table = Table(json.loads(text), role)
-    own = {key: table.data[key] for key in _OF_KEEP_OUTS if key in table.data}
+    own = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
     return Table({**plain_body(table.checked.body(role, None)), **own}, role)
 
 
@@ -196,8 +203,10 @@ class SceneTables:
 
     @cached_property
     def key(self) -> str:
-        """The sha256 of `text`: scenes with equal keys are equal."""
-        return digest(self.text)
+        """The sha256 of `text` without the unit of vertices: bodies of scenes with equal keys are equal."""
+        movable, static, *others = bare = [table.bare for table in self.tables.values()]
+        named = any(one is not two for one, two in zip(bare, self.tables.values(), strict=True))
+        return digest(SceneTables(movable, static, tuple(others)).text if named else self.text)
 
     @cached_property
     def tables(self) -> dict[str, Table]:
@@ -210,9 +219,14 @@ class SceneTables:
         """The scene without mesh files; itself where there is none."""
         if all("file" not in table.data for table in self.tables.values()):
             return self
-        same_units({place: table.data.get("unit") for place, table in self.tables.items()}, None)
+        assert self.unit  # refuses different ones
         movable, static, *others = self._each(lambda table: table.drawn)
         return SceneTables(movable, static, tuple(others))
+
+    @cached_property
+    def unit(self) -> str:
+        """The unit that the bodies name, "" where none does; raises `InputError` where they differ."""
+        return same_unit({place: table.data.get("unit") for place, table in self.tables.items()}, None)
 
     @cached_property
     def built(self) -> Scene:
@@ -222,7 +236,7 @@ class SceneTables:
             KeepOut(body, table.data.get("scale", 1.0), clearance=table.data.get("clearance", 0.0))
             for body, table in zip(others, self.keep_out, strict=True)
         ]
-        return Scene(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)})
+        return Scene(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit)
 
     def check(self) -> None:
         """Refuse tables that are no bodies; reads and builds nothing."""
@@ -301,7 +315,7 @@ class Question:
         file = ProblemFile.read(path)
         cases = file.named_cases(path).values()
         bodies, home = file.both_bodies(path)
-        file.check_units(bodies, path)
+        file.common_unit(bodies, path)
         own = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
         scene = SceneTables.of({"bodies": own, "keep_out": [_given(entry, path.parent) for entry in file.keep_out]})
         return tuple(cls(scene, {**_given(file.defaults), **_given(case)}) for case in cases)

@@ -158,7 +158,7 @@ def drawn_pairs(sizes: Any, box: Array, count: int, seed: int) -> tuple[Array, s
     Parameters
     ----------
     sizes : (n, 2) array, or a distribution for each body, or None
-        None: all sizes of the box alike.
+        None: all sizes of the box, equally likely.
     box : (2, 2) array
     count, seed : int
     """
@@ -172,6 +172,6 @@ def drawn_pairs(sizes: Any, box: Array, count: int, seed: int) -> tuple[Array, s
         raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
     u = np.random.default_rng(int(seed)).random((int(count), 2))
     if sizes is None:
-        return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} draws, all sizes of the box alike"
+        return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([own.quantile(u[:, k]) for k, own in enumerate(sizes)])
-    return measured_pairs(drawn), f"{count} draws from {sizes[0]} and {sizes[1]}"
+    return measured_pairs(drawn), f"{count} pairs drawn from {sizes[0]} and {sizes[1]}"

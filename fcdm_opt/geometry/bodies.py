@@ -159,6 +159,9 @@ class Body(_Sealed):
         Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
+    skin : tuple of tuples of (int, int, int)
+        Triangles of each face, rows of `vertices`: the solid's own surface, which parts that overlap do not show. Only
+        where it was made exactly from a mesh.
     """
 
     name: str
@@ -169,6 +172,7 @@ class Body(_Sealed):
     outlines: tuple[tuple[int, ...], ...]
     deviation: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
+    skin: tuple[tuple[tuple[int, ...], ...], ...] = ()
 
     @classmethod
     def convex(cls, vertices: ArrayLike, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body") -> Body:
@@ -345,7 +349,8 @@ class Body(_Sealed):
         parts = tuple(replace(part, seed=origin) for part in unseeded)
         drawn = surface.outlines if surface is not None else given
         outlines = faces if drawn is None else tuple(tuple(row + 1 for row in face) for face in drawn)
-        return cls(name, frozen(points), origin, parts, faces, outlines)
+        skin = () if surface is None or apart else surface.triangles_of_faces()
+        return cls(name, frozen(points), origin, parts, faces, outlines, skin=skin)
 
     @cached_property
     def size(self) -> float:

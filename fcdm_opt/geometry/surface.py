@@ -98,6 +98,10 @@ class Surface:
         lengths = np.linalg.norm(normals, axis=1)
         return normals / np.where(lengths > 0, lengths, 1.0)[:, None], corners[largest, 0]
 
+    def triangles_of_faces(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
+        """Return the triangles of each face, as rows of the points."""
+        return tuple(tuple(map(tuple, self.triangles[self.owners == k].tolist())) for k in range(len(self.faces)))
+
     def polygons(self, face: int) -> Array:
         """Return a face's triangles, (k, 3, 3)."""
         return self.points[self.triangles[self.owners == face]]

@@ -26,8 +26,8 @@ ORANGE, PURPLE, GREY = "#E69F00", "#CC79A7", "#7F7F7F"
 DARK = "#595959"
 """Grey of words: 7 to 1 on white, as legible text needs."""
 
-PAGE, COLUMN = 17.0 / 2.54, 8.5 / 2.54
-"""Widths in inches at which pictures are printed, across a page or a column; sizes of text hold at these."""
+PAGE = 17.0 / 2.54
+"""Width in inches at which pictures are printed, across a page; sizes of text hold at it."""
 
 TITLE, TEXT, NOTE = 9.0, 7.5, 6.5
 """Sizes of text in points: titles, labels, and lists beside a picture."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import save
 
 if TYPE_CHECKING:
@@ -56,14 +57,15 @@ class Album:
                 f"not a directory that can be written ({reason.strerror})", key="--out", found=str(directory)
             ) from reason
 
-    def add_curve(self, stem: str, title: str, curve: DecisionCurve) -> None:
-        """Add a decision curve, and its bodies as drawn."""
+    def add_curve(self, stem: str, title: str, curve: DecisionCurve, *, unit: str = "") -> None:
+        """Add a decision curve, and its bodies as drawn, in a unit of length."""
         from fcdm_opt.show.plots import decision_curve_figure
         from fcdm_opt.show.scene import scene_figure
 
         own = self._once(stem)
         self._write(f"{own}-curve", decision_curve_figure(curve, title=title))
-        self._write(f"{own}-scene", scene_figure(curve.movable, curve.static, title=title, caption="as drawn"))
+        scene = scene_figure(curve.movable, curve.static, unit=unit, title=title, caption="as drawn")
+        self._write(f"{own}-scene", scene)
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
@@ -78,9 +80,10 @@ class Album:
         title = f"{title}: case {problem.name}"
         caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
         if solution.status.found:
+            amount = measured(amount_text(solution.amount), problem.amount_unit)
             caption = (
                 f"{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
-                f"amount {amount_text(solution.amount)}; pair made: {solution.pair_state}"
+                f"amount {amount}; pair made: {solution.pair_state}"
             )
         self._write(f"{own}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho
@@ -93,6 +96,7 @@ class Album:
             features=solution.features,
             contacts=moved.contact_points(rho),
             keep_out=[keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out],
+            unit=problem.unit,
             title=title,
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
         )

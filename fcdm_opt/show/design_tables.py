@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, wrapped
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, units_text, wrapped
 from fcdm_opt.show.tables import amount_text, asked_text, motion_text
 
 if TYPE_CHECKING:
@@ -22,10 +23,21 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.solution import Solution
 
+UNUSABLE = {
+    "INFEASIBLE": "impossible",
+    "NOT_VERIFIED": "not verified",
+    "NOT_IN_STEPS": "none in whole steps",
+    "LEFT_COHERENT_RANGE": "only beyond coherent range",
+}
+"""Outcomes without a motion to use, by name of the status; all others are "no motion found"."""
+
 
 def print_case(file: str, problem: Problem) -> None:
-    """Print which case is asked about."""
-    console().print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")
+    """Print which case is asked about, and once what its numbers are in."""
+    out = console()
+    out.print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")
+    if problem.unit:
+        out.print(units_text(problem.unit))
 
 
 def print_study(result: StudyResult) -> None:
@@ -79,12 +91,17 @@ def print_conflicts(found: Conflicts) -> None:
 def print_costs(found: Costs) -> None:
     """Print what each constraint costs."""
     out = console()
-    out.print(f"amount {amount_text(found.solution.amount)}: {motion_text(found.solution)}")
-    rows = [_dropped("without", row) for row in found.rows] + [_dropped("with", row) for row in found.goals]
+    amount = measured(amount_text(found.solution.amount), found.solution.problem.amount_unit)
+    out.print(f"as asked: amount {amount}, {motion_text(found.solution)}")
+    rows = [_dropped("drop", row) for row in found.rows] + [_dropped("ask for", row) for row in found.goals]
     if rows:
-        print_rows(out, rows, numbers=("amount", "saved", "by its multiplier"))
+        foretold = any(row["foretold"] for row in rows)
+        kept = [{name: cell for name, cell in row.items() if name != "foretold" or foretold} for row in rows]
+        print_rows(out, kept, numbers=("least amount then", "saved", "foretold"))
+        more = '; "foretold": what its multiplier (first derivative) says is saved' if foretold else ""
+        print_text(out, f"One change at a time, all else as asked; below 0 saved: the motion gets larger{more}.", "   ")
     else:
-        out.print("No constraint but the goal itself.")
+        out.print("Nothing to drop: no constraint but the goal itself.")
     out.print()
 
 
@@ -96,9 +113,9 @@ def print_comparison(found: Comparison) -> None:
         {
             "family": row.name,
             "amount": amount_text(row.amount),
-            "motion": "-" if row.solution is None else motion_text(row.solution),
-            "pair made": "" if row.solution is None else row.solution.pair_state,
-            "verified": "yes" if row.usable else row.status,
+            "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
+            "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
+            "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
         }
         for row in found.table
     ]
@@ -131,10 +148,10 @@ def print_yield(found: AssemblyYield) -> None:
     out.print()
 
 
-def print_clearances(found: Clearances) -> None:
-    """Print the range of the gap over all sizes, and how it is spread."""
+def print_clearances(found: Clearances, *, where: str = "") -> None:
+    """Print the range of the gap over all sizes at a pose, and how it is spread."""
     out = console()
-    print_text(out, str(found), indent="   ")
+    print_text(out, f"{where}: {found}" if where else str(found), indent="   ")
     rows = [
         {
             "end": name,
@@ -165,19 +182,25 @@ def _solved(name: str, solution: Solution) -> dict[str, str]:
         "": name,
         "asked": asked_text(solution.problem),
         "amount": amount_text(solution.amount),
-        "motion": motion_text(solution),
+        "motion": motion_text(solution, unit=False),
         "pair made": solution.pair_state,
-        "verified": "yes" if solution.usable else solution.status.name,
+        "outcome": outcome_text(solution),
     }
+
+
+def outcome_text(solution: Solution) -> str:
+    """Return how a solve ended, in words for the cell of a table."""
+    return "verified" if solution.usable else UNUSABLE.get(solution.status.name, "no motion found")
 
 
 def _dropped(word: str, row: Dropped) -> dict[str, str]:
     nothing = row.saving == 0.0
     return {
-        "": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
-        "amount": amount_text(row.amount),
-        "saved": "nothing" if nothing else f"{row.saving:.5g}" if math.isfinite(row.saving) else row.status.name,
-        "by its multiplier": f"{row.estimate:.5g}" if math.isfinite(row.estimate) and not nothing else "",
+        "change": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
+        "least amount then": amount_text(row.amount),
+        "saved": "nothing" if nothing else f"{row.saving:.5g}" if math.isfinite(row.saving) else "",
+        "foretold": f"{row.estimate:.5g}" if math.isfinite(row.estimate) and not nothing else "",
+        "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
     }
 
 

@@ -30,6 +30,9 @@ DOUBLINGS, HALVINGS = 60, 40
 DOUBLE = 2.6
 """Points across a double line."""
 
+SCALES = "\u03c1\u2081", "\u03c1\u2082"
+"""Names of both scales: rho with an index."""
+
 INSIDE = 1.0 - 2.0**-20
 """Share of a range that is drawn: just at its end the tracked lines may be parallel."""
 
@@ -175,12 +178,12 @@ def _draw_scales(axes: Any, found: CoherentRange, ends: list[float]) -> None:
     xs = np.linspace(low, high, 4 * FINE + 1) if high > low else np.zeros(1)
     pairs: Array = np.array([found.rho(x) for x in xs])
     for column, colour, style in ((0, BLUE, "-"), (1, VERMILLION, "--")):
-        axes.plot(xs, pairs[:, column], color=colour, linestyle=style, linewidth=1.3, label=rf"$\rho_{column + 1}$")
+        axes.plot(xs, pairs[:, column], color=colour, linestyle=style, linewidth=1.3, label=SCALES[column])
     for x, colour in ((low, BLUE), (high, VERMILLION)):
         if x and _is_end(found, x):
             axes.axvline(x, color=colour, linewidth=DOUBLE, path_effects=_double(colour))
     axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.set_xlabel(f"x, multiples of {found.problem.motion.describe(found.direction)}")
+    axes.set_xlabel(f"x, multiples of {found.problem.motion.describe(found.direction, unit=found.problem.unit)}")
     axes.set_ylabel(r"scales $\rho_1$, $\rho_2$  (1 = as drawn)")
     axes.locator_params(nbins=6)
     axes.grid(visible=True)

@@ -64,10 +64,10 @@ class Sheet:
         figure.set_figheight(height + above + below)
         whole = figure.get_figheight()
         if head:
-            figure.text(0.5, 1.0 - EDGE / whole, "\n".join(head), ha="center", va="top", fontsize=TITLE)
+            figure.text(0.5, 1.0 - EDGE / whole, literal("\n".join(head)), ha="center", va="top", fontsize=TITLE)
         if foot:
             figure.text(
-                0.5, EDGE / whole, "\n".join(foot), ha="center", va="bottom", fontsize=NOTE, color=DARK,
+                0.5, EDGE / whole, literal("\n".join(foot)), ha="center", va="bottom", fontsize=NOTE, color=DARK,
                 linespacing=SPACING / 1.2,
             )  # fmt: skip
         return cls(figure, (width, height), below)
@@ -93,13 +93,14 @@ class Sheet:
                 break
             made += entry
         x, y, *_ = self.place(left, top, 0.0, 0.0)
-        self.figure.text(x, y, "\n".join(made), va="top", fontsize=NOTE, linespacing=SPACING / 1.2)
+        self.figure.text(x, y, literal("\n".join(made)), va="top", fontsize=NOTE, linespacing=SPACING / 1.2)
 
     def legend(self, handles: Sequence[Any], labels: Sequence[str], *, bottom: float, most: int = 4) -> float:
         """Put a legend in as few rows as fit across the page above `bottom`; return its height in inches."""
         if not handles:
             return 0.0
         x, y, *_ = self.place(self.size[0] / 2, bottom, 0.0, 0.0)
+        labels = [*map(literal, labels)]
         for columns in range(min(most, len(labels)), 0, -1):
             legend = self.figure.legend(
                 handles, labels, loc="lower center", bbox_to_anchor=(x, y), ncols=columns, borderaxespad=0.0,
@@ -110,6 +111,11 @@ class Sheet:
                 break
             legend.remove()
         return float(extent.height / self.figure.dpi)
+
+
+def literal(text: str) -> str:
+    """Return a text such that a picture shows it as it is: between two dollar signs stands no formula."""
+    return text.replace("$", r"\$")
 
 
 def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = "") -> list[str]:
@@ -196,6 +202,7 @@ class Names:
         ]  # half a pixel
         if not len(spots):
             return False
+        text = literal(text)
         label = self._axes.annotate(
             text, (0, 0), xycoords="figure pixels", color=colour, fontsize=size, ha="center", va="center", zorder=6,
         )  # fmt: skip

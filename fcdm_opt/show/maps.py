@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, GREY, NOTE, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Sheet
 from fcdm_opt.show.plots import plane
@@ -66,7 +67,8 @@ def map_figure(found: CompensationMap, *, title: str = "", caption: str = "") ->
         lines.append(f"     {region}")
     if len(found.regions) > LISTED:
         lines.append(f"and {len(found.regions) - LISTED} more")
-    lines += ["", f"error at most {found.reached:.2g}; {found.solved} pairs solved and judged"]
+    error = measured(f"{found.reached:.2g}", found.unit)
+    lines += ["", f"error at most {error}; {found.solved} pairs solved and judged"]
     sheet.list(4.25, 3.13, PAGE - 4.25 - 0.1, lines)
     return sheet.figure
 
@@ -90,7 +92,7 @@ def _fill(figure: Figure, axes: Any, bar: Any, found: CompensationMap) -> None:
     axes.contour(*grid, amount, levels=np.linspace(0.0, top, LEVELS + 1)[1:-1], colors="white", linewidths=0.5,
                  alpha=0.7, zorder=2)  # fmt: skip
     figure.colorbar(filled, cax=bar, format="%.3g", ticks=MaxNLocator(6))
-    bar.set_ylabel("amount of the smallest motion (length units)")
+    bar.set_ylabel(f"amount of the smallest motion ({found.unit or 'length units'})")
 
 
 def _number(axes: Any, found: CompensationMap) -> None:

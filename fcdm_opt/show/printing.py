@@ -58,12 +58,19 @@ def print_text(out: Any, text: str, indent: str = "") -> None:
     out.print(wrapped(text, min(TEXT_WIDTH, out.width), indent))
 
 
-def print_head(out: Any, name: str, title: str, note: str) -> None:
-    """Print what stands above a file's tables."""
+def print_head(out: Any, name: str, title: str, note: str, *, unit: str = "") -> None:
+    """Print what stands above a file's tables; the unit of its lengths is said once, here."""
     out.print(f"{name}: {title}" if title else name, style="bold")
     if note:
         print_text(out, note)
+    if unit:
+        out.print(units_text(unit))
     out.print()
+
+
+def units_text(unit: str) -> str:
+    """Return what the numbers of a table are in."""
+    return f"lengths in {unit}, angles in degrees"
 
 
 def wrapped(text: str, width: int, indent: str = "") -> str:

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, styled
-from fcdm_opt.show.lettering import Names, Sheet
+from fcdm_opt.show.lettering import Names, Sheet, literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fcdm_opt.curve.features import Feature
+    from fcdm_opt.geometry.elements import Element
 
 WIDTH = 12.0 / 2.54
 """Inches: between a column and the page."""
@@ -58,6 +59,7 @@ def scene_figure(
     features: Sequence[Feature] = (),
     contacts: ArrayLike = (),
     keep_out: Sequence[Body] = (),
+    unit: str = "",
     title: str = "",
     caption: str = "",
 ) -> Figure:
@@ -79,6 +81,8 @@ def scene_figure(
         Contact points, world frame.
     keep_out : sequence of Body
         Further static bodies, as they are; those far away are left out.
+    unit : str
+        Of lengths, beside the bar of known length.
     title, caption : str
         Text above and below the picture.
     """
@@ -88,9 +92,10 @@ def scene_figure(
     height = float(np.clip(shown.slenderness * (WIDTH - 0.3), LEAST, MOST))
     sheet = Sheet.of(WIDTH, height + foot + 0.35, title=title, caption=caption)
     axes = draw_scene(sheet, (0.0, foot, WIDTH, height + 0.35), shown, features=features, contacts=contacts)
-    draw_directions(sheet, axes, shown, (0.0, 0.0))
+    draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     handles, labels = axes.get_legend_handles_labels()
     x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
+    labels = [*map(literal, labels)]
     sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.6)
     return sheet.figure
 
@@ -161,7 +166,7 @@ def draw_scene(
         _draw_body(axes, body, GREY, "dotted", 0.08, f"keep-out: {_short(body.name)}")
     for feature in features:
         for body, element in ((one, feature.one), (two, feature.two)):
-            _draw_element(axes, body, element.kind, element.vertices)
+            _draw_element(axes, body, element)
     if features:
         axes.plot([], [], [], color=GREEN, linewidth=3.2, alpha=0.55, label="in contact")
     spots = np.asarray(contacts, dtype=float).reshape(-1, 3)
@@ -189,7 +194,9 @@ def true_edges(body: Body) -> dict[tuple[int, ...], Array]:
 
 
 def own_polygons(body: Body) -> list[Array]:
-    """Return the convex polygons of the parts that lie on the body's own faces, (k, 3) each; not those of cuts."""
+    """Return convex polygons that make up the body's own faces, (k, 3) each; not those of cuts."""
+    if body.skin:
+        return [body.vertices[list(triangle)] for face in body.skin for triangle in face]
     own = set(body.faces)
     return [
         part.vertices[list(loop)]
@@ -197,6 +204,21 @@ def own_polygons(body: Body) -> list[Array]:
         for loop, element in zip(part.loops, part.elements["F"], strict=True)
         if element.vertices in own
     ]
+
+
+def face_polygons(body: Body, face: Element) -> list[Array]:
+    """Return convex polygons that make up a face, (k, 3) each: of the parts that carry it where its own are not known.
+
+    A part that overlaps others may carry the face beyond where it is the solid's.
+    """
+    own = (
+        [triangles for labels, triangles in zip(body.faces, body.skin, strict=True) if labels == face.vertices]
+        if body.skin
+        else []
+    )
+    if own:
+        return [body.vertices[list(triangle)] for triangle in own[0]]
+    return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
 
 
 def _draw_body(axes: Any, body: Body, colour: str, style: Any, alpha: float, label: str) -> None:
@@ -210,26 +232,21 @@ def _draw_body(axes: Any, body: Body, colour: str, style: Any, alpha: float, lab
     axes.scatter(*body.seed, s=22, marker="x", color=colour, depthshade=False, zorder=3)
 
 
-def _draw_element(axes: Any, body: Body, kind: str, labels: Sequence[int]) -> None:
+def _draw_element(axes: Any, body: Body, element: Element) -> None:
     """Emphasise a vertex, an edge or a face."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    points = body.vertices[[label - 1 for label in labels]]
-    if kind == "V":
+    points = body.vertices[[label - 1 for label in element.vertices]]
+    if element.kind == "V":
         axes.scatter(*points.T, s=20, color=GREEN, depthshade=False, zorder=4)
-    elif kind == "E":
+    elif element.kind == "E":
         axes.plot(*points.T, color=GREEN, linewidth=3.2, alpha=0.55, zorder=2)
     else:
-        polygons = [
-            part.vertices[list(loop)]
-            for part in body.parts
-            for loop, element in zip(part.loops, part.elements["F"], strict=True)
-            if element.kind == "F" and element.vertices == tuple(labels)
-        ]
+        polygons = face_polygons(body, element)
         axes.add_collection3d(Poly3DCollection(polygons, facecolors=GREEN, edgecolors="none", alpha=0.25, zorder=2))
 
 
-def draw_directions(sheet: Sheet, axes: Any, shown: Scene, corner: tuple[float, float]) -> None:
+def draw_directions(sheet: Sheet, axes: Any, shown: Scene, corner: tuple[float, float], unit: str = "") -> None:
     """Draw the world's directions at a corner of a sheet (inches), and beside them a bar of known length."""
     x, y, *_ = sheet.place(*corner, 0.0, 0.0)
     start = np.array([x, y]) * 72.0 * sheet.figure.get_size_inches() + [24.0, 20.0]
@@ -254,8 +271,8 @@ def draw_directions(sheet: Sheet, axes: Any, shown: Scene, corner: tuple[float, 
     reach = np.array([length * scale, 0.0])
     bar = {**arrow, "arrowstyle": "|-|,widthA=0.2,widthB=0.2", "mutation_scale": 10}
     axes.annotate("", left + reach, left, arrowprops=bar, **points)
-    unit = "length unit" if length == 1 else "length units"
-    axes.annotate(f"{length:g} {unit}", left + np.array([0.0, 4.0]), xycoords="figure points", color=DARK,
+    word = unit or ("length unit" if length == 1 else "length units")
+    axes.annotate(f"{length:g} {word}", left + np.array([0.0, 4.0]), xycoords="figure points", color=DARK,
                   fontsize=NOTE, ha="left", va="bottom")  # fmt: skip
 
 

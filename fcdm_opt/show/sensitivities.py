@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, styled
-from fcdm_opt.show.lettering import Sheet
+from fcdm_opt.show.lettering import Sheet, literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,7 +82,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     if any(bar in shape for bar in shown):
         notes.append(
             f"faces move outwards, vertices and seeds the way that costs most, by {STEP:.0%} of the length "
-            f"{problem.length:.4g} of the problem"
+            f"{measured(f'{problem.length:.4g}', problem.unit)} of the problem"
         )
     if len(shown) < len(every):
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
@@ -93,8 +94,9 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     sheet = Sheet.of(PAGE, BELOW + ROW * max(len(shown), 2), title=title, caption="\n".join(notes))
     axes = sheet.axes(NAMES, BELOW, PAGE - NAMES - STEPS, sheet.size[1] - BELOW)
     axes.set(ylim=(max(len(shown), 2) - 0.5, -0.5))
-    axes.set_xlabel("change of the amount (length units) with the step on the right, to first order")
-    axes.set_yticks(range(len(shown)), [_short(bar.name) for bar in shown])
+    unit = problem.amount_unit or "length units"
+    axes.set_xlabel(f"change of the amount ({unit}) with the step on the right, to first order")
+    axes.set_yticks(range(len(shown)), [literal(_short(bar.name)) for bar in shown])
     axes.tick_params(axis="y", length=0)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
@@ -160,7 +162,7 @@ def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
 
 def _all(found: Sensitivity, problem: Problem) -> Iterator[Bar]:
     shift = STEP * problem.length
-    length, percent = f"+{shift:.3g}", f"+{STEP:.0%}".replace("%", " %")
+    length, percent = measured(f"+{shift:.3g}", problem.unit), f"+{STEP:.0%}".replace("%", " %")
     for body, value, size in zip(BODIES, found.target.tolist(), problem.target.tolist(), strict=True):
         yield Bar(f"size of {body}", STEP * size * value, percent, "the size made; all else as it is")
     if found.nominal.any():

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from time import perf_counter
+
+import numpy as np
 
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.tolerance.task import Task
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def solved_case(problem: Problem, *, certify: bool) -> SolvedCase:
         solution = solution.with_certificate(certificate, {**solution.seconds, "check": perf_counter() - start})
     published = None
     if problem.published is not None:
-        published = math.hypot(*(w * q for w, q in zip(problem.weights, problem.published, strict=True)))
+        published = Task.of(problem).amount(np.array(problem.published))
     touch = None
     if problem.goal == "beyond":
         answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))

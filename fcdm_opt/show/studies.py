@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, styled
-from fcdm_opt.show.lettering import Sheet
+from fcdm_opt.show.lettering import Sheet, literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +25,6 @@ SPOTS = ".od^sv<"
 GAPS = "xv^s*PD"
 """Markers of points without a usable motion, one a status."""
 
-AMOUNT = "amount (length units)"
 UNITS = {"deg": "degrees", "rad": "radians", "mm": "mm"}
 """Units that stand at the end of a key, and how they are told."""
 
@@ -93,10 +93,11 @@ def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> 
 
 
 class _Data(NamedTuple):
-    """Amounts (nan without a usable motion) and statuses, over the axes of the study."""
+    """Amounts (nan without a usable motion) and statuses, over the axes of the study; label of an axis of amounts."""
 
     amounts: Array
     statuses: Array
+    amount: str
 
     @classmethod
     def of(cls, result: StudyResult) -> _Data:
@@ -106,13 +107,14 @@ class _Data(NamedTuple):
         return cls(
             np.array(amounts, dtype=float).reshape(shape),
             np.array([row["status"] for row in rows], dtype=object).reshape(shape),
+            f"amount ({result.unit or 'length units'})",
         )
 
     def at(self, axes: Sequence[_Axis], places: Sequence[int]) -> _Data:
         """Return what is left where some axes have a given value."""
         chosen = dict(zip((axis.place for axis in axes), places, strict=True))
         index = tuple(chosen.get(place, slice(None)) for place in range(self.amounts.ndim))
-        return _Data(self.amounts[index], self.statuses[index])
+        return self._replace(amounts=self.amounts[index], statuses=self.statuses[index])
 
 
 # ----------------------------------------------------------------------------------------------------- kinds of figures
@@ -123,7 +125,7 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str,
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
     markers = _markers(data)
     keys = [*(name for _, name in _combinations(lines)), *map(_words, markers)]
-    sheet, spots = _panels(panels, AMOUNT, words, keys)
+    sheet, spots = _panels(panels, data.amount, words, keys)
     for place, axes in spots:
         own = data.at(panels, place)
         left = [axis._replace(place=axis.place - len(panels)) for axis in lines]
@@ -141,7 +143,7 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str,
                     axes.plot(where, height, marker, color=colour, markersize=4, transform=over, clip_on=False)
         if _geometric(along.values):
             axes.set_xscale("log")
-        axes.set_xlabel(_told(along.label))
+        axes.set_xlabel(literal(_told(along.label)))
         axes.margins(x=0.02)
     highest = max(axes.get_ylim()[1] for _, axes in spots)
     for _, axes in spots:
@@ -160,7 +162,7 @@ def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], w
     for place, axes in spots:
         part = data.at(others, place)
         turned = along.place < across.place
-        amounts, statuses = (values.T if turned else values for values in part)
+        amounts, statuses = (values.T if turned else values for values in part[:2])
         image = axes.pcolormesh(along.values, across.values, amounts, norm=scale, cmap="cividis", shading="nearest")
         for status, marker in markers.items():
             rows, columns = np.nonzero(statuses == status)
@@ -168,20 +170,20 @@ def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], w
                 np.asarray(along.values)[columns], np.asarray(across.values)[rows],
                 marker, color=VERMILLION, markersize=4, linestyle="none",
             )  # fmt: skip
-        axes.set_xlabel(_told(along.label))
+        axes.set_xlabel(literal(_told(along.label)))
         axes.grid(visible=False)
     bottom = min(axes.get_position().y0 for _, axes in spots)
     top = max(axes.get_position().y1 for _, axes in spots)
     right = max(axes.get_position().x1 for _, axes in spots)
     bar = sheet.figure.add_axes((right + 0.12 / PAGE, bottom, 0.09 / PAGE, top - bottom))
-    sheet.figure.colorbar(image, cax=bar).set_label(AMOUNT)
+    sheet.figure.colorbar(image, cax=bar).set_label(data.amount)
     return _keyed(sheet, spots[0][1], markers)
 
 
 def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line a case, with the budget."""
     found = result.assembly_yield
-    told = "" if found is None else _budget(found)
+    told = "" if found is None else _budget(found, result.unit)
     keys = [*(name or POINTS for _, name in _combinations(cases)), *([told] if told else [])]
     sheet, spots = _panels([], "share of points with at most this amount", words, keys)
     (_, axes), *_ = spots
@@ -202,13 +204,13 @@ def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult, words: tup
     if known.size and known.min() > 0.0 and math.log10(known.max() / known.min()) > DECADES:
         axes.set_xscale("log")
     axes.set(ylim=(0.0, 1.02))
-    axes.set_xlabel(AMOUNT)
+    axes.set_xlabel(data.amount)
     return _keyed(sheet, axes, {})
 
 
-def _budget(found: Any) -> str:
+def _budget(found: Any, unit: str) -> str:
     low, high = found.interval
-    return f"budget {found.budget:g}: {found.share:.1%} within ({low:.1%} to {high:.1%})"
+    return f"budget {measured(f'{found.budget:g}', unit)}: {found.share:.1%} within ({low:.1%} to {high:.1%})"
 
 
 # ---------------------------------------------------------------------------------------------------- parts of a figure
@@ -234,9 +236,9 @@ def _panels(
         row, column = divmod(k, columns)
         bottom = foot + BELOW + (rows - 1 - row) * step
         panel = sheet.axes(left + column * (width + ACROSS), bottom, width, height)
-        panel.set_title(name)
+        panel.set_title(literal(name))
         panel.grid(visible=True)
-        panel.set_ylabel(label if column == 0 else "")
+        panel.set_ylabel(literal(label) if column == 0 else "")
         panel.tick_params(labelleft=column == 0, labelbottom=k + columns >= len(spots))
         made.append((place, panel))
     return sheet, made

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.cards import floored
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_rows, print_text, wrapped
+from fcdm_opt.show.remarks import remarks
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
 NUMBERS = ("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"')
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CLOSED = 1e-9  # relative gap of a closed form
-ROUNDING = 1e-6  # of the last digit shown
+NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( \w+)?")
 NOTHING = 1e-12  # of the amount: a parameter that adds less is shown as 0
 
 
@@ -34,11 +37,19 @@ def _signs(problem: Problem) -> str:
     return "(" + ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs) + ")"
 
 
-def motion_text(solution: Solution) -> str:
-    """Return the motion found in words."""
+def motion_text(solution: Solution, *, unit: bool = True) -> str:
+    """Return the motion found in words, lengths with their unit or without."""
     weighted = zip(solution.parameters.values(), solution.problem.weights, strict=False)
     values = [q if abs(w * q) > NOTHING * solution.amount else 0.0 for q, w in weighted]
-    return solution.problem.motion.describe(values) if values else "-"
+    problem = solution.problem
+    return _without_zeros(problem.motion.describe(values, unit=problem.unit if unit else "")) if values else "-"
+
+
+def _without_zeros(motion: str) -> str:
+    """Leave out the steps of a sequence that do nothing, but for one."""
+    steps = motion.split(" + ")
+    kept = [step for step in steps if not NO_STEP.fullmatch(step)]
+    return " + ".join(kept or steps[:1])
 
 
 def asked_text(problem: Problem) -> str:
@@ -48,10 +59,12 @@ def asked_text(problem: Problem) -> str:
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
 
 
-def print_curves(name: str, title: str, note: str, curves: Sequence[tuple[DecisionCurve, list[str]]]) -> None:
+def print_curves(
+    name: str, title: str, note: str, curves: Sequence[tuple[DecisionCurve, list[str]]], *, unit: str = ""
+) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
     out = console()
-    print_head(out, name, title, note)
+    print_head(out, name, title, note, unit=unit)
     for curve, names in curves:
         (low_1, high_1), (low_2, high_2) = curve.box
         text = (
@@ -105,7 +118,7 @@ def _point(values: Iterable[float]) -> str:
 def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]) -> None:
     """Print one table for the cases of a file, the advice where a case needs some, and where the time went."""
     out = console()
-    print_head(out, name, title, note)
+    print_head(out, name, title, note, unit=rows[0].solution.problem.unit)
     lines = [_cells(row) for row in rows]
     columns = [column for column in lines[0] if any(line[column] for line in lines)]
     kept = [{column: line[column] for column in columns} for line in lines]
@@ -117,7 +130,7 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
             print_text(out, f"{solution.problem.name}: {solution.status.value}{checks}", indent="   ")
-        for remark in _remarks(solution):
+        for remark in remarks(solution):
             print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
     _print_notes(out, [body for row in rows for body in _bodies(row.solution.problem)])
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
@@ -136,34 +149,18 @@ def _print_notes(out: Any, bodies: Iterable[Body]) -> None:
         print_text(out, text, indent="   ")
 
 
-def _remarks(solution: Solution) -> list[str]:
-    """Return what a case's row does not say: where its nominal pair was closed to, how clear it is of keep-outs."""
-    remarks = []
-    if (snapped := solution.problem.snapped) is not None:
-        was = f"where the gap was {snapped.gap:.3g}"
-        remarks.append(f"nominal {_pair(snapped.asked)}, {was}, closed to the curve at {_pair(snapped.pair)}")
-    for name, gap in solution.keep_out_gaps.items():
-        off = f"{abs(gap):.4g} {'clear' if gap > 0 else 'overlapping'}"
-        state = "touching" if abs(gap) <= solution.problem.contact_slack else off
-        remarks.append(f"keep-out {name}: {state}")
-    return remarks
-
-
-def _pair(values: Iterable[float]) -> str:
-    return "(" + ", ".join(f"{x:.9g}" for x in values) + ")"
-
-
 def _cells(row: SolvedCase) -> dict[str, str]:
     """Return the table's cells for one case; a column that is empty for every case is left out."""
     solution, problem = row.solution, row.solution.problem
     ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
     gap = f"\n{solution.pair_gap:+.3g}" if math.isfinite(solution.pair_gap) else ""
     judged = solution.status.found and solution.certificate is not None
+    motion = motion_text(solution, unit=False)  # said once above the table
     return {
         "case": wrapped(problem.name, CELL_WIDTH),
         "require-\nment": wrapped(asked_text(problem), CELL_WIDTH),
         "goal": problem.goal,
-        "motion found": motion_text(solution).replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
+        "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
         "found\namount": amount_text(solution.amount),
         "proved\nat least": bound_text(solution) if row.certified else "",
@@ -185,16 +182,15 @@ def bound_text(solution: Solution) -> str:
         return "impossible"
     if not solution.lower_bound > 0:
         return "0"
-    digits = 4 - math.floor(math.log10(solution.lower_bound))
-    rounded = f"{math.floor(solution.lower_bound * 10.0**digits + ROUNDING) / 10.0**digits:.5g}"
-    gap = "exact" if abs(solution.gap) < CLOSED else f"gap {solution.gap:.0e}"
+    rounded = floored(solution.lower_bound, 5)
+    gap = "exact" if abs(solution.gap) < CLOSED else f"to {solution.gap:.0e}"
     return f"{rounded}\n{gap}" if math.isfinite(solution.gap) else rounded
 
 
 def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
     """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
     out = console()
-    print_head(out, name, title, note)
+    print_head(out, name, title, note, unit=rows[0][0].problem.unit)
     lines = []
     for found, _ in rows:
         problem = found.problem
@@ -217,7 +213,8 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
     for found, times in rows:
         problem = found.problem
         tracked = " & ".join(feature.label for feature in found.features)
-        print_text(out, f"{problem.name}: x in multiples of {problem.motion.describe(found.direction)}; {tracked}")
+        along = problem.motion.describe(found.direction, unit=problem.unit)
+        print_text(out, f"{problem.name}: x in multiples of {along}; {tracked}")
         for end, event in zip(("low", "high"), found.events, strict=True):
             print_text(out, f"   {end}: {event.what}", indent="      ")
         if not found.proved:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, styled
-from fcdm_opt.show.lettering import Sheet
+from fcdm_opt.show.lettering import Sheet, literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +59,8 @@ def _draw_amounts(axes: Any, found: AssemblyYield) -> None:
     highest = max(float(heights.max()), 1.0 / found.count)
     axes.set_ylim(0.0, HIGHEST * highest)
     if math.isfinite(found.budget):
-        axes.axvline(found.budget, color=BLACK, linewidth=1.2, label=f"budget {found.budget:.6g}")
+        budget = measured(f"{found.budget:.6g}", found.unit)
+        axes.axvline(found.budget, color=BLACK, linewidth=1.2, label=f"budget {budget}")
     for share, amount in found.quantiles.items():
         if math.isfinite(amount):
             axes.axvline(amount, color=GREY, linewidth=0.6, linestyle=":")
@@ -73,7 +75,7 @@ def _draw_amounts(axes: Any, found: AssemblyYield) -> None:
                 fontsize=NOTE,
                 color=DARK,
             )
-    axes.set_xlabel("amount of the motion (length units)")
+    axes.set_xlabel(f"amount of the motion ({found.unit or 'length units'})")
     axes.set_ylabel("share of all pairs in a bin")
     if not heights.any():
         axes.text(0.5, 0.5, "no pair has a motion", transform=axes.transAxes, ha="center", color=DARK)
@@ -118,7 +120,7 @@ def _number(axes: Any, row: float, end: float, text: str) -> None:
 
 def _rows(axes: Any, names: list[str]) -> None:
     """Name the bars, from the top."""
-    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), [*map(literal, names)])
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlim(0.0, WIDEST)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])

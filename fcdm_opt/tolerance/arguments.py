@@ -78,11 +78,16 @@ def tolerance(value: Any) -> Any:
     """Return the tolerance in the shape given, in plain numbers."""
     if value is None:
         return None
-    allowed = "tau, (tau_1, tau_2) or ((minus_1, plus_1), (minus_2, plus_2)), all finite and >= 0"
+    allowed = (
+        "tau, (tau_1, tau_2) or ((minus_1, plus_1), (minus_2, plus_2)), all finite, >= 0 and below 1 (0.02 is 2 %)"
+    )
 
     def numbers(given: Any, depth: int) -> Any:
-        if is_real(given) and math.isfinite(given) and given >= 0:
+        if is_real(given) and 0 <= given < 1:
             return float(given)
+        if is_real(given) and given >= 1:
+            meant = f": {given:g} % is {given / 100.0:g}" if given < 100 else ""
+            raise InputError(f"a tolerance is a share, below 1{meant}", key="tolerance", found=value, allowed=allowed)
         inner = items(given)
         shaped = [numbers(item, depth + 1) for item in inner]
         if depth == 2 or len(shaped) != 2 or isinstance(shaped[0], float) != isinstance(shaped[1], float):

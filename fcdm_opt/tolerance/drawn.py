@@ -7,7 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcdm_opt.cards import Area, Html, Mark, Point, card, counted, listing, number, numbers, plane, rows, sentence
+from fcdm_opt.cards import (
+    Area,
+    Html,
+    Mark,
+    Point,
+    card,
+    counted,
+    floored,
+    listing,
+    number,
+    numbers,
+    plane,
+    rows,
+    sentence,
+)
 from fcdm_opt.tolerance.problem import TRACKING
 from fcdm_opt.tolerances import DEFAULT
 
@@ -24,7 +38,8 @@ MARGIN, LEAST = 0.4, 0.05
 def problem_card(problem: Problem) -> Html:
     """Return the card of a problem: what is asked, and the plane of scales about it."""
     parameters = problem.motion.parameters
-    units = [(name, "deg" if kind == "rotation" else "length") for name, kind in parameters]
+    length = problem.unit or "length"
+    units = [(name, "deg" if kind == "rotation" else length) for name, kind in parameters]
     held = [
         f"{name} from {number(_shown(low, unit))} to {number(_shown(high, unit))} {unit}"
         for (name, unit), (low, high) in zip(units, problem.limits.tolist(), strict=True)
@@ -39,7 +54,7 @@ def problem_card(problem: Problem) -> Html:
             ("motion", ", ".join(name for name, _ in parameters)),
             ("goal", f'"{problem.goal}"'),
             ("made at", f"({numbers(problem.target)})", f"from ({numbers(problem.nominal_pair)}), {asked}"),
-            ("clearance", number(problem.clearance) if problem.clearance else "", "length"),
+            ("clearance", number(problem.clearance) if problem.clearance else "", length),
             ("pair made must", {"clear": "be clear", "touch": "touch"}.get(problem.pair, "")),
         ]
     )
@@ -54,20 +69,21 @@ def solution_card(solution: Solution) -> Html:
     problem, status = solution.problem, solution.status.name
     mood = "bad" if not solution.usable else "mind" if status == "PAIR_OVERLAPS" else "good"
     motion, after = [], solution.rho
+    length, amount = problem.unit or "length", problem.amount_unit or "length"
     for (name, kind), q, weight in zip(
         problem.motion.parameters, solution.parameters.values(), problem.weights, strict=False
     ):
-        unit = "deg" if kind == "rotation" else "length"
+        unit = "deg" if kind == "rotation" else length
         small = abs(weight * q) <= DEFAULT.tie * solution.amount  # rounding
         motion.append((f"motion {name}", number(0.0 if small else _shown(q, unit)), unit))
     contact = listing("contact", [own.label for own in solution.features])
     facts = rows(
         [
             *motion,
-            ("amount", number(solution.amount), "length"),
-            ("proved at least", *_bound(solution)),
+            ("amount", number(solution.amount), amount),
+            ("proved at least", *_bound(solution, amount)),
             ("pair made", f"({numbers(solution.pair)})"),
-            ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} length"),
+            ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} {length}"),
             ("tracked contact at", f"({numbers(after)})" if after is not None and problem.goal in TRACKING else ""),
             ("verified", _verdict(solution)),
             ("settled by", solution.stage),
@@ -91,14 +107,14 @@ def _shown(value: float, unit: str) -> float:
     return math.degrees(value) if unit == "deg" else value
 
 
-def _bound(solution: Solution) -> tuple[str, str]:
+def _bound(solution: Solution, unit: str) -> tuple[str, str]:
     """Return the lower bound and how far below the amount it is."""
     if not solution.lower_bound > 0.0:
-        return "0", "(nothing is proved)" if solution.amount else "length"
+        return "0", "(nothing is proved)" if solution.amount else unit
     if math.isinf(solution.lower_bound):
         return "impossible", ""
     gap = "exact" if abs(solution.gap) <= DEFAULT.nominal else f"relative gap {number(solution.gap, 2)}"
-    return number(solution.lower_bound), f"length, {gap}" if math.isfinite(solution.gap) else "length"
+    return floored(solution.lower_bound, 6), f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
 
 
 def _verdict(solution: Solution) -> str:

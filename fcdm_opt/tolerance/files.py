@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationError
+from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationError, ValidationInfo, field_validator
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion import Motion, Step
+from fcdm_opt.tolerance import arguments
 from fcdm_opt.tolerance.amounts import AMOUNTS, OwnAmount
 from fcdm_opt.tolerance.keep_out import KeepOut, keep_outs
 from fcdm_opt.tolerance.problem import GOALS, PAIR_STATES, PATHS, SIGNS, Problem
@@ -39,21 +40,25 @@ from fcdm_opt.tolerance.schema import (
     closest,
     descend,
     plain,
+    refusal,
 )
+from fcdm_opt.tolerance.syntax import mistake
 from fcdm_opt.tolerances import DEFAULT
 
 Read = TypeVar("Read", bound=Entry)
+WORDS = {"requirement": tuple(SIGNS), "goal": GOALS, "pair": PAIR_STATES, "path": PATHS, "amount": AMOUNTS}
 LARGEST_FILE = 2**26  # bytes: more than any file that is written as text; a device has no end
 
 # ----------------------------------------------------------------------------------------------------------- cases
 
 
 class Scene(NamedTuple):
-    """The bodies of a file; keep-outs by name."""
+    """The bodies of a file, keep-outs by name, and the unit of its lengths, "" where none is named."""
 
     movable: Body
     static: Body
     keep_out: Mapping[str, KeepOut]
+    unit: str = ""
 
 
 class Defaults(Entry):
@@ -68,7 +73,8 @@ class Defaults(Entry):
     )
     tolerance: Number | Pair | tuple[Pair, Pair] | None = Field(
         default=None,
-        description="tau, [tau_1, tau_2] or [[minus_1, plus_1], [minus_2, plus_2]], relative (0.02 is 2 %), >= 0",
+        description="tau, [tau_1, tau_2] or [[minus_1, plus_1], [minus_2, plus_2]], relative (0.02 is 2 %), >= 0 and "
+        "below 1",
         examples=[0.02, [0.02, 0.01], [[0.0, 0.02], [0.01, 0.01]]],
     )
     requirement: str | None = Field(
@@ -175,6 +181,21 @@ class Defaults(Entry):
         examples=["TZ 0.25 + RZ 7.0191 deg"],
     )
 
+    @field_validator(*WORDS, "tolerance")
+    @classmethod
+    def _where_it_stands(cls, value: Any, info: ValidationInfo) -> Any:
+        """Refuse here what `Problem` would refuse in every case that shares it."""
+        key = str(info.field_name)
+        try:
+            if key == "tolerance":
+                arguments.tolerance(value)
+            elif isinstance(value, str):
+                arguments.choice(value, key, WORDS[key])
+        except InputError as reason:
+            near = closest(value, WORDS[key]) if key in WORDS else ""
+            raise refusal(f"{reason.what}{near}", found=reason.found, allowed=reason.allowed) from reason
+        return value
+
 
 class Case(Defaults):
     """One problem."""
@@ -187,7 +208,7 @@ class Case(Defaults):
         """Return the problem; keys of the case come before those of `defaults`."""
         given = self.arguments(defaults)
         given["keep_out"] = _chosen(given.get("keep_out"), scene.keep_out)
-        return Problem(scene.movable, scene.static, **given)
+        return Problem(scene.movable, scene.static, unit=scene.unit, **given)
 
     def arguments(self, defaults: Defaults) -> dict[str, Any]:
         """Return what is asked of any scene, as `Problem` wants it; keep-outs still by name."""
@@ -318,8 +339,16 @@ class ProblemFile(Entry):
             try:
                 made.append(case.problem(scene, self.defaults))
             except InputError as reason:
-                raise reason.within(file=file, key=key) from reason
+                raise self._placed(reason, case, key).within(file=file) from reason
         return tuple(made)
+
+    def _placed(self, reason: InputError, case: Case, place: str) -> InputError:
+        """Return what is wrong in a case, placed where the key stands: in the case, or in the defaults."""
+        head = (reason.key or "").replace("[", ".").split(".")[0]
+        if head not in self.defaults.model_fields_set - case.model_fields_set:
+            return reason.within(key=place)
+        what = f"for {place}: {reason.what}"
+        return InputError(what, key=f"defaults.{reason.key}", found=reason.found, allowed=reason.allowed)
 
     def named_cases(self, file: Path | None) -> dict[str, Case]:
         """Return the cases by their places in the file; raises where there is none, or two have one name."""
@@ -346,7 +375,7 @@ class ProblemFile(Entry):
     def _scene(self, file: Path | None) -> Scene:
         """Return the bodies; a mesh file's path starts where the entry stands that names it."""
         bodies, home = self.both_bodies(file)
-        self.check_units(bodies, file)
+        unit = self.common_unit(bodies, file)
         try:
             movable, static = bodies.both(home and home.parent)
         except InputError as reason:
@@ -357,7 +386,7 @@ class ProblemFile(Entry):
             others = keep_outs(_placed("keep_out", makers))
         except InputError as reason:
             raise reason.within(file=file) from reason
-        return Scene(movable, static, {keep_out.name: keep_out for keep_out in others})
+        return Scene(movable, static, {keep_out.name: keep_out for keep_out in others}, unit)
 
     def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
         """Return the entries of both bodies, and the file that they stand in."""
@@ -380,15 +409,15 @@ class ProblemFile(Entry):
                 )
         return bodies, home
 
-    def check_units(self, bodies: Bodies, file: Path | None) -> None:
-        """Refuse bodies that come in different units."""
+    def common_unit(self, bodies: Bodies, file: Path | None) -> str:
+        """Return the unit that bodies name, "" where none does; refuse different ones."""
         entries = {"bodies.movable": bodies.movable, "bodies.static": bodies.static}
         entries |= {f"keep_out[{k}]": entry for k, entry in enumerate(self.keep_out, 1)}
-        same_units({place: entry.unit for place, entry in entries.items()}, file)
+        return same_unit({place: entry.unit for place, entry in entries.items()}, file)
 
 
-def same_units(given: Mapping[str, str | None], file: Path | None) -> None:
-    """Refuse bodies, by their places, that come in different units."""
+def same_unit(given: Mapping[str, str | None], file: Path | None) -> str:
+    """Return the unit that bodies, by their places, name; "" where none does. Refuse different ones."""
     units = {place: unit for place, unit in given.items() if unit is not None}
     first = next(iter(units), "")
     for place, unit in units.items():
@@ -400,6 +429,7 @@ def same_units(given: Mapping[str, str | None], file: Path | None) -> None:
                 found=f"{place} in {unit}, {first} in {units[first]}",
                 allowed="one unit for all bodies; file_unit says what a mesh file is in",
             )
+    return units.get(first, "")
 
 
 def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
@@ -428,9 +458,10 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
             raise InputError(
                 "the file is too large", file=file, allowed=f"a {kind} (TOML) of at most {LARGEST_FILE} bytes"
             )
-        data = tomllib.loads(content.decode("utf-8-sig"))  # some editors begin a file with a mark
+        text = content.decode("utf-8-sig")  # some editors begin a file with a mark
+        data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:
-        raise InputError(f"not valid TOML: {reason}", file=file) from reason
+        raise InputError(f"not valid TOML: {mistake(text, reason)}", file=file) from reason
     except UnicodeDecodeError as reason:
         raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
     except InputError:
@@ -507,7 +538,8 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
         {**plain_body(keep_out.body), "scale": plain(keep_out.scale), "clearance": keep_out.clearance}
         for keep_out in problem.keep_out
     ]
-    bodies = {"movable": plain_body(problem.movable), "static": plain_body(problem.static)}
+    unit = {"unit": problem.unit} if problem.unit else {}
+    bodies = {"movable": {**plain_body(problem.movable), **unit}, "static": {**plain_body(problem.static), **unit}}
     return {"bodies": bodies, **({"keep_out": others} if others else {}), "case": [case]}
 
 

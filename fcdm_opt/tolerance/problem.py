@@ -17,6 +17,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.files import NANOMETRES
 from fcdm_opt.motion import Motion, Screw
 from fcdm_opt.tolerance import amounts, arguments
 from fcdm_opt.tolerance.keep_out import keep_outs
@@ -65,7 +66,8 @@ class Problem:
         Nominal contact: the k-th switching point (from 1) of the decision curve in the box, or a scale pair; "drawn"
         is (1, 1). A pair within `Tolerances.nominal` of a switching point is that switching point.
     tolerance : tau, (tau_1, tau_2) or ((minus_1, plus_1), (minus_2, plus_2)), optional
-        Relative scale tolerances, >= 0; goes with `requirement`. Attribute: (2, 2) array, one row a body, or None.
+        Relative scale tolerances, >= 0 and below 1 (0.02 is 2 %); goes with `requirement`. Attribute: (2, 2) array,
+        one row a body, or None.
     requirement : "A", "B", "C" or "D", optional
         Which way each body is off its nominal scale: (+, +), (+, -), (-, +), (-, -).
     target : (rho_1, rho_2), optional
@@ -115,6 +117,8 @@ class Problem:
         Reference values of the motion's parameters, in their order, lengths and radians; never used in solving.
     published_text : str
         The reference motion in the words of its source.
+    unit : "m", "cm", "mm", "um", "in", "ft" or ""
+        Of all lengths, as shown with results; no number follows from it. Without it they are in length units.
 
     Attributes
     ----------
@@ -151,6 +155,7 @@ class Problem:
     name: str = ""
     published: tuple[float, ...] | None = None
     published_text: str = ""
+    unit: str = ""
     request: dict[str, Any] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -212,6 +217,7 @@ class Problem:
             ("goal", (None, *GOALS)),
             ("pair", PAIR_STATES),
             ("path", PATHS),
+            ("unit", ("", *NANOMETRES)),
         ):
             arguments.choice(getattr(self, key), key, choices)
         for key in ("name", "published_text"):
@@ -415,6 +421,11 @@ class Problem:
             return contact.pieces
         named = {line.feature: line for line in self._tight_lines}
         return tuple(named[feature] for feature in self.features)
+
+    @property
+    def amount_unit(self) -> str:
+        """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
+        return self.unit if isinstance(self.amount, str) else ""
 
     @property
     def size(self) -> float:

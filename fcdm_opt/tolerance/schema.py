@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 import numpy as np
 from pydantic import (
@@ -43,8 +43,18 @@ Point = tuple[Number, Number, Number]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
 Bound = Annotated[float, Field(strict=True)] | Literal["inf", "-inf"]
 Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
-REFUSED = "refused"
+REFUSED, NO_STEP = "refused", "step"
+_STEP_KEYS = ("translation", "rotation", "screw", "free", "casadi")
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
+_OTHER_WORDS = {
+    **dict.fromkeys(("inch", "inches"), "in"),
+    **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
+    **dict.fromkeys(("centimetre", "centimeter", "centimetres", "centimeters"), "cm"),
+    **dict.fromkeys(("micrometre", "micrometer", "micron", "microns", "\N{MICRO SIGN}m".casefold()), "um"),
+    **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
+    **dict.fromkeys(("foot", "feet"), "ft"),
+}
+"""Names of units that are spelled otherwise in files."""
 _PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
 
@@ -56,8 +66,20 @@ def refusal(what: str, *, found: Any = None, allowed: str = "", inside: tuple[An
 
 def closest(key: str, allowed: Iterable[str]) -> str:
     """Return a hint at the allowed key that is spelled most alike, "" where none is near."""
-    near = difflib.get_close_matches(key, list(allowed), 1)
-    return f", did you mean '{near[0]}'?" if near else ""
+    words = {word.casefold(): word for word in allowed}
+    asked = key.casefold()
+    near = difflib.get_close_matches(asked, list(words), 1)
+    meant = _OTHER_WORDS.get(asked, "")
+    found = meant if meant in words else words[near[0]] if near else ""
+    return f", did you mean '{found}'?" if found else ""
+
+
+def _words(kind: Any) -> list[str]:
+    """Return the words that a type allows."""
+    inner = get_args(kind)
+    if get_origin(kind) is Literal:
+        return [word for word in inner if isinstance(word, str)]
+    return [word for own in inner for word in _words(own)]
 
 
 def descend(value: Any, place: Iterable[Any]) -> tuple[tuple[Any, ...], Any]:
@@ -172,7 +194,13 @@ class Entry(BaseModel):
                 what = "a number is not finite"
             else:
                 what = "wrong type, unit or shape" if len(details) > 1 else details[0]["msg"].lower()
-            allowed = str(cls.model_fields[str(info.field_name)].description)
+            field = cls.model_fields[str(info.field_name)]
+            allowed = str(field.description)
+            if details[0]["type"] == NO_STEP and isinstance(found, Mapping):
+                hints = ((key, closest(str(key), _STEP_KEYS)) for key in found)
+                what += next((f": unknown key '{key}'{hint}" for key, hint in hints if hint), "")
+            elif isinstance(found, str):
+                what += closest(found, _words(field.annotation))
             raise refusal(what, found=found, allowed=allowed, inside=inside) from error
 
 
@@ -228,7 +256,8 @@ class BodyEntry(Entry):
     )
     unit: Unit | None = Field(
         default=None,
-        description='unit of all lengths here, goes with file: "m", "cm", "mm", "um", "in" or "ft"',
+        description='unit of all lengths here, shown with results: "m", "cm", "mm", "um", "in" or "ft"; a mesh is read '
+        "in it, vertices stay as they are; without it, beside vertices alone, length units",
         examples=["mm"],
     )
     file_unit: Unit | None = Field(
@@ -243,7 +272,7 @@ class BodyEntry(Entry):
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = self.model_fields_set
-        drawn, read = ("vertices", "parts", "faces", "deviation", "notes"), ("file_unit", "unit")
+        drawn, read = ("vertices", "parts", "faces", "deviation", "notes"), ("file_unit",)
         wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
         if wrong and self.file is not None:
             raise refusal(
@@ -527,8 +556,7 @@ STEPS: dict[type[Step], Any] = {
 
 def _step_kind(entry: Any) -> str | None:
     """Tell by its first key which step an entry is; tags differ from keys so that paths can drop them."""
-    kinds = ("translation", "rotation", "screw", "free", "casadi")
-    return next((f"<{kind}>" for kind in kinds if isinstance(entry, Mapping) and kind in entry), None)
+    return next((f"<{kind}>" for kind in _STEP_KEYS if isinstance(entry, Mapping) and kind in entry), None)
 
 
 StepEntry = Annotated[
@@ -537,7 +565,7 @@ StepEntry = Annotated[
     | Annotated[ScrewEntry, Tag("<screw>")]
     | Annotated[FreeEntry, Tag("<free>")]
     | Annotated[OwnMotionEntry, Tag("<casadi>")],
-    Discriminator(_step_kind, custom_error_type="step", custom_error_message="not a step of a motion"),
+    Discriminator(_step_kind, custom_error_type=NO_STEP, custom_error_message="not a step of a motion"),
 ]
 
 

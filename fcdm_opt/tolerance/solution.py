@@ -199,7 +199,9 @@ class Solution:
             "advice": self.status.value,
             "usable": self.usable,
             "parameters": dict(self.parameters),
-            "motion": self.problem.motion.describe(list(self.parameters.values())) if self.parameters else None,
+            "motion": self.problem.motion.describe(list(self.parameters.values()), unit=self.problem.unit)
+            if self.parameters
+            else None,
             "transform": None if self.transform is None else self.transform.tolist(),
             "amount": _plain(self.amount),
             "lower_bound": _plain(self.lower_bound),

@@ -92,6 +92,8 @@ class AssemblyYield:
         Edges of the bins of a histogram of the amount.
     counts : array of int (n,)
         Pairs in these bins.
+    unit : str
+        Of amounts; "" where none is known.
     """
 
     share: float
@@ -108,6 +110,7 @@ class AssemblyYield:
     contributions: tuple[Contribution, Contribution]
     amounts: Array = field(repr=False, compare=False)
     counts: Ints = field(repr=False, compare=False)
+    unit: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan is None, and so is an end of a range that is open."""
@@ -130,7 +133,7 @@ class AssemblyYield:
             [
                 ("pairs that pass", f"{self.share:.4%}", f"{sure}: {low:.4%} to {high:.4%}"),
                 ("pairs looked at", str(self.count)),
-                ("budget", number(self.budget) if math.isfinite(self.budget) else "", "length"),
+                ("budget", number(self.budget) if math.isfinite(self.budget) else "", self.unit or "length"),
                 *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(self, what))),
             ]
         )
@@ -237,6 +240,7 @@ def assembly_yield(
             Contribution(body=BODIES[1], share_without=float(passing[1] / of), **indices[1]),
         ),
         **tally.amounts.shown(),
+        unit=getattr(sizes_map, "unit", ""),
     )
 
 

@@ -24,6 +24,7 @@ from fcdm_opt.design.compensation.ways import Way
 from fcdm_opt.design.moved_files import write
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerance.arguments import is_real
 from fcdm_opt.tolerance.problem import Problem
 
@@ -136,20 +137,29 @@ class CompensationMap:
     solved: int
     seconds: float
 
+    @property
+    def unit(self) -> str:
+        """Unit of amounts and errors, "" where the problem names none or has an amount of its own."""
+        if self.problem is None or isinstance(self.problem["case"][0].get("amount"), Mapping):
+            return ""
+        return str(self.problem["bodies"]["movable"].get("unit", ""))
+
     def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
         """Return the motion for pairs of sizes, with bounds of its error, see `Table.at`."""
         return self.table.at(rho1, rho2)
 
     def __str__(self) -> str:
         (low_1, high_1), (low_2, high_2) = self.box
+        reached = measured(f"{self.reached:.3g}", self.unit)
         return (
             f"compensation map over [{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: {len(self.regions)} "
-            f"regions, {len(self.table)} triangles, error {self.reached:.3g} (asked for {self.error:.3g}), "
+            f"regions, {len(self.table)} triangles, error {reached} (asked for {self.error:.3g}), "
             f"{self.solved} solves in {self.seconds:.1f} s"
         )
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook: its regions, their boundaries over the box, and its error."""
+        length = self.unit or "length"
         facts = cards.rows(
             [
                 (
@@ -157,7 +167,7 @@ class CompensationMap:
                     str(len(self.table)),
                     f"from {cards.counted(self.solved, 'solve')} in {self.seconds:.1f} s",
                 ),
-                ("error at most", cards.number(self.reached, 3), f"length, asked for {cards.number(self.error, 3)}"),
+                ("error at most", cards.number(self.reached, 3), f"{length}, asked for {cards.number(self.error, 3)}"),
             ]
         )
         amounts = [" to ".join(map(cards.number, own.amounts)) for own in self.regions]

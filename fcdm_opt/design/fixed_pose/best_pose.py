@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.cards import card, counted, number, rows
+from fcdm_opt.cards import card, counted, floored, number, rows
 from fcdm_opt.design.fixed_pose.cells import Search
-from fcdm_opt.design.fixed_pose.clearances import EndOfRange
-from fcdm_opt.design.fixed_pose.local_search import Found, better, smaller
+from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
+from fcdm_opt.design.fixed_pose.local_search import Found, better, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes, worst_sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerance import arguments
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Check
@@ -39,6 +40,8 @@ class BestPose:
         the window; the parameters are those of the pose that misses it least), "undecided".
     parameters : dict
         Names and values, length units and radians.
+    motion : str
+        The same in words, with units and in degrees.
     transform : (4, 4) array
     amount : float
         Weighted amount of the motion.
@@ -64,10 +67,13 @@ class BestPose:
     evidence : PoseEvidence or None
         The proof, see `check`.
     seconds : float
+    unit : str
+        Of lengths, "" where the problem names none.
     """
 
     status: str
     parameters: dict[str, float]
+    motion: str
     transform: Array
     amount: float
     worst_gap: float
@@ -83,6 +89,7 @@ class BestPose:
     window: tuple[float, float]
     evidence: PoseEvidence | None = field(repr=False)
     seconds: float
+    unit: str = ""
 
     @property
     def gap(self) -> float:
@@ -102,20 +109,25 @@ class BestPose:
         return check_proof(problem, self.sizes, self.window, self.evidence, self.lower_bound, amounts=inside)
 
     def __str__(self) -> str:
-        pose = ", ".join(f"{name} {x:.6g}" for name, x in self.parameters.items())
-        ends = f"gaps from {self.least.gap:.6g} to {self.most.gap:.6g}"
-        what = "amount" if self.status == INSIDE else "worst gap" if self.status == BEST else "off the window by"
-        return f"{self.status}: {pose}; {ends}; {what} {self.value:.6g}, proved >= {self.lower_bound:.6g}"
+        what, others = {
+            INSIDE: ("amount", "no pose inside has"),
+            BEST: ("off zero by at most", "no pose by"),
+        }.get(self.status, ("off the window by", "no pose by"))
+        bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
+        known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
+        ends = gaps_text(self.least.gap, self.most.gap, self.unit)
+        return f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook: the pose, the range of its gaps, and what is proved."""
+        length = self.unit or "length"
         facts = rows(
             [
-                *((name, number(x), "length or radian") for name, x in self.parameters.items()),
-                ("amount", number(self.amount), "length"),
-                ("gaps", f"{number(self.least.gap)} to {number(self.most.gap)}", "length"),
-                ("worst gap", number(self.worst_gap), "length"),
-                ("what is made small", number(self.value), f"length, proved at least {number(self.lower_bound)}"),
+                ("pose", self.motion, ""),
+                ("amount", number(self.amount), length),
+                ("gaps", gaps_text(self.least.gap, self.most.gap, self.unit), "of all sizes"),
+                ("worst gap", number(self.worst_gap), f"{length}, clearance or interference"),
+                ("what is made small", number(self.value), f"{length}, proved at least {number(self.lower_bound)}"),
                 ("confirmed", "yes" if self.passed else "no", counted(len(self.checks), "check")),
             ]
         )
@@ -127,6 +139,7 @@ class BestPose:
         return {
             "status": self.status,
             "parameters": dict(self.parameters),
+            "motion": self.motion,
             "transform": self.transform.tolist(),
             "amount": self.amount,
             "worst_gap": self.worst_gap,
@@ -157,8 +170,9 @@ def best_pose(
     """Return the one pose of the problem's motion family that is best for all pairs of parts.
 
     The gap of the bodies is their signed distance: of a peg in a hole that of the nearest wall. Without a window the
-    largest |gap| is made least: neither much play nor much interference. With a window (low, high), the smallest motion
-    such that every gap lies in it; either end may be infinite, (low, inf) asks for a clearance.
+    largest |gap| is made least: neither much play nor much interference; of poses as good as each other the one of the
+    least amount, as far as a local search finds. With a window (low, high), the smallest motion such that every gap
+    lies in it; either end may be infinite, (low, inf) asks for a clearance.
 
     Asked are bodies, motion, limits and weights: the problem's goal, path, pair state and resolution play no part.
 
@@ -207,7 +221,7 @@ def best_pose(
     worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
     slack = problem.contact_slack
     limits = np.array(problem.limits)
-    best = better(worst, limits, np.clip(np.zeros(len(limits)), *limits.T))
+    first = best = better(worst, limits, np.clip(np.zeros(len(limits)), *limits.T))
     inside = clearance is not None and best.off.value <= slack
     if not inside:
         search = _least_off(worst, best, slack, accuracy, effort if certify else 0, stop=clearance is not None)
@@ -216,15 +230,20 @@ def best_pose(
     if inside:
         best = smaller(worst, limits, best, slack)
         search = _least_amount(worst, best, slack, accuracy, effort if certify else 0)
-        best = search.best
-    value, bound = search.value, search.lower if search.nodes else _known(search)
+        best, value, bound = search.best, search.value, _proved(search)
+    else:
+        best = least_moved(worst, limits, best, first)
+        value = best.off.value
+        bound = min(_proved(search), value)
     done = value - bound <= max(accuracy * abs(value), slack)
     status = BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED
     return _told(worst, best, status, value, bound, done, asked, search, time.perf_counter() - start)
 
 
-def _known(search: Search) -> float:
-    """Return what is known without a proof."""
+def _proved(search: Search) -> float:
+    """Return what no pose has less of; without a proof what is known anyhow."""
+    if search.nodes:
+        return search.lower
     return 0.0 if search.amounts else search.worst.floor
 
 
@@ -236,6 +255,8 @@ def _least_off(worst: Worst, best: Found, slack: float, accuracy: float, effort:
     search = Search(worst, limits, best, slack, False, lambda q: better(worst, limits, q))
     if effort and best.off.value > max(worst.floor, 0.0) + slack:
         search.run(accuracy=accuracy, near=slack, most=effort, settled=lambda: stop and search.best.off.value <= slack)
+    if search.best is not best:  # the centre of a cell that may beat others by a little only
+        search.best = min(search.best, better(worst, limits, search.best.q), key=lambda own: own.off.value)
     return search
 
 
@@ -287,6 +308,7 @@ def _told(
     return BestPose(
         status=status,
         parameters=dict(zip(names, (best.q + 0.0).tolist(), strict=True)),
+        motion=problem.motion.describe((best.q + 0.0).tolist(), unit=problem.unit),
         transform=frozen(transform),
         amount=best.amount,
         worst_gap=max(abs(ends.least.gap), abs(ends.most.gap)),
@@ -302,6 +324,7 @@ def _told(
         window=(worst.low, worst.high),
         evidence=PoseEvidence.of(search) if search.nodes else None,
         seconds=seconds,
+        unit=problem.unit,
     )
 
 

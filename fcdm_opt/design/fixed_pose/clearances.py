@@ -15,6 +15,7 @@ from fcdm_opt.design.sizes import Sizes, box_of, drawn_pairs
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerance import arguments
 from fcdm_opt.tolerance.problem import Problem
 
@@ -100,6 +101,8 @@ class Clearances:
         Shares, and the gap that this share of the pairs does not exceed.
     counts, edges : arrays
         The histogram of the gaps: pairs in each bin, and the ends of the bins.
+    unit : str
+        Of lengths, "" where the problem names none.
     """
 
     transform: Array
@@ -115,6 +118,7 @@ class Clearances:
     quantiles: Array = field(repr=False)
     counts: Array = field(repr=False)
     edges: Array = field(repr=False)
+    unit: str = ""
 
     @property
     def range(self) -> tuple[float, float]:
@@ -123,14 +127,14 @@ class Clearances:
 
     def __str__(self) -> str:
         low, high = self.range
-        return f"gap from {low:.6g} to {high:.6g}; {self.interference:.3%} of {self.source} interfere"
+        return f"{gaps_text(low, high, self.unit)}; {self.interference:.3%} of {self.source} interfere"
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook: the range of the gap with what it is taken at, and the share that overlaps."""
         low, high = self.interference_interval
         facts = rows(
             [
-                ("gap", f"{number(self.least.gap)} to {number(self.most.gap)}", "length"),
+                ("gap", f"{number(self.least.gap)} to {number(self.most.gap)}", self.unit or "length"),
                 ("interference", f"{self.interference:.3%}", f"of {self.source}; 95 % sure: {low:.3%} to {high:.3%}"),
             ]
         )
@@ -138,7 +142,7 @@ class Clearances:
             (name, number(own.gap), numbers(own.rho), own.feature)
             for name, own in (("least", self.least), ("largest", self.most))
         ]
-        shown = table(("gap", "length", "at the sizes", "between"), ends)
+        shown = table(("gap", self.unit or "length", "at the sizes", "between"), ends)
         quantiles = [(f"{share:.5g}", number(gap)) for share, gap in self.quantiles.tolist()]
         shares = table(("of all pairs", "gap at most"), quantiles)
         state, mood = ("never overlapping", "good") if self.least.gap >= 0.0 else ("overlapping at some sizes", "mind")
@@ -173,7 +177,7 @@ def clearances(
     problem : Problem
     sizes : (n, 2) array, or a distribution for each body, optional
         Measured size pairs, or what they are drawn from, independently: `Uniform`, `Normal`, `Measured`. Default: all
-        sizes of the box alike.
+        sizes of the box equally likely.
     box : ((low_1, high_1), (low_2, high_2)), optional
         Of the range; default the problem's tolerance, nominal * (1 - minus) to nominal * (1 + plus), or all that
         `sizes` may be where it has none.
@@ -217,7 +221,17 @@ def clearances(
         quantiles=frozen(np.column_stack([shares, np.quantile(gaps, shares, method="inverted_cdf")])),
         counts=frozen(counts, np.int64),
         edges=frozen(edges),
+        unit=problem.unit,
     )
+
+
+def gaps_text(least: float, most: float, unit: str) -> str:
+    """Return a range of gaps in words: "gaps from 0.2 mm interference to 0.3 mm clearance"."""
+    return f"gaps from {_gap_text(least, unit)} to {_gap_text(most, unit)}"
+
+
+def _gap_text(gap: float, unit: str) -> str:
+    return f"{measured(f'{abs(gap):.6g}', unit)} {'interference' if gap < 0 else 'clearance'}"
 
 
 def transform_of(problem: Problem, pose: Any) -> Array:

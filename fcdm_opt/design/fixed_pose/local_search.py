@@ -94,6 +94,76 @@ def smaller(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
     return best
 
 
+def least_moved(worst: Worst, limits: Array, found: Found, nearby: Found) -> Found:
+    """Return, among poses whose worst gap is no further off than that of `found`, one that moves the part little.
+
+    What has no effect on the worst gap is so left at rest: a slide along a groove, a turn about the axis of a round.
+
+    Parameters
+    ----------
+    worst : Worst
+    limits : (k, 2) array
+    found : Found
+        As good as those about it; its worst gap is off by more than nothing.
+    nearby : Found
+        A pose near rest, taken as the start where it is as good.
+    """
+    slack = DEFAULT.tie * worst.scene.size
+    found = _without_needless(worst, limits, found, slack)
+    off = found.off.value
+    window = Worst(worst.problem, worst.scene, worst.low - off - slack, worst.high + off + slack, worst.active)
+    starts = [Found(own.q, window.off(own.q), own.amount) for own in (found, nearby)]
+    tried = [_rested(window, limits, start, slack) for start in starts if start.off.value <= slack]
+    if not tried:
+        return found
+    best = min(tried, key=lambda own: own.amount)
+    best = _rested(window, limits, smaller(window, limits, best, slack), slack)
+    best = _given_back(worst, limits, best, off)
+    return best if best.amount < found.amount or best.off.value < off else found
+
+
+def _given_back(worst: Worst, limits: Array, found: Found, off: float) -> Found:
+    """Return the pose a little further from rest, where its worst gap is off by no more than it has to be."""
+    here, short = worst.off(found.q), worst.off(found.q * (1.0 - DIFFERENCE))
+    rate = (short.value - here.value) / DIFFERENCE
+    if rate > 0.0 and here.value > off:
+        q = np.clip(found.q * (1.0 + (here.value - off) / rate), *limits.T)
+        further = worst.off(q)
+        if further.value < here.value:
+            return Found(q, further, worst.amount(q))
+    return Found(found.q, here, found.amount)
+
+
+def _without_needless(worst: Worst, limits: Array, found: Found, slack: float) -> Found:
+    """Return a pose as good as those about it with parameters at rest that it is no worse without, the least first.
+
+    Linear programs leave traces where a parameter is of no effect to first order: too small to be of use.
+    """
+    kept, rest = limits.copy(), np.clip(np.zeros(len(limits)), *limits.T)
+    for k in np.argsort(worst.problem.weights * np.abs(found.q)):
+        if found.q[k] == rest[k]:
+            continue
+        fixed, q = kept.copy(), found.q.copy()
+        fixed[k] = q[k] = rest[k]
+        tried = better(worst, fixed, q)
+        gain = found.off.value - tried.off.value
+        if gain > slack or (gain >= -slack and tried.amount < found.amount):
+            found, kept = tried, fixed
+    return found
+
+
+def _rested(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
+    """Return a pose in the window with every parameter of `start` put to rest that can be, the dearest first."""
+    best, rest = start, np.clip(np.zeros(len(start.q)), *limits.T)
+    for k in np.argsort(-worst.problem.weights * np.abs(start.q)):
+        q = best.q.copy()
+        q[k] = rest[k]
+        tried = Found(q, worst.off(q), worst.amount(q))
+        if tried.off.value <= slack and tried.amount < best.amount:
+            best = tried
+    return best
+
+
 def _trusted(limits: Array, q: Array, natural: Array, trust: float) -> Array:
     """Return the steps from q that stay in a trust region and in the limits, (k, 2)."""
     return np.column_stack(

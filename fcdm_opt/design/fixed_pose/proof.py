@@ -205,6 +205,8 @@ class _Examiner:
     def margin(self, low: Array, high: Array, bound: float, slack: float, amounts: bool) -> float:
         """Return by how much the least sure cell exceeds what it has to."""
         own, least = self.evidence, np.inf
+        if not amounts and bound <= self.worst.floor:
+            return 0.0  # nothing is claimed but what holds at every pose
         bare = np.diff(own.first) == 0
         for row in np.flatnonzero(bare).tolist():
             nearest = np.maximum(np.maximum(low[row], -high[row]), 0.0)  # to rest, of each parameter

@@ -152,6 +152,11 @@ class StudyResult:
         return {name: float(value) for name, value in total.items()}
 
     @property
+    def unit(self) -> str:
+        """Unit of all lengths and amounts, "" where none is known."""
+        return str(self.definition.get("unit", ""))
+
+    @property
     def assembly_yield(self) -> Share | None:
         """Share of the points whose motion stays within the budget; None without a budget, or a point worked out."""
         budget = self.definition.get("budget")
@@ -168,7 +173,8 @@ class StudyResult:
         amounts = sorted(row["amount"] for key, _ in self.points if (row := self._answer(key)) and row["usable"])
         if amounts:
             middle = amounts[len(amounts) // 2]
-            lines.append(f"amount: {amounts[0]:.6g} to {amounts[-1]:.6g}, the middle one {middle:.6g}")
+            head = f"amount, {self.unit}" if self.unit else "amount"
+            lines.append(f"{head}: {amounts[0]:.6g} to {amounts[-1]:.6g}, the middle one {middle:.6g}")
         if found := self.assembly_yield:
             low, high = found.interval
             lines.append(
@@ -186,14 +192,15 @@ class StudyResult:
     def _repr_html_(self) -> str:
         """Return a card for a notebook: how many points have which status, amounts, yield and time."""
         amounts = sorted(row["amount"] for key, _ in self.points if (row := self._answer(key)) and row["usable"])
+        length = self.unit or "length"
         varied = "; ".join(f"{label}: {counted(len(values), 'value')}" for label, values in self.axes.items())
         share = self.assembly_yield
         facts = rows(
             [
                 ("points", str(len(self.points)), varied),
-                ("least amount", number(amounts[0]) if amounts else "", "length"),
-                ("middle amount", number(amounts[len(amounts) // 2]) if amounts else "", "length"),
-                ("largest amount", number(amounts[-1]) if amounts else "", "length"),
+                ("least amount", number(amounts[0]) if amounts else "", length),
+                ("middle amount", number(amounts[len(amounts) // 2]) if amounts else "", length),
+                ("largest amount", number(amounts[-1]) if amounts else "", length),
                 *([] if share is None else [("yield", f"{share.share:.2%}", _yield_told(share))]),
                 ("working time", number(self.seconds.get("point"), 3) if self.seconds else "", "s"),
             ]

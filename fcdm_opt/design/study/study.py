@@ -248,6 +248,16 @@ class Study:
             given: hashlib.sha256(Path(path).read_bytes()).hexdigest() for given, path in named if Path(path).is_file()
         }
 
+    @cached_property
+    def unit(self) -> str:
+        """Unit of all lengths and amounts, "" where the cases name none or have different ones."""
+        units = {
+            "" if isinstance(question.case.get("amount"), Mapping) else question.scene.unit
+            for question in self.questions
+        }
+        varied = any("unit" in place for variable in self.variables for place in variable.places)
+        return units.pop() if len(units) == 1 and not varied else ""
+
     @property
     def _home(self) -> Path:
         return Path(self.folder or "")
@@ -258,7 +268,9 @@ class Study:
             label: plain_value(list(values)) if label != "draw" else len(values) for label, values in self.axes.items()
         }
         own = ("title", "note", "sampling", "count", "seed", "certify", "time_limit", "budget")
+        unit = {"unit": self.unit} if self.unit else {}
         return {
+            **unit,
             **{key: plain_value(getattr(self, key)) for key in own},
             "labels": list(self.labels),
             "axes": axes,

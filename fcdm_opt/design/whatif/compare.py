@@ -94,7 +94,7 @@ class Row:
         return {
             "family": self.name,
             "parameters": {} if found is None else dict(found.parameters),
-            "motion": found.problem.motion.describe(list(found.parameters.values()))
+            "motion": found.problem.motion.describe(list(found.parameters.values()), unit=found.problem.unit)
             if found is not None and found.parameters
             else None,
             "status": self.status,

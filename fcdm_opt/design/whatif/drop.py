@@ -61,7 +61,7 @@ class Dropped:
             return f"{self.name}: {self.status.name}"
         if self.saving == 0.0:
             return f"{self.name}: costs nothing"
-        more = "" if math.isnan(self.estimate) else f", {self.estimate:.6g} by its multiplier"
+        more = "" if math.isnan(self.estimate) else f" (its multiplier foretold {self.estimate:.6g})"
         word = "saves" if self.saving > 0 else "adds"
         return f"{self.name}: {word} {abs(self.saving):.6g}, amount {self.amount:.6g}{more}"
 

@@ -15,6 +15,7 @@ from fcdm_opt.cards import card, number, rows, sentence, table
 from fcdm_opt.design.whatif.clashes import plain
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerance.solver import solve
@@ -90,7 +91,7 @@ class WhatIf:
         facts = rows(
             [
                 ("changed", ", ".join(self.changed) or "nothing"),
-                ("amount", f"{number(before.amount)} to {number(after.amount)}", "length"),
+                ("amount", f"{number(before.amount)} to {number(after.amount)}", after.problem.amount_unit or "length"),
                 ("foretold", told),
                 ("status before", before.status.name if before.status is not after.status else ""),
             ]
@@ -103,7 +104,8 @@ class WhatIf:
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and foretold."""
-        amounts = f"amount {self.before.amount:.6g} -> {self.after.amount:.6g}"
+        after = measured(f"{self.after.amount:.6g}", self.after.problem.amount_unit)
+        amounts = f"amount {self.before.amount:.6g} -> {after}"
         told = f"foretold {self.predicted_amount:.6g}"
         if np.isnan(self.predicted_amount):
             told = "not foretold: " + ("; ".join(self.prediction.reasons) or "no amount before")

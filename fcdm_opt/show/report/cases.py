@@ -9,7 +9,9 @@ from typing import Any
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.plots import tolerance_box, window
+from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, shown_parameters
 from fcdm_opt.show.report.left_out import left_out
@@ -18,7 +20,7 @@ from fcdm_opt.show.report.scenes import scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import asked_text, bound_text, motion_text
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.problem import TRACKING, Problem
 from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
 
@@ -46,10 +48,13 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     published = {"motion": problem.published_text, "amount": plain(case.published_amount)}
     return {
         "name": problem.name,
+        "unit": problem.unit,
+        "amount_unit": problem.amount_unit,
         "asked": asked_text(problem),
         "goal": problem.goal,
         "status": solution.status.name,
         "advice": solution.status.value,
+        "remarks": remarks(solution),
         "usable": solution.usable,
         "motion": motion_text(solution),
         "amount": plain(solution.amount),
@@ -73,7 +78,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
 
 
 def _parameters(problem: Problem, solution: Solution) -> list[dict[str, Any]]:
-    units = {"translation": "length", "rotation": "rad"}
+    units = {"translation": problem.unit or "length", "rotation": "rad"}
     kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
     shown = shown_parameters(problem, solution.parameters)
     return [
@@ -123,7 +128,7 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
         {
             "name": body.name,
             "role": role,
-            "vertices": len(body.vertices),
+            "vertices": len({label for face in body.faces for label in face}),
             "parts": len(body.parts),
             "seed": plain(body.seed),
             "notes": [note for note in body.notes if note],
@@ -134,7 +139,7 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
     for own, keep_out in zip(found[2:], problem.keep_out, strict=True):
         low, high = keep_out.ends
         scale = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-        own["notes"].insert(0, f"scale {scale}, clearance {keep_out.clearance:g}")
+        own["notes"].insert(0, f"scale {scale}, clearance {measured(f'{keep_out.clearance:g}', problem.unit)}")
     return found
 
 
@@ -190,6 +195,7 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
         "tolerance_box": drawn(list(zip(low, high, strict=True))) if problem.tolerance is not None else None,
         "signs": plain(problem.signs) if problem.signs.any() else None,
         "quadrant": problem.goal == "beyond",
+        "tracking": problem.goal in TRACKING,
         "poses": poses,
         "tracked_shapes": frames.shapes.of(solution.features),
         "families": {"tolerance": tolerance, "motion": motion},

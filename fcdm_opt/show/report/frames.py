@@ -19,6 +19,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.report.plain import drawn
 from fcdm_opt.show.report.scenes import Shapes
@@ -187,17 +188,19 @@ class Frames:
             if not (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all():
                 return none
             found = curve.locate(place)
-        if isinstance(found, SwitchingPoint):
-            return found.contacts, found.contact_features
         if found is None:
             return none
+        sets: dict[Feature, list[Array]] = {}
+        if isinstance(found, SwitchingPoint):
+            for contact, corners in zip(found.touching, found.contact_sets, strict=True):
+                sets.setdefault(contact.feature, []).append(corners)
+            return _places(sets)
         bodies, piece = (self._problem.movable, self._problem.static), found.piece_at(place)
         others = meetings(*bodies, curve.pose, place, DEFAULT.nominal * self._problem.size)
         met = [Meeting(piece.parts, piece.contact), *(other for other in others if other.parts != piece.parts)]
-        sets: dict[Feature, list[Array]] = {}
         for own in met:
             sets.setdefault(own.contact.feature, []).append(shared(bodies, curve.pose, own, place))
-        return np.array([middle(own) for own in sets.values()]), tuple(sets)
+        return _places(sets)
 
     def _lost(self, curve: DecisionCurve, rho: Array | None) -> str:
         """Tell where the tracked features are not the contact that there is."""
@@ -211,10 +214,23 @@ class Frames:
         return f"the tracked features are not the contact here: at their scales the bodies are {state}"
 
 
+def _places(sets: Mapping[Feature, list[Array]]) -> tuple[Array, tuple[Feature, ...]]:
+    """Return a point of each contact, (k, 3), and its feature, from what each two parts share of it.
+
+    The middle of a contact that goes round a hole lies on neither body: the part of it nearest to the middle has one.
+    """
+
+    def place(shares: list[Array]) -> Array:
+        whole = middle(shares)
+        return min((own.mean(axis=0) for own in shares), key=lambda point: float(np.linalg.norm(point - whole)))
+
+    return np.array([place(shares) for shares in sets.values()]), tuple(sets)
+
+
 def shown_parameters(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
-    """Return parameters in words: lengths as they are, angles in degrees."""
+    """Return parameters in words: lengths with their unit, if it is known, angles in degrees."""
     kinds = [parameter.kind for parameter in problem.motion.parameters]
     return [
-        f"{x:.6g}" if kind == "translation" else f"{math.degrees(x):.6g} deg"
+        measured(f"{x:.6g}", problem.unit) if kind == "translation" else f"{math.degrees(x):.6g} deg"
         for kind, x in zip(kinds, parameters.values(), strict=False)
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -76,7 +77,13 @@ def gather(
     """
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
-        head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
+        head: dict[str, Any] = {
+            "file": file.path.name,
+            "title": file.title,
+            "note": file.note,
+            "sha256": _digest(file.path),
+        }
+        head["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         errors = [file.error] if file.error else []
         problems, solved = list[Problem](), list[SolvedCase]()
         for problem in file.problems:
@@ -121,6 +128,18 @@ def _digest(path: Path) -> str | None:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
         return None
+
+
+def _meshes(path: Path) -> list[str]:
+    """Return the mesh files that a problem file names, in order; none where it cannot be read."""
+    try:
+        contents = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError):
+        return []
+    bodies = contents.get("bodies", {})
+    tables = [*(bodies.values() if isinstance(bodies, dict) else ()), *contents.get("keep_out", ())]
+    named = [own["file"] for own in tables if isinstance(own, dict) and isinstance(own.get("file"), str)]
+    return list(dict.fromkeys(named))
 
 
 def made() -> dict[str, str]:

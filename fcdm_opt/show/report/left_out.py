@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.tables import CLOSED, bound_text
 from fcdm_opt.tolerance.problem import TRACKING
 from fcdm_opt.tolerance.solution import Solution
@@ -24,11 +25,11 @@ def _shape(solution: Solution) -> Iterator[str]:
     )
     keep_outs = [keep_out.body for keep_out in problem.keep_out]
     for body in (problem.movable, problem.static, *keep_outs):
-        outward, inward = body.deviation
-        if outward > 0 or inward > 0:
+        if any(body.deviation):
+            outward, inward = (measured(f"{length:.3g}", problem.unit) for length in body.deviation)
             yield (
-                f"{body.name} is approximated by convex parts, which stick out of the solid by at most {outward:.3g} "
-                f"and fall short of it by at most {inward:.3g}: the numbers hold for the parts."
+                f"{body.name} is approximated by convex parts, which stick out of the solid by at most {outward} "
+                f"and fall short of it by at most {inward}: the numbers hold for the parts."
             )
 
 
@@ -44,8 +45,9 @@ def _sizes(solution: Solution) -> Iterator[str]:
         )
     if problem.snapped is not None:
         asked = ", ".join(f"{scale:.9g}" for scale in problem.snapped.asked)
+        gap = measured(f"{problem.snapped.gap:.3g}", problem.unit)
         yield (
-            f"The nominal sizes asked for, ({asked}), leave a gap of {problem.snapped.gap:.3g}; they were closed to "
+            f"The nominal sizes asked for, ({asked}), leave a gap of {gap}; they were closed to "
             "the decision curve, and that gap is not part of the question."
         )
 
@@ -120,5 +122,5 @@ def _bound(solution: Solution) -> Iterator[str]:
     elif solution.amount > 0 and not solution.lower_bound > 0:
         yield "How small a motion can be at all is not proved."
     elif not abs(solution.gap) < CLOSED:
-        least = bound_text(solution).splitlines()[0]
+        least = measured(bound_text(solution).splitlines()[0], solution.problem.amount_unit)
         yield f"It is proved that no motion below an amount of {least} does; not that this one is the smallest."

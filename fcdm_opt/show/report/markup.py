@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import base64
 import gzip
+import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
 from typing import Any
+
+from fcdm_opt.errors import InputError
 
 NONE = "\u2013"
 """An en dash, where there is no value."""
@@ -34,21 +37,61 @@ def packed(text: str) -> str:
 
 
 @cache
-def embedded_plotly() -> str:
-    """Return plotly.js as `packed` gives it."""
-    from plotly.offline import get_plotlyjs
+def _plotly() -> str:
+    """Return the source of plotly.js."""
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError as reason:
+        what = f"plotly cannot be loaded ({reason}), whose script draws the figures; install it with pip install plotly"
+        raise InputError(what, key="report") from reason
+    return get_plotlyjs()
 
-    return packed(get_plotlyjs())
+
+@cache
+def embedded_plotly() -> str:
+    """Return plotly.js as `packed` gives it; raises `InputError` where it is not installed."""
+    return packed(_plotly())
 
 
 @cache
 def plotly_licence() -> str:
     """Return the notice at the head of plotly.js and its licence, for a comment of the page."""
-    from plotly.offline import get_plotlyjs
-
-    source = get_plotlyjs()
+    source = _plotly()
     notice = source[source.index("/*") + 2 : source.index("*/")].replace("--", "- -")
     return filled(asset("plotly-licence.txt"), {"licence": escape(notice, quote=False)})
+
+
+def whole_page(
+    body: str, slots: Mapping[str, str], *, title: str, note: str | None, scripts: Sequence[str], figures: Any
+) -> str:
+    """Return a page that is one file, with plotly.js, scripts and what they draw inside it.
+
+    Parameters
+    ----------
+    body : str
+        Asset with what stands in the page's body.
+    slots : mapping of str to str
+        HTML for its slots, besides title and note.
+    title, note : str
+        Plain text.
+    scripts : sequence of str
+        Assets, joined in this order after "common.js".
+    figures : plain data
+        What the scripts read, as `JSON.parse` gives it.
+    """
+    head = {"title": escape(title), "note": paragraphs(note)}
+    return filled(
+        asset("frame.html"),
+        {
+            **head,
+            "body": filled(asset(body), {**slots, **head}),
+            "css": asset("page.css"),
+            "js": "\n".join(map(asset, ("common.js", *scripts))),
+            "licence": plotly_licence(),
+            "plotly": embedded_plotly(),
+            "figures": packed(json.dumps(figures, allow_nan=False, separators=(",", ":"))),
+        },
+    )
 
 
 def shown(value: Any, digits: int = 6) -> str:

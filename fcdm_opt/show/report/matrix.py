@@ -14,9 +14,6 @@ from fcdm_opt.tolerance.problem import SIGNS, Problem
 from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerance.solver import solve
 
-LAYOUT = (("A", "C"), ("B", "D"))
-"""Rows and columns as in the paper: rho_1 larger on the left, rho_2 larger above."""
-
 
 @dataclass
 class _Table:
@@ -77,8 +74,7 @@ def _listed(table: _Table, first: Problem) -> dict[str, Any]:
     cells = {
         letter: _known(*table.cells[letter]) if letter in table.cells else _missing(first, letter) for letter in SIGNS
     }
-    head = {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first)}
-    return {**head, "layout": [list(row) for row in LAYOUT], "cells": cells}
+    return {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first), "cells": cells}
 
 
 def tolerance_text(problem: Problem) -> str:
@@ -96,7 +92,7 @@ def _known(number: int, case: SolvedCase) -> dict[str, Any]:
 
 def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
-    note = f"not a case of the file: solved for this table with the motion of case {first.name}, without a proof"
+    note = f"not a case of the file: solved for this table as case {first.name} is, bounds by closed forms only"
     try:
         solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
     except InputError as reason:
@@ -112,6 +108,7 @@ def _cell(solution: Solution) -> dict[str, Any]:
     return {
         "motion": motion_text(solution),
         "amount": plain(solution.amount),
+        "amount_unit": solution.problem.amount_unit,
         "bound": plain(solution.lower_bound),
         "bound_text": bound_text(solution).replace("\n", ", "),
         "published": solution.problem.published_text or None,

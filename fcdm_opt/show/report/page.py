@@ -6,31 +6,19 @@ without JavaScript. plotly.js and the figures' data are embedded compressed; not
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from fcdm_opt.show.report.markup import (
-    NONE,
-    asset,
-    embedded_plotly,
-    facts,
-    filled,
-    folded,
-    packed,
-    paragraphs,
-    plotly_licence,
-    shown,
-    table,
-    yes_no,
-)
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.show.report.markup import NONE, facts, folded, paragraphs, shown, table, whole_page, yes_no
+from fcdm_opt.tolerance.problem import SIGNS
 
 Data = Mapping[str, Any]
 
 FIGURES = (  # what the scripts draw of a case; all else is text and written here
     *("file", "name", "scene", "feature_shapes", "labels", "axes", "nominal", "tolerance_box", "signs", "quadrant"),
-    *("poses", "families"),
+    *("tracking", "poses", "families", "unit", "amount_unit"),
 )
 POSES = {
     "nominal": "nominal",
@@ -38,10 +26,11 @@ POSES = {
     "corrected": "corrected",
     "tracked": "tracked sizes",
 }
-SCRIPTS = ("common.js", "curve.js", "scene.js", "page.js")
+SCRIPTS = ("curve.js", "scene.js", "page.js")
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
-MATRIX = (("A", "C"), ("B", "D"))  # rows rho_2 +tau, -tau; columns rho_1 +tau, -tau
-SIGNS = {"A": "+,+", "B": "+,\u2212", "C": "\u2212,+", "D": "\u2212,\u2212"}
+MINUS = "\u2212"
+LAYOUT = (("A", "C"), ("B", "D"))
+"""Requirements as in the paper's tables: rho_1 larger on the left, rho_2 larger above."""
 
 
 def page(payload: Data) -> str:
@@ -59,12 +48,9 @@ def page(payload: Data) -> str:
     """
     cases = payload["cases"]
     placed = [(case, number, _source(case, payload["files"])) for number, case in enumerate(cases)]
-    figures = {"cases": [_figures(case) for case in cases]}
-    return filled(
-        asset("page.html"),
+    return whole_page(
+        "page.html",
         {
-            "title": escape(payload["title"]),
-            "note": paragraphs(payload.get("note")),
             "notices": _notices(payload["files"]),
             "answers": "\n".join(_answer(*each) for each in placed),
             "alone": "hidden" if len(cases) < 2 and not payload["matrices"] else "",
@@ -73,12 +59,11 @@ def page(payload: Data) -> str:
             "poses": _pose_buttons(),
             "details": "\n".join(_details(*each) for each in placed),
             "about": _about(payload),
-            "css": asset("page.css"),
-            "js": "\n".join(map(asset, SCRIPTS)),
-            "licence": plotly_licence(),
-            "plotly": embedded_plotly(),
-            "figures": packed(json.dumps(figures, allow_nan=False, separators=(",", ":"))),
         },
+        title=payload["title"],
+        note=payload.get("note"),
+        scripts=SCRIPTS,
+        figures={"cases": [_figures(case) for case in cases]},
     )
 
 
@@ -112,7 +97,8 @@ def _answer(case: Data, number: int, source: str) -> str:
         answer = f'<p class="big nothing">No motion: {_words(case["status"])}</p>'
     else:
         answer = f'<p class="big">{escape(case["motion"])}</p>'
-    advice = "" if case["status"] in UNREMARKABLE else f'<p class="advice">{shown(case.get("advice"))}</p>'
+    said = [] if case["status"] in UNREMARKABLE else [case.get("advice")]
+    advice = "".join(f'<p class="advice">{shown(text)}</p>' for text in [*said, *case.get("remarks", ())])
     return (
         f'<article class="answer" data-case="{number}">\n'
         f'{source}<h2><span class="quiet">Case</span> {escape(case["name"])}</h2>\n'
@@ -129,18 +115,25 @@ def _question(case: Data) -> str:
 
 
 def _amount(case: Data) -> str:
-    text = shown(case.get("amount"))
+    text = _in(case, "amount_unit", shown(case.get("amount")))
     if published := case.get("published"):
-        text += f"<small>published: {shown(published.get('amount'))}, {shown(published.get('motion'))}</small>"
+        amount = _in(case, "amount_unit", shown(published.get("amount")))
+        text += f"<small>published: {amount}, {shown(published.get('motion'))}</small>"
     if case.get("touch_amount") is not None:
-        text += f"<small>least for goal \u201ctouch\u201d: {shown(case['touch_amount'])}</small>"
+        least = _in(case, "amount_unit", shown(case["touch_amount"]))
+        text += f"<small>least for goal \u201ctouch\u201d: {least}</small>"
     return text
+
+
+def _in(data: Data, key: str, text: str) -> str:
+    """Return a number in a unit that a case or cell names, alone where it names none or there is no number."""
+    return text if text in (NONE, "impossible") else measured(text, escape(data.get(key) or ""))
 
 
 def _bound(case: Data) -> str:
     """Return the lower bound as the tables show it, rounded down, and how far below the amount it is."""
     bound, _, gap = shown(case.get("bound_text")).partition(", ")
-    return bound + (f"<small>{gap}</small>" if gap else "")
+    return _in(case, "amount_unit", bound) + (f"<small>{gap}</small>" if gap else "")
 
 
 def _made(case: Data) -> str:
@@ -150,10 +143,11 @@ def _made(case: Data) -> str:
     if gap is None:
         text = escape(state)
     elif state == "touching":
-        text = f"touching<small>gap {gap:.2g}</small>"
+        text = f"touching<small>gap {_in(case, 'unit', f'{gap:.2g}')}</small>"
     else:
-        text = f'{escape(state)} by <span class="whole">{abs(gap):.3g}</span>'
-    return text + (f"<small>at \u03c1 = ({shown(pair)})</small>" if pair else "")
+        text = f'{escape(state)} by <span class="whole">{_in(case, "unit", f"{abs(gap):.3g}")}</span>'
+    pose = "at rest, " if case.get("amount") is None else ""
+    return text + (f"<small>{pose}at \u03c1 = ({shown(pair)})</small>" if pair else "")
 
 
 def _verified(case: Data) -> str:
@@ -188,7 +182,7 @@ def _matrix(matrix: Data, cases: Sequence[Data]) -> str:
         f'<tr><th scope="row">\u03c1<sub>2</sub> {sign}\u03c4</th>'
         + "".join(_cell(letter, matrix["cells"].get(letter), cases) for letter in letters)
         + "</tr>\n"
-        for sign, letters in zip(("+", "\u2212"), MATRIX, strict=True)
+        for sign, letters in zip(("+", MINUS), LAYOUT, strict=True)
     )
     return (
         f'<table class="matrix" data-file="{matrix["file"]}">'
@@ -199,15 +193,17 @@ def _matrix(matrix: Data, cases: Sequence[Data]) -> str:
 
 
 def _cell(letter: str, cell: Data | None, cases: Sequence[Data]) -> str:
-    head = f'<span class="letter">{letter}</span> <span class="signs">({SIGNS[letter]})</span>'
+    signs = ",".join("+" if sign > 0 else MINUS for sign in SIGNS[letter])
+    head = f'<span class="letter">{letter}</span> <span class="signs">({signs})</span>'
     if not cell:
         return f'<td class="unasked">{head}<span class="line">not asked</span></td>'
     if cell.get("amount") is None:
         lines = [("motion", f"no motion: {_words(cell.get('status') or 'not found')}")]
     else:
-        lines = [("motion", escape(cell["motion"])), ("amounts", f"amount {shown(cell['amount'])}")]
+        amount = _in(cell, "amount_unit", shown(cell["amount"]))
+        lines = [("motion", escape(cell["motion"])), ("amounts", f"amount {amount}")]
     if cell.get("bound") and cell.get("amount"):
-        lines.append(("amounts", f"proved \u2265 {shown(cell.get('bound_text')).partition(', ')[0]}"))
+        lines.append(("amounts", f"proved \u2265 {_bound(cell).partition('<')[0]}"))
     if cell.get("published"):
         lines.append(("published", f"published: {escape(cell['published'])}"))
     if cell.get("pair_state") and cell.get("amount") is not None:
@@ -270,7 +266,8 @@ def _sensitivities(case: Data) -> str:
         for b in found["bars"]
     ]
     caption = "What the amount depends on: left of the middle less, right of it more"
-    chart = table(caption, ("change", "effect on the amount", "amount", "per"), rows, (2,))
+    amount = f"amount, {case['amount_unit']}" if case.get("amount_unit") else "amount"
+    chart = table(caption, ("change", "effect on the amount", amount, "per"), rows, (2,))
     return f'<section class="bars"><h3>Sensitivities</h3>{paragraphs(found.get("text"))}{chart}</section>'
 
 
@@ -288,12 +285,13 @@ def _modelled(case: Data) -> str:
         )
         for body in case["bodies"]
     ]
+    unit = f", lengths in {case['unit']}" if case.get("unit") else ""
     heads = ("body", "role", "vertices", "convex parts", "seed", "deviation", "notes")
     return (
         '<section><h3>Modelled and left out</h3><div class="pair"><div><h4>Modelled</h4>'
         f"{table('How much of the scene was needed', ('what', 'kept', 'of all'), rows, (1, 2))}</div>"
         f"<div><h4>Left out</h4><ul>{left or '<li>nothing named</li>'}</ul></div></div>"
-        f"{table('Bodies as read', heads, bodies, (2, 3))}</section>"
+        f"{table(f'Bodies as read{unit}', heads, bodies, (2, 3))}</section>"
     )
 
 
@@ -317,9 +315,10 @@ def _certificate(case: Data) -> str:
         text = f'<p class="verdict">{verdict}</p>{checks}'
     else:
         text = "<p>No motion was judged.</p>"
+    least = _in(case, "amount_unit", shown(case.get("lower_bound"), 17))
     bounds = [
-        ("Amount found", shown(case.get("amount"), 15)),
-        ("Proved at least", shown(case.get("lower_bound"), 15)),
+        ("Amount found", _in(case, "amount_unit", shown(case.get("amount"), 17))),
+        ("Proved at least", "impossible" if _bound(case) == "impossible" else least),
         ("Relative gap", shown(case.get("gap"), 3)),
     ]
     proof = ""
@@ -340,7 +339,7 @@ def _record(case: Data) -> str:
         ("Advice", shown(case.get("advice"))),
         ("Stage", shown(case.get("stage"))),
         ("Pair made", f"({shown(case.get('pair'), 9)})"),
-        ("Tracked pair", f"({shown(case.get('rho'), 9)})"),
+        ("Tracked pair", f"({shown(case.get('rho'), 9)})" if case.get("tracking") and case.get("rho") else NONE),
         ("Features", "<br>".join(map(escape, case.get("features") or ())) or NONE),
         ("Configuration", shown(case.get("configurations"))),
         ("Active", shown(list(case.get("active") or ()))),
@@ -369,6 +368,11 @@ def _about(payload: Data) -> str:
             f"<code>{shown(file.get('sha256'))}</code>",
         )
         for file in payload["files"]
+    ]
+    inputs += [
+        (escape(mesh["file"]), f"mesh of {escape(file['file'])}", f"<code>{shown(mesh.get('sha256'))}</code>")
+        for file in payload["files"]
+        for mesh in file.get("meshes") or ()
     ]
     versions = [(escape(name), shown(value)) for name, value in payload["made"].items()]
     tolerances = [(escape(name), shown(value), escape(meaning)) for name, value, meaning in payload["tolerances"]]

@@ -12,7 +12,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.show.report.plain import drawn
-from fcdm_opt.show.scene import own_polygons, true_edges
+from fcdm_opt.show.scene import face_polygons, own_polygons, true_edges
 from fcdm_opt.tolerance.problem import Problem
 
 MOST_NAMED = 8
@@ -95,8 +95,7 @@ class Shapes:
 def _shape(place: int, body: Body, element: Element) -> dict[str, Any]:
     rows, triangles = _Rows(), list[list[int]]()
     if element.kind == "F":
-        loops = [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(element)]
-        triangles = [fan for polygon in loops for fan in _fans(rows.of(polygon))]
+        triangles = [fan for polygon in face_polygons(body, element) for fan in _fans(rows.of(polygon))]
     else:
         rows.of(body.vertices[np.array(element.vertices) - 1])
     return {

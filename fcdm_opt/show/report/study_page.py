@@ -9,30 +9,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.cards import floored
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.markup import (
-    asset,
-    embedded_plotly,
-    facts,
-    filled,
-    folded,
-    packed,
-    paragraphs,
-    plotly_licence,
-    shown,
-    table,
-)
+from fcdm_opt.show.report.markup import facts, folded, shown, table, whole_page
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
 
-MOST_POINTS, MOST_ROWS, MOST_VALUES = 20_000, 500, 40
+MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
 """Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
 
 ALWAYS = ("status", "amount", "lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
 """Columns of a row besides what was varied and the motion's parameters."""
-
-SCRIPTS = ("common.js", "study.js")
 
 
 def study_page(result: StudyResult) -> str:
@@ -46,11 +35,10 @@ def study_page(result: StudyResult) -> str:
     Returns
     -------
     str
-        HTML5, UTF-8. The chart holds 20,000 points at most, evenly chosen, the table 500; both say so.
+        HTML5, UTF-8. The chart holds 10,000 points at most, evenly chosen, the table 500; both say so.
     """
     rows = result.rows()
     columns = _columns(result, rows)
-    title = result.definition.get("title") or "Study"
     kept = _evenly(len(rows), MOST_POINTS)
     data = {
         "columns": columns,
@@ -60,23 +48,21 @@ def study_page(result: StudyResult) -> str:
         "numbers": list(kept),
         "of": len(rows),
         "budget": result.definition.get("budget"),
+        "unit": result.unit,
     }
-    return filled(
-        asset("study.html"),
+    return whole_page(
+        "study.html",
         {
-            "title": escape(title),
-            "note": paragraphs(result.definition.get("note")),
             "summary": facts(_summary(result, rows)),
             "picture": _picture(result),
             "varied": _axes_table(result),
             "rows": _rows_table(rows, columns),
             "about": _about(result),
-            "css": asset("page.css"),
-            "js": "\n".join(map(asset, SCRIPTS)),
-            "licence": plotly_licence(),
-            "plotly": embedded_plotly(),
-            "figures": packed(json.dumps(data, allow_nan=False, separators=(",", ":"))),
         },
+        title=result.definition.get("title") or "Study",
+        note=result.definition.get("note"),
+        scripts=("study.js",),
+        figures=data,
     )
 
 
@@ -86,12 +72,13 @@ def _summary(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> list[tup
     told = [("Points", f"{len(rows)}<small>{counts}</small>")]
     if amounts:
         middle = f"<small>the middle one {shown(amounts[len(amounts) // 2])}</small>"
-        told.append(("Amounts (length units)", f"{shown(amounts[0])} to {shown(amounts[-1])}{middle}"))
+        unit = result.unit or "length units"
+        told.append((f"Amounts ({unit})", f"{shown(amounts[0])} to {shown(amounts[-1])}{middle}"))
     if (found := result.assembly_yield) is not None:
         low, high = found.interval
         told.append(
             (
-                f"Yield within {found.budget:g}",
+                f"Yield within {measured(f'{found.budget:g}', result.unit)}",
                 f"{found.share:.2%}<small>{found.within} of {found.of}; "
                 f"{found.confidence:.0%} interval {low:.2%} to {high:.2%}</small>",
             )
@@ -151,8 +138,13 @@ def _axes_table(result: StudyResult) -> str:
 def _rows_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
     kept = _evenly(len(rows), MOST_ROWS)
     caption = f"{len(rows)} points" if len(rows) <= MOST_ROWS else f"{MOST_ROWS} of {len(rows)} points, evenly chosen"
-    body = ((str(k), *(shown(_plain(rows[k][name])) for name in columns)) for k in kept)
+    body = ((str(k), *(_cell(name, _plain(rows[k][name])) for name in columns)) for k in kept)
     return table(caption, ("number", *columns), body)
+
+
+def _cell(name: str, value: Any) -> str:
+    """Return a value as the table shows it, a bound never rounded up."""
+    return floored(value, 6) if name == "lower_bound" and value and value > 0 else shown(value)
 
 
 def _about(result: StudyResult) -> str:

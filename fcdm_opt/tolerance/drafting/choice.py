@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion import Free, Motion, Translation
-from fcdm_opt.tolerance.drafting.situation import Situation
+from fcdm_opt.tolerance.drafting.situation import DRAWN, Situation
 from fcdm_opt.tolerance.problem import SIGNS, Problem
 from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerance.solver import solve
@@ -22,6 +23,7 @@ TOLERANCE = 0.02
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
+NOISE = 1e-12  # relative: what is smaller is rounding, and is written as 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,18 @@ class Choice:
     def solved(self) -> int:
         """How many requirements are solved and verified."""
         return sum(own is not None and own.usable for own in self.solutions.values())
+
+    @cached_property
+    def tied(self) -> tuple[str, ...]:
+        """Requirements that another motion, some way off, answers as well; not looked for where that takes long."""
+        found, left = [], SECONDS / 2.0
+        for letter, own in self.solutions.items():
+            if own is None or not own.usable:
+                continue
+            left -= 2.0 * len(own.parameters) * sum(own.seconds.values())  # each parameter is held to either side
+            if left > 0 and any("another motion" in reason for reason in own.sensitivity.reasons):
+                found.append(letter)
+        return tuple(found)
 
     @property
     def axis(self) -> Array | None:
@@ -84,11 +98,19 @@ def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) 
     return best
 
 
+def closing(situation: Situation) -> Array | None:
+    """Return the shortest shift of the movable part as drawn after which the parts touch, (3,); None if unknown."""
+    shift = Translation("x") >> Translation("y") >> Translation("z")
+    problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=shift)
+    solution = solve(problem)
+    return np.array(solution.transform[:3, 3]) if solution.usable and solution.transform is not None else None
+
+
 def named(axis: Array) -> str | tuple[float, float, float]:
     """Return "x", "y" or "z" for a direction along that axis, either way, else its components."""
     k = int(np.abs(axis).argmax())
     others = math.hypot(*np.delete(axis, k).tolist())
-    x, y, z = (float(x) + 0.0 for x in axis)
+    x, y, z = (0.0 if abs(x) <= NOISE else float(x) for x in axis)
     return AXES[k] if others <= DEFAULT.nominal else (x, y, z)
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.decision_curve import DEFAULT_BOX, DecisionCurve, decision_curve
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 DRAWN = (1.0, 1.0)
+MARGIN = 0.1  # of the box about the sizes drawn, five times a draft's tolerance; half of it about contacts
+UNMEANT = 1e-5  # radians: single precision tilts faces of 100 by 1e-7, and no one draws so small an angle
 WIDE: Box = ((0.02, 50.0), (0.02, 50.0))
 """Scales at which a contact is looked for where the usual box has none."""
 
@@ -73,24 +77,31 @@ class Situation:
 
     @cached_property
     def box(self) -> Box:
-        """Scales that a file about these parts should show: the usual ones where a contact is in them."""
-        if self.state == "touching" or self._usual.segments:
-            return DEFAULT_BOX
-        pair = self._wide.nearest(DRAWN)
-        if not np.isfinite(pair).all():
-            return DEFAULT_BOX
-        ends = [(_rounded(0.5 * min(1.0, scale)), _rounded(2.0 * max(1.0, scale))) for scale in pair.tolist()]
-        return ends[0], ends[1]
+        """Scales that a file about these parts should show: about those drawn, and where contacts are nearest."""
+        return self.box_about(*(near.pair for near in (self.nearest, self.grown) if near is not None))
+
+    def box_about(self, *pairs: Array) -> Box:
+        """Return a box that holds the scales drawn, and these, with a margin."""
+        low, high = np.ones(2) * (1.0 - MARGIN), np.ones(2) * (1.0 + MARGIN)
+        for pair in pairs:
+            low, high = np.minimum(low, pair * (1.0 - MARGIN / 2.0)), np.maximum(high, pair * (1.0 + MARGIN / 2.0))
+        one, two = ((rounded(a, math.floor), rounded(b, math.ceil)) for a, b in zip(low, high, strict=True))
+        return one, two
 
     @cached_property
     def curve(self) -> DecisionCurve:
         """The decision curve in `box`."""
-        return self._usual if self.box == DEFAULT_BOX else replace(self._usual, box=self.box)
+        return replace(self._usual, box=self.box)
 
     @cached_property
     def nearest(self) -> Near | None:
         """The contact whose scale pair is nearest to the parts as drawn."""
-        return self._near(self.curve.nearest(DRAWN))
+        return self._near(self._seen.nearest(DRAWN))
+
+    @cached_property
+    def flush(self) -> bool:
+        """Whether the nearest contact is flush."""
+        return self.nearest is not None and bool(self._seen.flush(self.nearest.pair))
 
     @cached_property
     def grown(self) -> Near | None:
@@ -110,14 +121,41 @@ class Situation:
 
     def switching_points(self, most: int) -> list[SwitchingPoint]:
         """Return the switching points in `box` that are nearest to the parts as drawn, by number."""
-        listed = sorted(self.curve.switching_points, key=lambda own: float(np.abs(np.log(own.rho)).max()))
-        return sorted(listed[:most], key=lambda own: own.index)
+        return sorted(_by_nearness(self.curve)[:most], key=lambda own: own.index)
+
+    @property
+    def beyond(self) -> SwitchingPoint | None:
+        """The switching point nearest to the parts as drawn where `box` has none; None where it has one."""
+        return None if self.curve.switching_points else next(iter(_by_nearness(self._seen)), None)
+
+    @cached_property
+    def tilt(self) -> float | None:
+        """Angle between two faces that nearly lie on one another where the parts meet, radians.
+
+        None where there are no such faces, or they are parallel as exactly as is told apart.
+        """
+        near = self.nearest
+        if near is None:
+            return None
+        angles = [
+            float(np.linalg.norm(one + two))  # of two unit vectors that are nearly opposite
+            for n, (i, j) in _meetings(near.contact)
+            for one in _facing(self.movable.parts[i], n)
+            for two in _facing(self.static.parts[j], -n)
+        ]
+        least = min(angles, default=0.0)
+        return least if least > DEFAULT.tie else None
 
     def _near(self, pair: Array) -> Near | None:
         if not np.isfinite(pair).all() or pair.min() <= 0:
             return None
-        contact = self.curve.locate(pair)
+        contact = self._seen.locate(pair)
         return None if contact is None else Near(pair, contact)
+
+    @cached_property
+    def _seen(self) -> DecisionCurve:
+        """The curve that contacts are looked for on: in the usual box where one is in it."""
+        return self._usual if self.state == "touching" or self._usual.segments else self._wide
 
     @cached_property
     def _usual(self) -> DecisionCurve:
@@ -139,6 +177,23 @@ def _on_diagonal(segment: Segment) -> list[float]:
     return [scale] if scale > 0 and off <= DEFAULT.nominal * scale else []
 
 
-def _rounded(scale: float) -> float:
-    """Return a scale with two digits: a border of what is shown need not be finer."""
-    return float(f"{scale:.2g}")
+def _by_nearness(curve: DecisionCurve) -> list[SwitchingPoint]:
+    """Return the switching points listed, the nearest to the parts as drawn first."""
+    return sorted(curve.switching_points, key=lambda own: float(np.abs(np.log(own.rho)).max()))
+
+
+def _meetings(contact: Segment | SwitchingPoint) -> list[tuple[Array, tuple[int, int]]]:
+    """Return normal and part pair of what touches."""
+    pieces = (contact,) if isinstance(contact, Segment) else contact.pieces
+    return [(piece.normal, piece.parts) for piece in pieces]
+
+
+def _facing(part: ConvexPart, direction: Array) -> list[Array]:
+    """Return the normals of a part's faces that point in a direction, but for a tilt no one means."""
+    return [normal for normal in part.normals if float(np.linalg.norm(normal - direction)) <= UNMEANT]
+
+
+def rounded(scale: float, way: Callable[[float], int]) -> float:
+    """Return a scale with two digits, rounded up or down: a border of what is shown need not be finer."""
+    unit = 10.0 ** (math.floor(math.log10(scale)) - 1)
+    return float(f"{way(round(scale / unit, 6)) * unit:.3g}")  # 1.1 / 0.1 is above 11 in floats

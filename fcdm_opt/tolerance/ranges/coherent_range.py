@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -156,7 +156,7 @@ class CoherentRange:
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook: the interval, the motion at both ends, and what ends it there."""
-        describe = self.problem.motion.describe
+        describe = partial(self.problem.motion.describe, unit=self.problem.unit)
         ends = [
             (
                 side,

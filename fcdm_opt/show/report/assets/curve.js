@@ -1,6 +1,7 @@
 // The decision curve before the motion and as shown, with what is asked for.
 
 const SAMPLES = 12; // points of a segment that answer to the pointer
+const ROOM = 0.06; // of the window, about what lies outside it
 
 function drawCurve() {
   const shown = currentCase(), frame = currentFrame(), colours = palette();
@@ -8,11 +9,11 @@ function drawCurve() {
   const traces = [
     ...curveTraces("before", before, "solid", colours.movable, colours),
     ...(moved ? curveTraces("after", frame, "dash", colours.static, colours) : []),
-    marks("tracked point before", [shown.nominal], "star", 15, colours.ink, colours.ink),
+    marks(nominalName(), [shown.nominal], "star", 15, colours.ink, colours.ink),
     marks("parts made", [frame.target], "diamond-open", 12, colours.good, "none"),
-    moved ? marks("tracked point after", [frame.rho], "circle-open", 17, colours.static, "none") : null,
+    moved && shown.tracking ? marks("tracked point after", [frame.rho], "circle-open", 17, colours.static, "none") : null,
   ].filter(Boolean);
-  const [x, y] = shown.axes[state.zoom];
+  const [x, y] = state.zoom === "window" ? windowOf(shown, frame) : shown.axes.box;
   const axis = (title, range) => ({
     title: { text: title, standoff: 10 }, range, zeroline: false, gridcolor: colours.grid, linecolor: colours.muted,
     tickcolor: colours.muted, ticks: "outside", showline: true, mirror: true, nticks: 7, automargin: true,
@@ -29,6 +30,28 @@ function drawCurve() {
   };
   return Plotly.react("curve", traces, layout, PLOT);
 }
+
+/** The window about the tolerance box, wider where the frame's own box or pairs lie outside. */
+function windowOf(shown, frame) {
+  const seen = [frame.target, frame.rho, ...transposed(toleranceBox(shown, frame))].filter(Boolean);
+  return shown.axes.window.map((side, k) => {
+    const low = Math.min(...seen.map(own => own[k])), high = Math.max(...seen.map(own => own[k]));
+    const margin = ROOM * (Math.max(high, side[1]) - Math.min(low, side[0]));
+    return [low < side[0] ? low - margin : side[0], high > side[1] ? high + margin : side[1]];
+  });
+}
+
+/** Sides of the tolerance box, as large as the frame's tolerance; nothing where there is none. */
+function toleranceBox(shown, frame) {
+  const { nominal, tolerance_box: box } = shown, made = frame.target ?? nominal;
+  const start = shown.poses.rescaled?.target ?? made;
+  return box?.map((side, k) => {
+    const share = start[k] === nominal[k] ? 1 : (made[k] - nominal[k]) / (start[k] - nominal[k]);
+    return side.map(end => nominal[k] + share * (end - nominal[k]));
+  });
+}
+
+const transposed = box => (box ? [0, 1].map(end => box.map(side => side[end])) : []);
 
 /** A curve's line, with its snug pieces and switching points. */
 function curveTraces(name, frame, dash, colour, colours) {
@@ -85,7 +108,7 @@ function marks(name, points, symbol, size, colour, fill) {
 
 /** Tolerance box, reaching to the pair made where the slider moves it, and the quadrant asked for. */
 function areas(shown, frame, colours) {
-  const { nominal, tolerance_box: box, signs, quadrant } = shown, made = frame.target ?? nominal;
+  const { nominal, signs, quadrant } = shown, made = frame.target ?? nominal;
   const shapes = [], rectangle = (x, y, look) => shapes.push({
     type: "rect", layer: "below", x0: x[0], x1: x[1], y0: y[0], y1: y[1], line: { width: 0 }, ...look,
   });
@@ -93,13 +116,7 @@ function areas(shown, frame, colours) {
     const [x, y] = [0, 1].map(k => [made[k], signs[k] > 0 ? shown.axes.box[k][1] * 2 : 0]);
     rectangle(x, y, { fillcolor: colours.good, opacity: 0.13, name: "asked for" });
   }
-  if (box) {
-    const start = shown.poses.rescaled?.target ?? made;
-    const [x, y] = box.map((side, k) => {
-      const share = start[k] === nominal[k] ? 1 : (made[k] - nominal[k]) / (start[k] - nominal[k]);
-      return side.map(end => nominal[k] + share * (end - nominal[k]));
-    });
-    rectangle(x, y, { fillcolor: colours.muted, opacity: 0.22, name: "tolerance box" });
-  }
+  const box = toleranceBox(shown, frame);
+  if (box) rectangle(...box, { fillcolor: colours.muted, opacity: 0.22, name: "tolerance box" });
   return shapes;
 }

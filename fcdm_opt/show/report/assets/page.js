@@ -39,6 +39,9 @@ function chooseCase(number, { remember = true } = {}) {
   show();
 }
 
+/** What the star is: goals that track no contact have only a pair of sizes to start from. */
+const nominalName = () => (currentCase().tracking ? "tracked point before (nominal)" : "nominal pair");
+
 /** Name the bodies in the keys below the figures, and leave out what this case does not have. */
 function fillKeys() {
   const { bodies, poses, families, tolerance_box: box, quadrant } = currentCase();
@@ -49,6 +52,8 @@ function fillKeys() {
   element("key-snug").hidden = !frames.some(frame => frame?.curve.some(segment => segment[5]));
   element("key-tolerance").hidden = !box;
   element("key-quadrant").hidden = !quadrant;
+  element("key-nominal").textContent = nominalName();
+  for (const id of ["key-tracked", "now-tracked"]) element(id).hidden = !currentCase().tracking;
 }
 
 /** Set the slider to a family's start, the case as asked; without a family it is switched off. */
@@ -99,15 +104,18 @@ function showNumbers() {
   const named = family() ? `${family().label} ${family().shown[state.index]}` : `pose ${poseName()}`;
   write("shown", `Shown: case ${currentCase().name}, ${named}${frame.note ? `: ${frame.note}` : ""}.`);
   write("now-motion", frame.motion);
-  write("now-amount", digits(frame.amount));
+  write("now-amount", inUnit(digits(frame.amount), currentCase().amount_unit));
   write("now-target", pair(frame.target));
   write("now-rho", pair(frame.rho));
-  write("now-gap", digits(frame.pair_gap, 4));
+  write("now-gap", inUnit(digits(frame.pair_gap, 4), currentCase().unit));
   write("now-state", frame.pair_state);
   write("now-status", (frame.status ?? "").toLowerCase().replaceAll("_", " "));
   const features = featuresOf(frame).map(k => shapes[k].label).join(" and ");
   write("now-features", frame.contact?.length || !features ? features : `none here; tracked: ${features}`);
 }
+
+/** A number with its unit, alone where there is none. */
+const inUnit = (text, unit) => (unit && text !== "\u2013" ? `${text} ${unit}` : text);
 
 const poseName = () => all("input[name=pose]").find(input => input.value === state.pose).parentElement.innerText.trim();
 
@@ -149,7 +157,10 @@ function listen() {
     event.preventDefault();
     move(name);
   });
-  addEventListener("hashchange", () => chooseCase(caseInAddress(), { remember: false }));
+  addEventListener("hashchange", () => {
+    const number = caseInAddress();
+    if (number !== null) chooseCase(number, { remember: false });
+  });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
   const paper = matchMedia("print");
   paper.addEventListener("change", () => setPrinting(paper.matches));
@@ -175,9 +186,10 @@ function setPrinting(starts) {
   if (hasScene) drawScene();
 }
 
+/** The case that the address names, null where it names none: other links lead to other places of the page. */
 function caseInAddress() {
-  const number = Number(/^#case-(\d+)$/.exec(location.hash)?.[1] ?? 0);
-  return number < cases.length ? number : 0;
+  const number = Number(/^#case-(\d+)$/.exec(location.hash)?.[1] ?? NaN);
+  return number < cases.length ? number : null;
 }
 
 ({ cases } = JSON.parse(await unpacked("packed-figures")));
@@ -189,7 +201,7 @@ if (cases.length) {
   element("viewer").hidden = false;
   root.classList.add("drawn");
   listen();
-  chooseCase(caseInAddress(), { remember: false });
+  chooseCase(caseInAddress() ?? 0, { remember: false });
   await drawing;
 }
 root.dataset.ready = "yes";

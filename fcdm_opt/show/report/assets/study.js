@@ -7,7 +7,7 @@ const MOST_SERIES = 12; // values of a column that tells lines apart
 const NOTHING = "nothing";
 const EDGE = 0.025; // of the height: where points without a value stand
 
-let study;
+let study, moving = false;
 
 /** Values of a column, in the order of the points. */
 const column = name => study.rows.map(row => row[study.columns.indexOf(name)]);
@@ -21,8 +21,8 @@ function fillChoices() {
   const numeric = study.columns.filter(isNumeric);
   const varied = study.varied.filter(name => numeric.includes(name));
   const longest = [...varied].sort((one, two) => distinct(two).length - distinct(one).length)[0];
-  choices("x-axis", numeric, longest ?? numeric[0]);
-  choices("y-axis", numeric, "amount");
+  choices("x-axis", [...new Set([...study.varied, ...numeric])], longest ?? study.varied[0] ?? numeric[0]);
+  choices("y-axis", [...new Set(["amount", ...numeric])], "amount");
   const few = study.columns.filter(name => distinct(name).length > 1 && distinct(name).length <= MOST_SERIES);
   const others = few.filter(name => name !== longest);
   choices("series", [NOTHING, ...others], others.find(name => study.varied.includes(name)) ?? NOTHING);
@@ -47,19 +47,22 @@ function groups() {
   }));
 }
 
+/** What the horizontal axis shows of each point: numbers, or texts side by side. */
+const acrossOf = name => (isNumeric(name) ? column(name) : column(name).map(value => plain(shortened(reads(value)))));
+
 function draw() {
   const colours = palette(), across = element("x-axis").value, up = element("y-axis").value;
-  const x = column(across), y = column(up), chosen = Number(element("slider").value);
-  const isVaried = study.varied.includes(across);
+  const x = acrossOf(across), y = column(up);
+  const isOrdered = study.varied.includes(across) && isNumeric(across);
   const traces = groups().flatMap(group => {
     const drawn = places => ({
-      type: study.rows.length > 4000 ? "scattergl" : "scatter", name: group.name,
+      type: "scatter", name: group.name,
       x: places.map(place => x[place]), y: places.map(place => y[place]), customdata: places,
       text: places.map(hover), hoverinfo: "text",
     });
     const good = group.places.filter(place => study.usable[place]);
     const bad = group.places.filter(place => !study.usable[place]);
-    const lines = isVaried && isLine(good.map(place => x[place]));
+    const lines = isOrdered && isLine(good.map(place => x[place]));
     return [
       {
         ...drawn(good), mode: lines ? "lines+markers" : "markers", line: { color: colours[group.colour], width: 1.6 },
@@ -73,7 +76,7 @@ function draw() {
     ];
   });
   traces.push({
-    type: "scatter", mode: "markers", name: "chosen point", hoverinfo: "skip", x: [x[chosen]], y: [y[chosen]],
+    type: "scatter", mode: "markers", name: "chosen point", hoverinfo: "skip", ...chosenPlace(),
     marker: { size: 17, symbol: "circle-open", color: colours.ink, line: { width: 2.5, color: colours.ink } },
   });
   const axis = title => ({
@@ -87,13 +90,34 @@ function draw() {
   }] : [];
   Plotly.react("chart", traces, {
     uirevision: `${across} ${up}`, margin: { l: 8, r: 10, t: 8, b: 8 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: colours.paper,
-    font: { family: FONT, size: 13, color: colours.ink }, xaxis: axis(across),
-    yaxis: axis(up === "amount" ? "amount (length units)" : up), showlegend: false, hovermode: "closest",
+    font: { family: FONT, size: 13, color: colours.ink },
+    xaxis: { ...axis(across), type: isNumeric(across) ? "linear" : "category" },
+    yaxis: axis(up === "amount" ? `amount (${study.unit || "length units"})` : up), showlegend: false, hovermode: "closest",
     yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true },
     hoverlabel: hoverStyle(colours), dragmode: "pan", shapes,
   }, { displayModeBar: false, responsive: true, doubleClick: "reset", scrollZoom: false });
   fillKey();
-  root.dataset.drawn = [across, up, element("series").value, chosen].join("|");
+  tellDrawn();
+}
+
+const tellDrawn = () => (root.dataset.drawn = ["x-axis", "y-axis", "series", "slider"].map(id => element(id).value).join("|"));
+
+/** Where the ring about the chosen point stands: on the lower edge where the point has no value. */
+function chosenPlace() {
+  const place = Number(element("slider").value), y = column(element("y-axis").value)[place];
+  return { x: [acrossOf(element("x-axis").value)[place]], y: [y ?? EDGE], yaxis: y == null ? "y2" : "y" };
+}
+
+/** Move the ring only, once a frame: with thousands of points one drawing takes longer than a step of the slider. */
+function moveRing() {
+  if (moving) return;
+  moving = true;
+  requestAnimationFrame(() => {
+    moving = false;
+    const { x, y, yaxis } = chosenPlace();
+    Plotly.restyle("chart", { x: [x], y: [y], yaxis }, [element("chart").data.length - 1]);
+    tellDrawn();
+  });
 }
 
 /** The mark of a point without a usable motion; where there is nothing to draw it at, it stands on the lower edge. */
@@ -107,6 +131,7 @@ function fillKey() {
   const items = groups().map(group => [marks[group.symbol], group.name, `c-${group.colour}`]);
   if (study.usable.some(usable => !usable)) items.push(["\u2715", "no usable motion", "c-ink"]);
   items.push(["\u25ef", "the point below", "c-ink"]);
+  if (study.of > study.rows.length) items.push(["", `${study.rows.length} of ${study.of} points, evenly chosen`, "c-ink"]);
   element("key").replaceChildren(...items.map(([mark, words, kind]) => {
     const item = document.createElement("li"), sign = document.createElement("i");
     sign.className = kind;
@@ -120,6 +145,13 @@ const hover = place => [...study.varied, "status", "amount"]
   .map(name => `${plain(name)}: ${plain(shortened(reads(study.rows[place][study.columns.indexOf(name)])))}`).join("<br>");
 const shortened = text => (text.length > 60 ? `${text.slice(0, 57)}...` : text);
 
+/** A bound to six digits, never more than it is. */
+function floored(bound) {
+  if (!(bound > 0)) return bound;
+  const places = 5 - Math.floor(Math.log10(bound)), down = Math.floor(bound * 10 ** places * (1 + 1e-11)) / 10 ** places;
+  return Number.isFinite(down) ? down : bound;
+}
+
 /** Show the chosen point in full. */
 function showPoint() {
   const place = Number(element("slider").value), row = study.rows[place];
@@ -128,7 +160,7 @@ function showPoint() {
   element("now").replaceChildren(...study.columns.map((name, k) => {
     const item = document.createElement("div"), term = document.createElement("dt"), value = document.createElement("dd");
     term.textContent = name;
-    value.textContent = reads(row[k]);
+    value.textContent = reads(name === "lower_bound" ? floored(row[k]) : row[k]);
     if (value.textContent.length > 40) item.className = "wide";
     item.append(term, value);
     return item;
@@ -138,7 +170,7 @@ function showPoint() {
 function choosePoint(place) {
   element("slider").value = place;
   showPoint();
-  draw();
+  moveRing();
 }
 
 study = JSON.parse(await unpacked("packed-figures"));
@@ -148,7 +180,8 @@ if (study.rows.length) {
   root.classList.add("drawn");
   element("slider").max = study.rows.length - 1;
   fillChoices();
-  choosePoint(0);
+  showPoint();
+  draw();
   element("slider").addEventListener("input", () => choosePoint(Number(element("slider").value)));
   element("chart").on("plotly_click", event => event.points[0].customdata != null && choosePoint(event.points[0].customdata));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);

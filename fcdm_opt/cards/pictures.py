@@ -1,20 +1,14 @@
-"""What a notebook shows of a result: a small card of words, numbers and lines in the plane of scales.
-
-A card is one piece of HTML that depends on nothing: no script, no style sheet, no identifier, nothing from outside.
-Notebook viewers drop all of these; what is left even without inline styles can still be read. Text takes the colour of
-the page, light or dark, and no state is told by colour alone. Equal results give equal bytes, and every text that
-comes from a user is escaped by the pieces below, which are all that make `Html`.
-"""
+"""Lines, points and boxes of a card, in a plane."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from html import escape
 from itertools import pairwise
-from typing import Any, NamedTuple, NewType, Protocol
+from typing import Any, NamedTuple, Protocol
 
-Html = NewType("Html", str)
+from fcdm_opt.cards.words import Html, cleaned
+
 Window = Iterable[Iterable[float]]  # (low, high) of rho_1 and of rho_2
 
 
@@ -24,19 +18,6 @@ class Scales(Protocol):
     def __getitem__(self, k: int, /) -> Any:
         """Return the first or the second."""
 
-
-LISTED = 12
-"""Lines of a list or table that are shown; how many more there are is said."""
-
-LONGEST = 160
-"""Characters of a text that are shown; faces with hundreds of corners have labels of thousands."""
-
-SHORT = 16
-"""Characters of a cell that stay on one line."""
-
-SIGNS = {"good": "\u2713 ", "bad": "\u2717 ", "mind": "! ", "": ""}
-# Okabe and Ito's palette; each at least 3 : 1 on white and on a dark page
-HUES = {"good": "#009E73", "bad": "#D55E00", "mind": "#C88A00", "": "#7F7F7F"}
 
 STROKES = {
     "before": 'stroke="#0072B2" stroke-width="2"',
@@ -92,125 +73,6 @@ class Area(NamedTuple):
 
 
 Mark = Line | Point | Area
-
-
-# ------------------------------------------------------------------------------------------------------- words, numbers
-
-
-def number(value: float | None, digits: int = 6) -> str:
-    """Return a number as a card shows it: a dash for nan and None."""
-    if value is None or math.isnan(value):
-        return "-"
-    return f"{float(value):.{digits}g}" if math.isfinite(value) else "infinite" if value > 0 else "-infinite"
-
-
-def numbers(values: Iterable[float | None], digits: int = 6) -> str:
-    """Return numbers, separated by commas."""
-    return ", ".join(number(value, digits) for value in values)
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number of things: "1 part", "2 parts"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def _text(text: object, longest: int = LONGEST) -> str:
-    """Return a text escaped, without what no page may hold, and its middle left out where it is too long."""
-    whole = str(text).encode("utf-8", "replace").decode()
-    half = longest // 2
-    if len(whole) > longest:
-        whole = f"{whole[:half]} \u2026 {whole[-half:]}"
-    shown = "".join(sign if sign.isprintable() or sign.isspace() else "\ufffd" for sign in whole)
-    return escape(" ".join(shown.split()))
-
-
-# --------------------------------------------------------------------------------------------------------------- pieces
-
-
-def card(title: object, *pieces: Html, state: object = "", mood: str = "", picture: Html | None = None) -> Html:
-    """Return a card.
-
-    Parameters
-    ----------
-    title : text
-    *pieces : Html
-        Of the functions below, one below the other; empty ones are left out.
-    state : text
-        In a badge beside the title, with a sign before it that tells the mood.
-    mood : {"good", "bad", "mind", ""}
-    picture : Html, optional
-        Beside the pieces, or below them where the page is narrow.
-    """
-    badge = ""
-    if state:
-        badge = (
-            f' <span style="border:1.5px solid {HUES[mood]};border-radius:9px;padding:0 7px;white-space:nowrap">'
-            f"{SIGNS[mood]}{_text(state)}</span>"
-        )
-    beside = f'<div style="flex:0 1 auto">{picture}</div>' if picture else ""
-    return Html(
-        '<div style="border:1px solid rgba(127,127,127,.5);border-radius:6px;padding:8px 12px;margin:4px 0;'
-        'max-width:62em;font-size:13px;line-height:1.45;text-align:left;overflow-wrap:anywhere">'
-        f'<div><strong style="font-size:14px">{_text(title)}</strong>{badge}</div>'
-        '<div style="display:flex;flex-wrap:wrap;gap:4px 24px;align-items:flex-start">'
-        f'<div style="flex:1 1 21em;min-width:0">{"".join(pieces)}</div>{beside}</div></div>'
-    )
-
-
-def sentence(text: object) -> Html:
-    """Return a line of words; nothing for an empty text."""
-    return Html(f'<div style="margin:4px 0">{_text(text, 4 * LONGEST)}</div>' if text else "")
-
-
-def rows(lines: Iterable[tuple[str, str] | tuple[str, str, str]]) -> Html:
-    """Return a table of name, value and unit; lines without a value are left out."""
-    side = "text-align:left;font-weight:normal;padding:1px 12px 1px 0;vertical-align:top;white-space:nowrap"
-    head = f'<th scope="row" style="{side}">'
-    cell = '<td style="text-align:left;padding:1px 0;vertical-align:top">'
-    made = [
-        f"<tr>{head}{_text(name)}</th>{cell}<b>{_text(value)}</b> {_text(''.join(unit))}</td></tr>"
-        for name, value, *unit in lines
-        if value
-    ]
-    return _table(made)
-
-
-def table(head: Sequence[str], lines: Sequence[Sequence[object]], *, most: int = LISTED) -> Html:
-    """Return a table with a head; of more than `most` lines the first ones and how many more there are."""
-    kinds = [("th", head), *(("td", line) for line in lines[:most])]
-    made = [f"<tr>{''.join(_cell(kind, value) for value in line)}</tr>" for kind, line in kinds]
-    return Html((_table(made) if lines else "") + _more(len(lines) - most))
-
-
-def listing(name: str, lines: Sequence[object], *, most: int = LISTED) -> Html:
-    """Return a list under a name; of more than `most` lines the first ones and how many more there are."""
-    if not lines:
-        return Html("")
-    items = "".join(f"<li>{_text(line)}</li>" for line in lines[:most])
-    return Html(
-        f'<div style="margin:6px 0 0">{_text(name)}</div>'
-        f'<ul style="margin:0;padding-left:18px">{items}</ul>{_more(len(lines) - most)}'
-    )
-
-
-def _cell(kind: str, value: object) -> str:
-    """Return a cell, a short one on one line: numbers and single words are not broken."""
-    kept = ";white-space:nowrap" if len(str(value)) <= SHORT else ""
-    scope = ' scope="col"' if kind == "th" else ""
-    style = f"text-align:left;padding:1px 12px 1px 0;vertical-align:top{kept}"
-    return f'<{kind}{scope} style="{style}">{_text(value, LONGEST // 2)}</{kind}>'
-
-
-def _table(lines: Sequence[str]) -> Html:
-    if not lines:
-        return Html("")
-    style = "border-collapse:collapse;margin:4px 0;font-size:13px;font-variant-numeric:tabular-nums"
-    whole = f'<table style="{style}"><tbody>{"".join(lines)}</tbody></table>'
-    return Html(f'<div style="overflow-x:auto">{whole}</div>')  # a wide table scrolls where the page is narrow
-
-
-def _more(count: int) -> str:
-    return f'<div style="opacity:.75">and {count} more</div>' if count > 0 else ""
 
 
 # -------------------------------------------------------------------------------------------------------------- picture
@@ -414,7 +276,7 @@ def _legend(mark: Mark, left: float, y: float) -> str:
         sample = f'<rect x="{x - 12:.1f}" y="{y - 5:g}" width="24" height="10" {AREAS[mark.style]}/>'
     else:
         sample = SHAPES[mark.shape].format(x=f"{x:.1f}", y=f"{y:g}")
-    return f'{sample}<text x="{x + 20:.1f}" y="{y + 3.5:g}">{_text(mark.name, 44)}</text>'
+    return f'{sample}<text x="{x + 20:.1f}" y="{y + 3.5:g}">{cleaned(mark.name, 44)}</text>'
 
 
 def _path(way: str, line: Line) -> str:
@@ -425,12 +287,12 @@ def _path(way: str, line: Line) -> str:
 
 
 def _tipped(shape: str, tip: str) -> str:
-    return f"<g><title>{_text(tip)}</title>{shape}</g>" if tip else shape
+    return f"<g><title>{cleaned(tip)}</title>{shape}</g>" if tip else shape
 
 
 def _svg(pieces: Iterable[str], width: float, height: float, told: str) -> Html:
     return Html(
         f'<svg width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
-        f'aria-label="{_text(told)}" style="max-width:100%;height:auto" font-family="sans-serif" font-size="10.5" '
+        f'aria-label="{cleaned(told)}" style="max-width:100%;height:auto" font-family="sans-serif" font-size="10.5" '
         f'fill="currentColor">{"".join(pieces)}</svg>'
     )

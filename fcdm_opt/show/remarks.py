@@ -1,0 +1,54 @@
+"""What is to be said of a solution besides its numbers: contacts that were closed, keep-outs, large motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fcdm_opt.geometry.units import measured
+
+if TYPE_CHECKING:
+    from fcdm_opt.tolerance.solution import Solution
+
+LARGE = 0.5
+"""Of the smaller body's longest side: a corner that moves farther may end on another side of the other body."""
+
+
+def remarks(solution: Solution) -> list[str]:
+    """Return what a table's row does not say, a sentence each."""
+    told, unit = [], solution.problem.unit
+    if (snapped := solution.problem.snapped) is not None:
+        was = f"where the gap was {measured(f'{snapped.gap:.3g}', unit)}"
+        told.append(f"nominal {_pair(snapped.asked)}, {was}, closed to the curve at {_pair(snapped.pair)}")
+    for name, gap in solution.keep_out_gaps.items():
+        off = f"{measured(f'{abs(gap):.4g}', unit)} {'clear' if gap > 0 else 'overlapping'}"
+        state = "touching" if abs(gap) <= solution.problem.contact_slack else off
+        told.append(f"keep-out {name}: {state}")
+    return [*told, *_large(solution)]
+
+
+def _large(solution: Solution) -> list[str]:
+    """Return a warning where a motion is so large that it may have gone through the other body."""
+    if not solution.status.found or solution.transform is None:
+        return []
+    problem = solution.problem
+    movable, static = problem.movable.scaled(solution.pair[0]), problem.static.scaled(solution.pair[1])
+    turned = movable.moved(solution.transform).vertices - movable.vertices
+    moved = float(np.linalg.norm(turned, axis=1).max())
+    side = min(float(np.ptp(body.vertices, axis=0).max()) for body in (movable, static))
+    if moved <= LARGE * side:
+        return []
+    way, long = (measured(f"{length:.4g}", problem.unit) for length in (moved, side))
+    names = [parameter.name for parameter in problem.motion.parameters]
+    free = [name for name, limits in zip(names, problem.limits, strict=True) if not np.isfinite(limits).all()]
+    cure = f"; limits keep it near, for instance of {', '.join(free)}" if free else ""
+    return [
+        f"a large motion: a corner moves by {way}, the smaller part is {long} long. It may end on another "
+        f"side of the other part; the way there is not looked at{cure}"
+    ]
+
+
+def _pair(values: Iterable[float]) -> str:
+    return "(" + ", ".join(f"{x:.9g}" for x in values) + ")"

@@ -1,0 +1,49 @@
+"""What is said of a solution besides its numbers."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+import fcdm_opt as fo
+from fcdm_opt.show.remarks import remarks
+
+CUBE = np.array([*product((-0.5, 0.5), repeat=3)])
+
+
+def shifted(apart: float, **more) -> fo.Solution:
+    """Two unit cubes, the static one so far away along x: the movable one shifts by the gap, or out of the other."""
+    one, two = fo.Body.convex(CUBE), fo.Body.convex(CUBE + [apart, 0.0, 0.0])
+    return fo.solve(fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=fo.Translation("x"), **more))
+
+
+@pytest.mark.parametrize(("apart", "moved"), [(1.2, 0.2), (1.49, 0.49), (1.51, 0.51), (0.3, -0.7), (0.6, -0.4)])
+def test_a_motion_of_more_than_half_a_part_is_said_to_be_large(apart: float, moved: float) -> None:
+    solution = shifted(apart)
+    assert solution.parameters["TX"] == pytest.approx(moved, abs=1e-9)
+    told = remarks(solution)
+    assert [text.startswith("a large motion: ") for text in told] == [True] * (abs(moved) > 0.5)
+    if told:
+        assert f"moves by {abs(moved):.4g}" in told[0]
+        assert "of TX" in told[0]
+
+
+def test_limits_that_are_there_are_not_advised() -> None:
+    (told,) = remarks(shifted(1.6, limits={"TX": (-1.0, 1.0)}))
+    assert "limits" not in told
+
+
+def test_no_motion_is_not_large() -> None:
+    assert remarks(shifted(1.6, limits={"TX": (-0.1, 0.1)})) == []
+
+
+def test_steps_that_do_nothing_are_left_out_of_the_words() -> None:
+    from fcdm_opt.show.tables import motion_text
+
+    one, two = fo.Body.convex(CUBE), fo.Body.convex(CUBE + [1.2, 0.0, 0.0])
+    both = fo.Translation("y") >> fo.Translation("x")
+    problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=both)
+    assert motion_text(fo.solve(problem)) == "TX 0.2"
+    assert motion_text(fo.solve(problem.changed(target=(1.0, 1.4)))) == "TY 0"  # touching as it is

@@ -1,0 +1,139 @@
+"""What is answered to slips of the keyboard in a problem file: where it stands, and what was probably meant."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.files import load_problems
+from fcdm_opt.tolerance.problem import SIGNS
+from fcdm_opt.tolerance.schema import closest
+from fcdm_opt.tolerance.syntax import mistake
+
+FILE = """
+[bodies.movable]
+vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+seed = "centroid"
+[bodies.static]
+vertices = [[3, 0, 0], [2, 0, 0], [3, 1, 0], [3, 0, 1]]
+[defaults]
+goal = "touch"
+tolerance = 0.02
+motion = [{ translation = "x" }]
+[[case]]
+name = "A"
+requirement = "A"
+"""
+
+
+def answer(folder: Path, old: str, new: str) -> InputError:
+    path = folder / "p.toml"
+    path.write_text(FILE)
+    assert len(load_problems(path)) == 1
+    assert old in FILE
+    path.write_text(FILE.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_problems(path)
+    assert str(caught.value).startswith(str(path))
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "meant"),
+    [
+        ('goal = "touch"', 'goal = "tuch"', "defaults.goal", "touch"),
+        ('goal = "touch"', 'path = "fre"', "defaults.path", "free"),
+        ('goal = "touch"', 'pair = "claer"', "defaults.pair", "clear"),
+        ('goal = "touch"', 'amount = "displacment"', "defaults.amount", "displacement"),
+        ('goal = "touch"', 'requirement = "d"', "defaults.requirement", "D"),
+        ('requirement = "A"', 'requirement = "a"', "case[1] 'A'.requirement", "A"),
+        ("{ translation", "{ translaton", "defaults.motion[1]", "translation"),
+        ('translation = "x"', 'translation = "X"', "defaults.motion[1].translation", "x"),
+        ('seed = "centroid"', 'seed = "centre"', "bodies.movable.seed", "centroid"),
+        ('seed = "centroid"', 'unit = "inch"', "bodies.movable.unit", "in"),
+        ('seed = "centroid"', 'unit = "Millimetres"', "bodies.movable.unit", "mm"),
+    ],
+)
+def test_a_misspelt_word_is_told_where_it_stands(tmp_path: Path, old: str, new: str, key: str, meant: str) -> None:
+    error = answer(tmp_path, old, new)
+    assert error.key == key
+    assert f"did you mean '{meant}'?" in error.what
+
+
+def test_what_is_near_nothing_is_given_no_hint(tmp_path: Path) -> None:
+    assert "did you mean" not in str(answer(tmp_path, 'goal = "touch"', 'goal = "quickly"'))
+    assert closest("feet", ["m", "mm"]) == ""
+    assert closest("TZ_Deg", ["RX", "TZ_deg"]) == ", did you mean 'TZ_deg'?"
+
+
+@pytest.mark.parametrize("letter", SIGNS)
+@pytest.mark.parametrize("given", ["2", "2.0", "[0.02, 2]", "[[0.0, 0.1], [0.1, 2]]"])
+def test_a_tolerance_in_percent_passed_where_parts_are_larger(tmp_path: Path, letter: str, given: str) -> None:
+    error = answer(
+        tmp_path,
+        'tolerance = 0.02\nmotion = [{ translation = "x" }]\n[[case]]\nname = "A"\nrequirement = "A"',
+        f'tolerance = {given}\nmotion = [{{ translation = "x" }}]\n[[case]]\nname = "A"\nrequirement = "{letter}"',
+    )
+    assert (error.key, "2 % is 0.02" in error.what) == ("defaults.tolerance", True)
+
+
+def test_no_share_is_guessed_where_percent_makes_no_sense(tmp_path: Path) -> None:
+    assert "1 % is 0.01" in answer(tmp_path, "0.02", "1").what
+    for given in ("100", "250"):
+        error = answer(tmp_path, "0.02", given)
+        assert (error.key, "%" in error.what) == ("defaults.tolerance", False)
+
+
+def test_a_wrong_default_is_told_in_the_defaults_and_for_which_case(tmp_path: Path) -> None:
+    error = answer(tmp_path, "tolerance", "limits = { TX = [1, 0] }\ntolerance")
+    assert (error.key, error.what) == ("defaults.limits.TX", "for case[1] 'A': unusable limits")
+    error = answer(tmp_path, 'requirement = "A"', 'requirement = "A"\nlimits = { TX = [1, 0] }')
+    assert (error.key, error.what) == ("case[1] 'A'.limits.TX", "unusable limits")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[a]\ngoal = 1\n# x\ngoal = 2\n", "goal is given twice: line 4, and before in line 2"),
+        (
+            "goal = 1\n[a]\n[b]\nx = 1\ny.z = [\n  1,\n]\nx = [\n  { x = 2 },\n]\n",
+            "x is given twice: line 8, and before in line 4",
+        ),
+        ("goal = 1\r\ngoal = 2", "goal is given twice: line 2, and before in line 1"),
+        ('"a b" = 1\n"a b" = 2\n', '"a b" is given twice: line 2'),
+        ("t = 0,02\n", "0,02 is written 0.02, with a decimal point, not a comma (at line 1"),
+        ("\nt = [0,02, 0,01]  # 1,5\n", "0,02 is written 0.02, with a decimal point, not a comma (at line 2"),
+        ("t = { a = -0,5 }\n", "-0,5 is written -0.5, with a decimal point"),
+    ],
+)
+def test_what_no_toml_is_was_said_in_the_words_of_its_reader(text: str, said: str) -> None:
+    with pytest.raises(tomllib.TOMLDecodeError) as caught:
+        tomllib.loads(text)
+    assert mistake(text, caught.value).startswith(said)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "goal = touch\n",  # no quotes
+        'goal = "touch\n',
+        "t = [1,2\n",
+        "t = [1,2]]\n",
+        "t = 1 # 0,5\nu = = 0\n",
+        "[a]\n[b]\n[a]\n",
+        't = "0,02" x\n',
+        "a = { b = 1, b = 2 }\n",
+        "a = 1\na.b = 2\n",
+        "",
+    ],
+)
+def test_what_is_clear_is_left_as_it_is(text: str) -> None:
+    reason = tomllib.TOMLDecodeError("Cannot overwrite a value (at end of document)")  # for the text that is empty
+    try:
+        tomllib.loads(text)
+    except tomllib.TOMLDecodeError as found:
+        reason = found
+    assert mistake(text, reason) == str(reason)
