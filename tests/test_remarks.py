@@ -15,7 +15,7 @@ CUBE = np.array([*product((-0.5, 0.5), repeat=3)])
 
 def shifted(apart: float, **more) -> fo.Solution:
     """Two unit cubes, the static one so far away along x: the movable one shifts by the gap, or out of the other."""
-    one, two = fo.Body.convex(CUBE), fo.Body.convex(CUBE + [apart, 0.0, 0.0])
+    one, two = fo.Body.convex(CUBE), fo.Body.convex(CUBE + np.array([apart, 0.0, 0.0]))
     return fo.solve(fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=fo.Translation("x"), **more))
 
 
@@ -42,7 +42,7 @@ def test_no_motion_is_not_large() -> None:
 def test_steps_that_do_nothing_are_left_out_of_the_words() -> None:
     from fcdm_opt.show.tables import motion_text
 
-    one, two = fo.Body.convex(CUBE), fo.Body.convex(CUBE + [1.2, 0.0, 0.0])
+    one, two = fo.Body.convex(CUBE), fo.Body.convex(CUBE + np.array([1.2, 0.0, 0.0]))
     both = fo.Translation("y") >> fo.Translation("x")
     problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=both)
     assert motion_text(fo.solve(problem)) == "TX 0.2"

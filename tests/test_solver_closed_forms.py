@@ -230,7 +230,7 @@ def test_limits_that_exclude_every_answer_are_infeasible_where_that_is_proved():
 
 
 def test_without_a_proof_the_status_does_not_claim_one():
-    """Translations alone are proved, and up to three parameters: 1/2 to go, .1 allowed, a corner reaches .21 further."""
+    """Proved for translations and up to three parameters: 1/2 to go, .1 allowed, and a corner reaches .21 further."""
     narrow = {"TX": (-0.1, 0.1), "T": (-0.1, 0.1)}
     both = problem(HALF, PLATE, target=(1, 1), motion=X >> Translation((1, 1, 0)), limits=narrow)
     refused(both, Status.INFEASIBLE)
