@@ -17,7 +17,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.measure.stability import failures, picture, process, table
 from fcdm_opt.measure.stability.case import Case, Verdict
 from fcdm_opt.measure.stability.run import MODULES, Result, stability
-from fcdm_opt.show import save
+from fcdm_opt.show import PAGE, save
 
 HERE = ("planted",)
 ALL = len([1 for case in planted.cases(False, 0) for name in planted.METHODS if planted.applies(name, case)])
@@ -209,7 +209,7 @@ def test_saved_failures_of_the_tests_are_no_modules_of_the_toolkit(saved):
 def test_the_picture_shows_every_outcome(results, tmp_path):
     figure = picture.stability_figure(results, title="Map", caption="Of planted methods.")
     large, vector, small = save(figure, tmp_path / "map", small=True)
-    for file, width in ((large, 1350), (small, 900)):
+    for file, width in ((large, round(300 * PAGE)), (small, 1000)):
         image = imread(file)
         assert image.shape[1] == width
         for outcome, look in picture.LOOKS.items():

@@ -25,7 +25,7 @@ import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2, F1V2, facet_rows, kernel, near_gaps, pair_bounds
 
-KERNELS = "bc8e71be4777"  # hash of curve/kernels.py, to be renewed with it: numba looks for changes in this file alone
+KERNELS = "1120549d30ce"  # hash of curve/kernels.py, to be renewed with it: numba looks for changes in this file alone
 REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
 ROW = 10  # integers of a row; its numbers are the path position s, the side, and the level or edges' orientation
