@@ -209,7 +209,7 @@ def test_saved_failures_of_the_tests_are_no_modules_of_the_toolkit(saved):
 def test_the_picture_shows_every_outcome(results, tmp_path):
     figure = picture.stability_figure(results, title="Map", caption="Of planted methods.")
     large, vector, small = save(figure, tmp_path / "map", small=True)
-    for file, width in ((large, round(300 * PAGE)), (small, 1000)):
+    for file, width in ((large, int(300 * PAGE)), (small, 1000)):
         image = imread(file)
         assert image.shape[1] == width
         for outcome, look in picture.LOOKS.items():
