@@ -20,6 +20,7 @@ from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 TOLERANCE = 0.02
+MOST_PAIRS = 12  # of parts, with which the search for a tie stays short
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
@@ -49,15 +50,14 @@ class Choice:
 
     @cached_property
     def tied(self) -> tuple[str, ...]:
-        """Requirements that another motion, some way off, answers as well; not looked for where that takes long."""
-        found, left = [], SECONDS / 2.0
-        for letter, own in self.solutions.items():
-            if own is None or not own.usable:
-                continue
-            left -= 2.0 * len(own.parameters) * sum(own.seconds.values())  # each parameter is held to either side
-            if left > 0 and any("another motion" in reason for reason in own.sensitivity.reasons):
-                found.append(letter)
-        return tuple(found)
+        """Requirements that another motion answers as well, some way off; of bodies with many parts it is not asked."""
+        usable = {letter: own for letter, own in self.solutions.items() if own is not None and own.usable}
+        return tuple(
+            letter
+            for letter, own in usable.items()
+            if own.modelled.get("part_pairs_total", 0) <= MOST_PAIRS
+            and any("another motion" in reason for reason in own.sensitivity.reasons)
+        )
 
     @property
     def axis(self) -> Array | None:
