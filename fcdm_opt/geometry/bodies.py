@@ -353,6 +353,11 @@ class Body(_Sealed):
         return cls(name, frozen(points), origin, parts, faces, outlines, skin=skin)
 
     @cached_property
+    def corners(self) -> tuple[int, ...]:
+        """Labels of the body's own corners, in order; not of vertices that only cuts between its parts have."""
+        return tuple(sorted({label for face in self.faces for label in face}))
+
+    @cached_property
     def size(self) -> float:
         """Diagonal of the axis-aligned box as drawn: the length that relative tolerances refer to."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))

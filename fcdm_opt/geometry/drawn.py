@@ -26,7 +26,7 @@ def body_card(body: Body) -> Html:
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     facts = rows(
         [
-            ("corners", str(len({label for face in body.faces for label in face}))),
+            ("corners", str(len(body.corners))),
             ("faces", str(len(body.faces))),
             ("convex parts", str(len(body.parts))),
             ("seed", f"({numbers(body.seed)})"),

@@ -345,7 +345,7 @@ def _on_page(figure: Figure, axes: Any, points: Array) -> Array:
 
 def _number(figure: Figure, axes: Any, bodies: Sequence[tuple[Body, str]], within: Any) -> None:
     """Write each corner's number beside it, outwards if it can stand there; not those of cuts."""
-    own = [np.unique(np.concatenate(body.faces)) for body, _ in bodies]
+    own = [np.array(body.corners) for body, _ in bodies]
     if sum(map(len, own)) > MOST_NUMBERS:
         return
     back = axes.transData.inverted().transform

@@ -232,7 +232,7 @@ class Solution:
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook."""
-        from fcdm_opt.tolerance.drawn import solution_card
+        from fcdm_opt.tolerance.drawn_solution import solution_card
 
         return solution_card(self)
 

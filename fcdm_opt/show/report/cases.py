@@ -128,7 +128,7 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
         {
             "name": body.name,
             "role": role,
-            "vertices": len({label for face in body.faces for label in face}),
+            "vertices": len(body.corners),
             "parts": len(body.parts),
             "seed": plain(body.seed),
             "notes": [note for note in body.notes if note],

@@ -1,0 +1,64 @@
+"""How an answer is drawn on a notebook's card: beside its problem, with the curve after the motion."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from fcdm_opt.cards import Html, card, counted, floored, listing, number, numbers, rows, sentence
+from fcdm_opt.tolerance.drawn import card_title, in_unit, scales_picture
+from fcdm_opt.tolerance.problem import TRACKING
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.tolerance.solution import Solution
+
+
+def solution_card(solution: Solution) -> Html:
+    """Return the card of an answer: the advice, the motion, how small it is, and what it does to the pair made."""
+    problem, status = solution.problem, solution.status.name
+    mood = "bad" if not solution.usable else "mind" if status == "PAIR_OVERLAPS" else "good"
+    motion, after = [], solution.rho
+    length, amount = problem.unit or "length", problem.amount_unit or "length"
+    for (name, kind), q, weight in zip(
+        problem.motion.parameters, solution.parameters.values(), problem.weights, strict=False
+    ):
+        unit = "deg" if kind == "rotation" else length
+        small = abs(weight * q) <= DEFAULT.tie * solution.amount  # rounding
+        motion.append((f"motion {name}", number(0.0 if small else in_unit(q, unit)), unit))
+    contact = listing("contact", [own.label for own in solution.features])
+    facts = rows(
+        [
+            *motion,
+            ("amount", number(solution.amount), amount),
+            ("proved at least", *_bound(solution, amount)),
+            ("pair made", f"({numbers(solution.pair)})"),
+            ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} {length}"),
+            ("tracked contact at", f"({numbers(after)})" if after is not None and problem.goal in TRACKING else ""),
+            ("verified", _verdict(solution)),
+            ("settled by", solution.stage),
+            ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
+        ]
+    )
+    picture = scales_picture(problem, solution.transform, solution.rho)
+    title = card_title("Solution", problem)
+    return card(title, sentence(solution.status.value), facts, contact, state=status, mood=mood, picture=picture)
+
+
+def _bound(solution: Solution, unit: str) -> tuple[str, str]:
+    """Return the lower bound and how far below the amount it is."""
+    if not solution.lower_bound > 0.0:
+        return "0", "(nothing is proved)" if solution.amount else unit
+    if math.isinf(solution.lower_bound):
+        return "impossible", ""
+    gap = "exact" if abs(solution.gap) <= DEFAULT.nominal else f"relative gap {number(solution.gap, 2)}"
+    return floored(solution.lower_bound, 6), f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
+
+
+def _verdict(solution: Solution) -> str:
+    certificate = solution.certificate
+    if certificate is None or not solution.status.found:
+        return "" if certificate is None else "no motion to verify"
+    if certificate.passed:
+        return f"yes, {counted(len(certificate.checks), 'check')} passed"
+    return f"no: {', '.join(check.name for check in certificate.failed) or 'no checks'}"
