@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.tolerance.solution import Solution
 
-LARGE = 0.5
-"""Of the smaller body's longest side: a corner that moves farther may end on another side of the other body."""
+LARGE, GROWTH = 0.5, 2.0
+"""A corner that moves farther than this share of the smaller body's shortest side, and than this times what the sizes
+change, may end on another side of the other body."""
 
 
 def remarks(solution: Solution) -> list[str]:
@@ -37,15 +39,18 @@ def _large(solution: Solution) -> list[str]:
     movable, static = problem.movable.scaled(solution.pair[0]), problem.static.scaled(solution.pair[1])
     turned = movable.moved(solution.transform).vertices - movable.vertices
     moved = float(np.linalg.norm(turned, axis=1).max())
-    side = min(float(np.ptp(body.vertices, axis=0).max()) for body in (movable, static))
-    if moved <= LARGE * side:
+    extents = np.array([np.ptp(body.vertices, axis=0) for body in (movable, static)])
+    side = float(extents.min())
+    change = np.abs(solution.pair - problem.nominal_pair) / solution.pair @ extents.max(axis=1)
+    open_way = problem.curve.gap(solution.pair) * (1.0 + DEFAULT.touch)  # none can be met sooner
+    if moved <= max(LARGE * side, GROWTH * float(change), open_way):
         return []
     way, long = (measured(f"{length:.4g}", problem.unit) for length in (moved, side))
     names = [parameter.name for parameter in problem.motion.parameters]
     free = [name for name, limits in zip(names, problem.limits, strict=True) if not np.isfinite(limits).all()]
     cure = f"; limits keep it near, for instance of {', '.join(free)}" if free else ""
     return [
-        f"a large motion: a corner moves by {way}, the smaller part is {long} long. It may end on another "
+        f"a large motion: a corner moves by {way}, the thinner part measures {long}. It may end on another "
         f"side of the other part; the way there is not looked at{cure}"
     ]
 

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 NUMBERS = ("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"')
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CLOSED = 1e-9  # relative gap of a closed form
+NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( \w+)?")
-NOTHING = 1e-12  # of the amount: a parameter that adds less is shown as 0
+NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
 
 
 def slope(segment: Any) -> float:
@@ -153,7 +154,8 @@ def _cells(row: SolvedCase) -> dict[str, str]:
     """Return the table's cells for one case; a column that is empty for every case is left out."""
     solution, problem = row.solution, row.solution.problem
     ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
-    gap = f"\n{solution.pair_gap:+.3g}" if math.isfinite(solution.pair_gap) else ""
+    gap = 0.0 if abs(solution.pair_gap) <= NOTHING * problem.size else solution.pair_gap  # rounding
+    off = f"\n{gap:+.3g}" if math.isfinite(gap) else ""
     judged = solution.status.found and solution.certificate is not None
     motion = motion_text(solution, unit=False)  # said once above the table
     return {
@@ -165,7 +167,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "found\namount": amount_text(solution.amount),
         "proved\nat least": bound_text(solution) if row.certified else "",
         "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
-        "pair made": solution.pair_state + gap,
+        "pair made": solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": ("yes" if solution.usable else "no") if judged else "-",
     }
@@ -177,14 +179,17 @@ def amount_text(amount: float | None) -> str:
 
 
 def bound_text(solution: Solution) -> str:
-    """Return the lower bound, rounded down to five digits, and how far below the amount it is."""
+    """Return the lower bound, rounded down to five digits, and how near the amount it comes."""
     if not math.isfinite(solution.lower_bound):
         return "impossible"
     if not solution.lower_bound > 0:
         return "0"
     rounded = floored(solution.lower_bound, 5)
-    gap = "exact" if abs(solution.gap) < CLOSED else f"to {solution.gap:.0e}"
-    return f"{rounded}\n{gap}" if math.isfinite(solution.gap) else rounded
+    if not math.isfinite(solution.gap):
+        return rounded
+    if abs(solution.gap) < CLOSED:
+        return f"{amount_text(solution.amount)}\nexact"
+    return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
 
 
 def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:

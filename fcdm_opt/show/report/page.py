@@ -6,6 +6,7 @@ without JavaScript. plotly.js and the figures' data are embedded compressed; not
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any
@@ -177,7 +178,8 @@ def _chooser(payload: Data) -> str:
 
 def _matrix(matrix: Data, cases: Sequence[Data]) -> str:
     """Return the requirements A to D as in the paper's Tables 1 and 2; cells choose their case."""
-    tolerance = f", tolerance {escape(matrix['tolerance'])}" if matrix.get("tolerance") else ""
+    told = re.sub(r"rho_([12])", "\u03c1<sub>\\1</sub>", escape(matrix.get("tolerance") or ""))
+    tolerance = f", tolerance {told}" if told else ""
     rows = "".join(
         f'<tr><th scope="row">\u03c1<sub>2</sub> {sign}\u03c4</th>'
         + "".join(_cell(letter, matrix["cells"].get(letter), cases) for letter in letters)

@@ -20,7 +20,7 @@ from fcdm_opt.tolerances import DEFAULT
 MOST_POINTS = 8  # switching points that are listed
 WHY = {
     "touch": "the parts made touch, by whatever features meet first",
-    "clear": "the parts made are apart; with clearance = 0.1, by at least that",
+    "clear": "the parts made are apart or just touch; with a line clearance = 0.1 besides, apart by at least that",
     "seat": "a flush contact, face on face or along an edge, stays flush",
     "at": "the same feature touches, at exactly the sizes made",
     "beyond": "the paper's: the switching point moves into the quadrant beyond the sizes made",

@@ -1,5 +1,6 @@
 // The bodies in space, their features in contact, and from where they are seen.
 
+const MOST_NAMES = 4, LEAST_WIDTH = 400; // names of features in the scene, and pixels for them
 const VIEW_SIZE = 1.75; // of the scene: the bodies' diagonal in units of the view
 const TURN = Math.PI / 18, ZOOM = 1.25, STEEPEST = Math.PI / 24;
 const NEAR = 3; // how much "to the contact" enlarges
@@ -123,7 +124,9 @@ function featureTraces(frame, colours) {
 /** Names of the features, written over the scene: those of the movable body above their place, the others below. */
 function featureNames(frame, colours) {
   const seen = new Set(), count = [0, 0];
-  return shapesOf(frame).filter(shape => !seen.has(shapeName(shape)) && seen.add(shapeName(shape))).map(shape => {
+  const shapes = shapesOf(frame).filter(shape => !seen.has(shapeName(shape)) && seen.add(shapeName(shape)));
+  if (shapes.length > MOST_NAMES || element("bodies").clientWidth < LEAST_WIDTH) return []; // hovering tells them
+  return shapes.map(shape => {
     const [x, y, z] = middle(placed(shape.points, shape.body, frame)), step = count[shape.body]++;
     const side = (step % 2 ? -1 : 1) * (shape.body ? -1 : 1);
     return {
