@@ -323,3 +323,13 @@ def test_slots_are_filled_once():
 
 def test_a_table_without_rows_is_left_out():
     assert table("caption", ("a",), []) == ""
+
+
+def test_a_bound_that_is_the_amount_was_shown_above_it():
+    exact = {"amount": 7.960784, "bound_text": "7.9608, exact"}
+    told = payload()
+    told["cases"][0] |= exact
+    told["matrices"][0]["cells"]["A"] |= exact
+    text = visible(read(page(told)))
+    assert "7.9608" not in text
+    assert "proved \u2265 7.96078" in text

@@ -132,8 +132,10 @@ def _in(data: Data, key: str, text: str) -> str:
 
 
 def _bound(case: Data) -> str:
-    """Return the lower bound as the tables show it, rounded down, and how far below the amount it is."""
+    """Return the lower bound as the tables show it, rounded down, and how near it is; where it is the amount, that."""
     bound, _, gap = shown(case.get("bound_text")).partition(", ")
+    if gap == "exact":
+        bound = shown(case["amount"])
     return _in(case, "amount_unit", bound) + (f"<small>{gap}</small>" if gap else "")
 
 
