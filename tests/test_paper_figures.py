@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from functools import cache
 from pathlib import Path
@@ -11,20 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 from picture_checks import check_texts, shown
+from scripts import loaded
 
 import fcdm_opt as fo
 
 SCRIPT = Path(__file__).parent.parent / "problems" / "paper_figures.py"
 
 
-@cache
 def script() -> Any:
-    spec = importlib.util.spec_from_file_location("paper_figures", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(SCRIPT)
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 from functools import cache
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scripts import loaded
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
@@ -41,14 +41,8 @@ VOLUMES = {
 }
 
 
-@cache
 def maker() -> Any:
-    spec = importlib.util.spec_from_file_location("make_meshes", PROBLEMS / "make_meshes.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(PROBLEMS / "make_meshes.py")
 
 
 @cache

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import typer
 from fcdm_opt.cli.completing import case_names, problem_files
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, refuse, say
 from fcdm_opt.errors import InputError
+from fcdm_opt.show.plain import plain
 
 if TYPE_CHECKING:
     from fcdm_opt.show.album import Album
@@ -189,16 +189,5 @@ def album_in(out: Path | None) -> Album | None:
 def finish(document: Any, codes: Iterable[int]) -> None:
     """Write the JSON document, if one is wanted, and exit with the most severe code."""
     if document is not None:
-        typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False))
+        typer.echo(json.dumps(plain(document), indent=2, allow_nan=False))
     raise typer.Exit(max(codes, key=SEVERITY.index, default=SOLVED))
-
-
-def _plain(value: Any) -> Any:
-    """Return arrays as lists, and None for numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value

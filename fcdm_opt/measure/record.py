@@ -20,7 +20,6 @@ The columns of each table are described where its rows are made: `bench`, `growt
 from __future__ import annotations
 
 import json
-import math
 import os
 import platform
 import sys
@@ -32,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.show.plain import plain
 
 SCHEMA = 1
 PACKAGES = ("fcdm_opt", "numpy", "numba", "scipy", "casadi", "coal", "highspy", "cvxpy", "clarabel", "python-flint",
@@ -132,7 +132,7 @@ class Run:
     def write(self, path: Path) -> None:
         """Write the file; numbers that JSON does not have become null."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(_plain({"schema": SCHEMA, **asdict(self)}), indent=1, allow_nan=False)
+        text = json.dumps(plain({"schema": SCHEMA, **asdict(self)}), indent=1, allow_nan=False)
         path.write_text(text + "\n", encoding="utf-8")
 
     @classmethod
@@ -237,14 +237,3 @@ def _measurable(value: Any) -> bool:
     if value is None:
         return True
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _plain(value: Any) -> Any:
-    """Return arrays as lists, and None for numbers that JSON does not have."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value

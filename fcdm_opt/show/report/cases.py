@@ -10,12 +10,12 @@ from typing import Any
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.show.plain import drawn, plain
 from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, shown_parameters
 from fcdm_opt.show.report.left_out import left_out
-from fcdm_opt.show.report.plain import drawn, plain
 from fcdm_opt.show.report.scenes import scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
