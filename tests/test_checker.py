@@ -35,7 +35,7 @@ def paper_case(name: str, k: int) -> fo.Problem:
 def proved(problem: fo.Problem, gap: float = 1e-4, most: int = 40_000) -> tuple[fo.Problem, Proof, float]:
     solution = fo.solve(problem)
     upper = solution.amount if solution.status.found else np.inf
-    return solution.problem, prove(Task.of(solution.problem), upper, gap=gap, most=most), upper
+    return solution.problem, prove(Task.of(solution.problem), upper, aims=[(gap, most)]), upper
 
 
 def failed(problem: fo.Problem, evidence: Evidence, bound: float) -> set[str]:
@@ -115,7 +115,7 @@ def test_the_proofs_of_random_problems_pass(rng, goal):
     if task.meets(task.rest, 1e-9):
         return
     # a made-up upper bound: as far as motions are to be excluded
-    proof = prove(task, float(rng.uniform(0.01, 0.1)) * task.size, gap=1e-2, most=800)
+    proof = prove(task, float(rng.uniform(0.01, 0.1)) * task.size, aims=[(1e-2, 800)])
     assert failed(problem, proof.evidence, proof.lower_bound) == set()
 
 
@@ -142,7 +142,7 @@ def test_a_motion_of_ones_own_is_checked_like_the_packages():
 def test_a_whole_turn_is_left_out_only_where_the_limits_hold_its_repetition():
     asked = {"motion": fo.Rotation("z", centre=(0.0, 3.0, 0.0)), "target": (0.5, 0.5)}
     free = touching_prisms(**asked)
-    proof = prove(Task.of(free), np.inf, gap=1e-4, most=2000)
+    proof = prove(Task.of(free), np.inf, aims=[(1e-4, 2000)])
     outside = proof.evidence.reasons == Reason.OUTSIDE
     assert outside.any()
     assert failed(free, proof.evidence, proof.lower_bound) == set()
@@ -263,7 +263,7 @@ def test_a_lost_contact_closes_no_column_where_paths_are_free():
         problem = random_problem(rng, "beyond")
         if problem is None or problem.path == "free":
             continue
-        proof = prove(Task.of(problem), 0.2 * problem.size, gap=1e-2, most=400)
+        proof = prove(Task.of(problem), 0.2 * problem.size, aims=[(1e-2, 400)])
         lost = np.isin(proof.evidence.reasons, [Reason.LOOSE, Reason.LEFT]).any()
         if lost and np.isinf(proof.evidence.fronts).any():
             break

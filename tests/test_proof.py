@@ -154,7 +154,7 @@ def test_no_motion_of_an_excluded_cell_does(goal, seed):
     if goal == "clear":
         arguments |= {"clearance": 0.2, "limits": {motion.parameters[0].name: (-0.3, 0.4)}}
     task = Task.of(fo.Problem(one, two, motion=motion, **arguments))
-    evidence = prove(task, 1.5, gap=1e-3, most=4000).evidence
+    evidence = prove(task, 1.5, aims=[(1e-3, 4000)]).evidence
     assert len(evidence.reasons) > 20
     cells = Cells(evidence.faces, evidence.boxes[:, 0], evidence.boxes[:, 1], evidence.stretches)
     for reason, y in zip(evidence.reasons, inside(rng, cells), strict=True):
@@ -263,7 +263,7 @@ def test_evidence_survives_plain_data():
 
 def test_excluded_cells_fill_what_lies_before_the_fronts():
     task = Task.of(fo.load_problems("problems/example2.toml")[0])
-    proof = prove(task, 0.045, gap=1e-3, most=20_000)
+    proof = prove(task, 0.045, aims=[(1e-3, 20_000)])
     e = proof.evidence
     for face, box, front in zip(e.column_faces, e.column_boxes, e.fronts, strict=True):
         over = (e.faces == face) & (e.boxes[:, 0] <= box[0]).all(axis=1) & (e.boxes[:, 1] >= box[1]).all(axis=1)
@@ -282,7 +282,7 @@ def test_a_turn_beyond_half_a_revolution_counts_where_limits_leave_no_smaller_on
     problem = fo.Problem(rod, post, target=(1.0, 1.0), goal="touch", motion=turn, limits={"RZ": (-0.3, 10.0)})
     solution = fo.solve(problem, certify=True)
     assert solution.parameters["RZ"] == pytest.approx(1.5 * math.pi - math.asin(0.2 / 2) - 0.1, abs=0.3)
-    assert prove(Task.of(problem), math.inf, gap=1e-4, most=5000).lower_bound <= solution.amount
+    assert prove(Task.of(problem), math.inf, aims=[(1e-4, 5000)]).lower_bound <= solution.amount
 
 
 @pytest.mark.parametrize("offset", [0.0, 50.0])

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
+from typing import NamedTuple
 
 from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.certificate import verify
+from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.stages import models
 from fcdm_opt.tolerance.stages.another_amount import another_amount, nearest_weighted
-from fcdm_opt.tolerance.stages.branching import branch_and_bound, certified, confirmed
+from fcdm_opt.tolerance.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, branch_and_bound, confirmed, least_apart, proved
 from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.full import full
 from fcdm_opt.tolerance.stages.polar import polar
@@ -33,14 +36,25 @@ STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "one parameter": models.one_parameter,
     "rotations": turns,
     "descent": descent,
+    "ways apart": least_apart,
     "directions": polar,
     "branch and bound": branch_and_bound,
     "nlp": models.nonlinear,
     "full": full,  # the yardstick: "auto" does not take it
 }
 
+EFFORTS = ("proved", "quick")
 
-def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw: bool = False) -> Solution:
+
+def solve(
+    problem: Problem,
+    *,
+    model: str = "auto",
+    certify: bool = False,
+    effort: str = "proved",
+    seconds: float | None = None,
+    throw: bool = False,
+) -> Solution:
     """Find the smallest motion that meets a problem's requirement, and have it judged.
 
     Parameters
@@ -49,8 +63,16 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     model : "auto" or a key of `STAGES`
         "auto" takes the first stage that settles the case; a stage's name forces it.
     certify : bool
-        Prove by branch and bound how small a motion can be at all: `Solution.lower_bound` is then within 1e-4 of
-        the amount for one and two parameters, and as near as it comes for more.
+        Prove until `Solution.lower_bound` is within 1e-4 of the amount, or the time given is over, and keep what
+        proves it as `Solution.evidence`.
+    effort : "proved" or "quick"
+        "proved": without `certify` too the least motion is looked for everywhere, and bounded: of one and two
+        parameters within 1 % of the amount, of more as near as some seconds of work bring it, see `Solution.gap`.
+        "quick": the first motion that the stages find, for thousands of questions; its bound is what they know.
+        A forced `model` is quick.
+    seconds : float, optional
+        Wall time of the proof. Without, it ends after a number of looks that does not depend on the machine, with
+        `certify` about a minute's.
     throw : bool
         Raise `UnsolvedError` where the solution is not usable.
 
@@ -61,19 +83,17 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     UnsolvedError
         With `throw`, where no motion was found or the judge rejected it.
     """
-    _check(problem, model, certify)
+    how = _How(model, certify, effort, seconds)
+    _check(problem, how)
     if pairs := problem.feature_pairs:
-        return _least_of([problem.changed(features=pair) for pair in pairs], model, certify, throw)
+        return _least_of([problem.changed(features=pair) for pair in pairs], how, throw)
     start = perf_counter()
     task = Task.of(problem)
-    answer, evidence = _answered(task, model), None
+    answer = _answered(task, model)
     found, building = perf_counter(), task.building
-    if certify:
-        answer, evidence = certified(task, answer)
-    elif model == "auto":
-        answer = confirmed(task, answer)
+    answer, evidence = _proved(task, answer, how)
     answer = in_steps(task, answer, lambda other: _answered(other, model))
-    evidence = evidence if problem.amount == "weighted" else None  # the checker knows no other amount
+    evidence = evidence if certify and problem.amount == "weighted" else None  # the checker knows no other amount
     solution = replace(reported(problem, task, answer), evidence=evidence)
     proved, more = perf_counter(), task.building - building
     certificate = verify(solution)
@@ -89,22 +109,47 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
     return solution
 
 
-def _least_of(problems: list[Problem], model: str, certify: bool, throw: bool) -> Solution:
+class _How(NamedTuple):
+    """How a problem is to be solved: `solve`'s arguments."""
+
+    model: str
+    certify: bool
+    effort: str
+    seconds: float | None
+
+
+def _proved(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+    """Return the answer, or a better one, with the bound that is asked for."""
+    if how.certify:
+        return proved(task, answer, gap=GAP, seconds=how.seconds)
+    if how.model != "auto":
+        return answer, None
+    if how.effort == "quick":
+        return confirmed(task, answer), None
+    return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)
+
+
+def _least_of(problems: list[Problem], how: _How, throw: bool) -> Solution:
     """Return the least of the solutions that track two of several features each; its problem names them."""
-    solutions = [solve(problem, model=model, certify=certify) for problem in problems]
+    solutions = [solve(problem, **how._asdict()) for problem in problems]
     best = min(solutions, key=lambda solution: (not solution.usable, not solution.status.found, solution.amount))
     if throw and not best.usable:
         raise UnsolvedError(best)
     return replace(best, lower_bound=min(solution.lower_bound for solution in solutions))
 
 
-def _check(problem: Problem, model: str, certify: bool) -> None:
+def _check(problem: Problem, how: _How) -> None:
     if not isinstance(problem, Problem):
         raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
-    if model not in ("auto", *STAGES):
-        raise InputError("unknown model", key="model", found=model, allowed=", ".join(("auto", *STAGES)))
-    if not isinstance(certify, bool):
-        raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
+    for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
+        if value not in known:
+            raise InputError(f"unknown {key}", key=key, found=value, allowed=", ".join(known))
+    if not isinstance(how.certify, bool):
+        raise InputError("not a truth value", key="certify", found=how.certify, allowed="True or False")
+    if how.certify and how.effort == "quick":
+        raise InputError("a quick search proves nothing", key="effort", found="quick", allowed='"proved" with certify')
+    if how.seconds is not None and not (isinstance(how.seconds, int | float) and 0.0 < how.seconds < math.inf):
+        raise InputError("not a time", key="seconds", found=how.seconds, allowed="a number > 0, or None")
 
 
 def _answered(task: Task, model: str) -> Answer:

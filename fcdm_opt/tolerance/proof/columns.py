@@ -9,9 +9,10 @@ further out passes there. The least front is the bound.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +146,12 @@ def farthest(task: Task) -> float:
 
 
 def prove(
-    task: Task, upper: float, *, gap: float, most: int, search: Callable[[Array], Array | None] | None = None
+    task: Task,
+    upper: float,
+    *,
+    aims: Sequence[tuple[float, int]],
+    until: float = np.inf,
+    search: Callable[[Array], Array | None] | None = None,
 ) -> Proof:
     """Bound the amount of every motion that does what a task asks.
 
@@ -154,25 +160,29 @@ def prove(
     task : Task
     upper : float
         Amount of a motion that is known to do; infinite if none is.
-    gap : float
-        Relative gap between the bound and `upper` that is enough.
-    most : int
-        Cells tested at most.
+    aims : sequence of (gap, most)
+        Relative gaps between the bound and `upper` that are enough, the finest first, each while no more than so many
+        cells have been tested.
+    until : float
+        `perf_counter` at which to stop besides.
     search : callable, optional
         Takes a motion q near which nothing can be excluded, and returns one there that does, if it finds one.
     """
     search_ = _Search(task, upper, search)
     scene, record = Scene(task, upper), Record()
-    columns, looked = Columns.all(len(task.weights), search_.enough(gap) / 16.0), 0
-    while looked < most:
-        enough = search_.enough(gap)
-        bounds = np.where(columns.stalled, np.inf, columns.bounds)
-        waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
-        if not len(waiting):
-            break
-        rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
-        looked += _advance(scene, columns, record, rows, enough)
-        search_.beside(columns)
+    columns, looked = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0), 0
+    for gap, most in aims:
+        while looked < most and perf_counter() < until:
+            enough = search_.enough(gap)
+            bounds = np.where(columns.stalled, np.inf, columns.bounds)
+            waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
+            if not len(waiting):
+                break
+            rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
+            looked += _advance(scene, columns, record, rows, enough)
+            search_.beside(columns)
+    if not np.isfinite(search_.upper):
+        _close_beyond(scene, columns, record)
     bound = min(float(columns.bounds.min()), *([] if task.weighted else [search_.enough(gap), *record.open]), np.inf)
     return Proof(bound, search_.q, looked, record.evidence(columns, scene.domain))
 
@@ -207,6 +217,18 @@ class _Search:
         found = self.search(q)
         if found is not None and self.task.amount(found) < self.upper:
             self.q, self.upper, self.tried = found, self.task.amount(found), np.inf
+
+
+def _close_beyond(scene: Scene, columns: Columns, record: Record) -> None:
+    """Close the columns whose fronts have passed the limits: the stretch beyond may be one for which nothing does."""
+    rows = np.flatnonzero(~columns.closed & (columns.front > 0.0))
+    if not len(rows):
+        return
+    cells = columns.cells(rows, 2.0 * columns.front[rows])
+    codes, witness = scene.reasons(cells)
+    closing = np.flatnonzero(scene.closes[codes])
+    record.add(cells, closing, codes, witness)
+    columns.closed[rows[closing]] = True
 
 
 def _advance(scene: Scene, columns: Columns, record: Record, rows: Ints, enough: float) -> int:

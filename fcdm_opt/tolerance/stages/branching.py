@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.tolerance.bounds import displacement_bound
 from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.proof.columns import farthest, prove
 from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.stages import polar, rays
+from fcdm_opt.tolerance.stages import polar, ways_apart
 from fcdm_opt.tolerance.stages.descent import STAGE as DESCENT
 from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.relaxation import Found, choices
@@ -18,10 +22,12 @@ from fcdm_opt.tolerance.stages.turns import least_over_turns
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 
+STAGE_APART = "4: descent over the ways apart"
 STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound over rotations"
 MOST_PARAMETERS = 2  # for which the search is complete in a moment
 MOST_CHECKED = 3  # for which the checker of evidence follows
 GAP, FINE_GAP = 1e-4, 1e-7  # of a certificate; of the stage, which is to find the least motion by itself
+SHOWN_GAP, SHOWN_SHARE = 1e-2, 0.02  # of what is proved without being asked for; of a certificate's cells, see `proved`
 CONFIRMED_GAP, COARSE_GAP = 1e-6, 1e-3  # of looking for something better; the latter over rotations
 LARGE = 0.15  # of the size: amounts beyond this are large
 CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
@@ -32,6 +38,9 @@ DENYING = 2e6  # the same, of three parameters within limits: about a second, le
 SECONDS = 20.0  # for the search over rotations
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
+NEAR = (1e-3, 3e-2, 0.3)  # relative: radius of the descent from a motion that is held back, until one finds a motion
+FEW_PAIRS = 100  # part pairs up to which more motions are descended from
+SPREAD = 0.3  # the same, from motions that are not the least for certain
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
 
@@ -41,7 +50,7 @@ def branch_and_bound(task: Task) -> Answer | None:
         return _denied(task)
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
         return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
-    answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), gap=FINE_GAP)[0]
+    answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), aims=[(FINE_GAP, PROVING)])[0]
     if answer.q is not None or (answer.lower_bound < farthest(task) and not polar.nothing(task)):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
@@ -59,31 +68,102 @@ def _denied(task: Task) -> Answer | None:
     if len(task.weights) > MOST_CHECKED or task.tracked or task.keep_out or not (task.weighted and limited):
         return None
     try:
-        proof = prove(task, np.inf, gap=GAP, most=_most(task, DENYING))
+        proof = prove(task, np.inf, aims=[(GAP, _most(task, DENYING))])
     except NotImplementedError:  # as in `bounded`
         return None
     return None if np.isfinite(proof.lower_bound) else Answer(Status.INFEASIBLE, None, STAGE, np.inf)
 
 
 def confirmed(task: Task, answer: Answer) -> Answer:
-    """Return an answer that local searches found, or a better one, where they may have missed the least.
+    """Return an answer that local searches found, or a better one, where they may have missed the least: no proof.
 
     That is so among keep-outs and several part pairs, and where the motion is large; of one and two parameters all
     motions are looked at then, with translations in all directions all rotations.
     """
-    if not task.weighted or answer.q is None or _closed(task, answer):
+    if not task.weighted or answer.q is None or _closed(task, answer, FINE_GAP):
         return answer
     if len(task.weights) > MOST_PARAMETERS:
         pairs = len(task.movable.vertices) * len(task.static.vertices)
         return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 and pairs <= LARGEST else answer
     if not _doubtful(task, answer):
         return answer
-    return bounded(task, answer, gap=CONFIRMED_GAP, effort=CONFIRMING)[0]
+    return bounded(task, answer, aims=[(CONFIRMED_GAP, CONFIRMING)])[0]
 
 
-def _closed(task: Task, answer: Answer) -> bool:
-    """Tell whether a motion's bound is its amount already."""
-    return answer.lower_bound >= _amount(task, answer) * (1.0 - FINE_GAP)
+def proved(
+    task: Task, answer: Answer, *, gap: float, seconds: float | None = None, share: float = 1.0
+) -> tuple[Answer, Evidence | None]:
+    """Return an answer with a lower bound that is proved, and what proves it; a better motion if one comes up.
+
+    Parameters
+    ----------
+    task : Task
+    answer : Answer
+        What the stages found.
+    gap : float
+        Relative gap between amount and bound that is enough.
+    seconds : float, optional
+        Wall time after which to stop in place of a number of cells, which does not depend on the machine.
+    share : float
+        Of the cells that are looked at for three parameters and more, which seldom end by themselves.
+    """
+    if not np.isfinite(answer.lower_bound) or (answer.q is not None and not answer.q.any()):
+        return answer, None
+    if answer.q is not None and _closed(task, answer, FINE_GAP):
+        return answer, None
+    until = np.inf if seconds is None else perf_counter() + seconds
+    if len(task.weights) <= MOST_PARAMETERS:
+        fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
+        return bounded(task, answer, aims=[*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)], until=until)
+    answer, closed = _turned(task, spread(task, answer, _unturned(task)), gap, share, until)
+    if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
+        answer = spread(task, answer, _beside(task, answer.q))
+        closed = _closed(task, answer, gap)
+    if closed or perf_counter() > until:
+        return answer, None
+    return bounded(task, answer, aims=[(gap, share * PROVING)], until=until)
+
+
+def least_apart(task: Task) -> Answer | None:
+    """Stage 4, where rows of one choice at a time do not do: descent over all ways apart; None where it finds none."""
+    answer = Answer(Status.NOT_FOUND, None, STAGE_APART, displacement_bound(task))
+    answer = spread(task, answer, _unturned(task) or [task.start])
+    return None if answer.q is None else answer
+
+
+def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
+    """Return an answer, or a better one that a descent over all ways apart finds from it, or from further motions."""
+    if not ways_apart.suits(task):
+        return answer
+    best = _amount(task, answer)
+    for start in starts if answer.q is None else (answer.q, *starts):
+        found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
+        if found is not None and found.amount < best * (1.0 - DEFAULT.nominal):
+            bound = min(answer.lower_bound, found.amount)
+            answer, best = Answer(Status.SOLVED, found.q, STAGE_APART, bound, found.active, found.modelled), found.amount
+    return answer
+
+
+def _unturned(task: Task) -> list[Array]:
+    """Return the least motion found that turns nothing, if the motion both shifts and turns and one is found."""
+    turning = task.spins.any(axis=1)
+    if not ways_apart.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
+        return []
+    still = replace(task, limits=frozen(np.where(turning[:, None], 0.0, task.limits)))
+    found = ways_apart.descended(still, task.start, LARGE * task.size)
+    return [] if found is None else [found.q]
+
+
+def _beside(task: Task, q: Array) -> list[Array]:
+    """Return motions turned a little from one, both ways about each axis: faces that are parallel there are not then."""
+    sizes = SPREAD * task.amount(q) / task.weights
+    return [q + sign * size * row for size, row, turns in zip(sizes, np.eye(len(q)), task.spins.any(axis=1), strict=True)
+            for sign in (1.0, -1.0) if turns]  # fmt: skip
+
+
+def _closed(task: Task, answer: Answer, gap: float) -> bool:
+    """Tell whether a motion's bound is its amount already, or as near as that."""
+    return answer.lower_bound >= _amount(task, answer) * (1.0 - gap)
 
 
 def _doubtful(task: Task, answer: Answer) -> bool:
@@ -94,22 +174,12 @@ def _doubtful(task: Task, answer: Answer) -> bool:
     return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
 
 
-def certified(task: Task, answer: Answer) -> tuple[Answer, Evidence | None]:
-    """Return an answer with a lower bound that is proved, and what proves it; a better motion if one comes up."""
-    if answer.q is not None and task.amount(answer.q) == 0.0:
-        return answer, None
-    if len(task.weights) > MOST_PARAMETERS:
-        if answer.q is not None and _closed(task, answer) and task.tested_vertices * CELLS[MOST_CHECKED] > CONFIRMING:
-            return answer, None  # cells would show less than the stage has proved, at a high price
-        answer, closed = _turned(task, answer, GAP)
-        return (answer, None) if closed else bounded(task, answer, gap=GAP)
-    doubtful = task.weighted and _doubtful(task, answer)
-    return bounded(task, answer, gap=CONFIRMED_GAP if doubtful else GAP)
-
-
-def _turned(task: Task, answer: Answer, gap: float) -> tuple[Answer, bool]:
+def _turned(
+    task: Task, answer: Answer, gap: float, share: float = 1.0, until: float = np.inf
+) -> tuple[Answer, bool]:
     """Return an answer with a bound by a search over rotations, and whether that is as near as asked."""
-    found = least_over_turns(task, upper=answer, gap=gap, seconds=SECONDS)
+    seconds = min(SECONDS, until - perf_counter()) if np.isinf(until) else until - perf_counter()
+    found = least_over_turns(task, upper=answer, gap=gap, seconds=seconds, share=share)
     if found is None:
         return answer, False
     amount = _amount(task, answer)
@@ -118,7 +188,8 @@ def _turned(task: Task, answer: Answer, gap: float) -> tuple[Answer, bool]:
         if better is not None and better.amount < amount:
             answer = Answer(Status.SOLVED, better.q, TURNED, found.lower, better.active, better.modelled)
     bound = max(found.lower, answer.lower_bound)
-    return replace(answer, lower_bound=min(bound, _amount(task, answer))), found.closed
+    answer = replace(answer, lower_bound=min(bound, _amount(task, answer)))
+    return answer, _closed(task, answer, gap)
 
 
 def _amount(task: Task, answer: Answer) -> float:
@@ -126,7 +197,9 @@ def _amount(task: Task, answer: Answer) -> float:
     return np.inf if answer.q is None else task.amount(answer.q)
 
 
-def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) -> tuple[Answer, Evidence | None]:
+def bounded(
+    task: Task, answer: Answer, *, aims: Sequence[tuple[float, float]], until: float = np.inf
+) -> tuple[Answer, Evidence | None]:
     """Return an answer with a bound by `prove`, better or settled where that is so.
 
     Parameters
@@ -134,10 +207,11 @@ def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) 
     task : Task
     answer : Answer
         What is known: a motion, or none yet.
-    gap : float
-        Relative gap between bound and amount that is enough.
-    effort : float
-        Cells times vertices of a cell's tests, after which the bound is what it is.
+    aims : sequence of (gap, effort)
+        Relative gaps between bound and amount that are enough, the finest first, and up to which effort, in cells
+        times vertices of a cell's tests; after the last the bound is what it is.
+    until : float
+        `perf_counter` at which to stop in place of an effort.
     """
     known, upper = answer.q, _amount(task, answer)
     better: Found | None = None
@@ -153,7 +227,9 @@ def bounded(task: Task, answer: Answer, *, gap: float, effort: float = PROVING) 
         return found.q
 
     try:
-        proof = prove(task, upper, gap=gap, most=_most(task, effort), search=search)
+        timed = np.isfinite(until)
+        cells = [(gap, sys.maxsize if timed else _most(task, effort)) for gap, effort in aims]
+        proof = prove(task, upper, aims=cells[-1:] if timed else cells, until=until, search=search)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)
@@ -177,16 +253,17 @@ def near(task: Task, q: Array) -> Found | None:
 
     It is to beat motions that meet the requirement exactly, so what it gains may not come from the slack.
     """
-    found: list[Found] = []
+    if ways_apart.suits(task):
+        for share in NEAR:
+            found = ways_apart.descended(task, q, share * max(task.amount(q), DEFAULT.least_unit * task.unit))
+            if found is not None:
+                return found
+        return None
+    better = [relaxation.smallest([q], "sqpmethod") for relaxation in choices(task, q, near=True)]
+    done = [found for found in better if found is not None and task.meets(found.q, DEFAULT.cut)]
     for nudge in NUDGES:
         at = np.clip(q * (1.0 + nudge), *task.limits.T)
-        if not task.tracked:
-            at = rays.shortened(task, at)
         if task.meets(at, DEFAULT.cut):
-            found.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled_by_gaps(at)))
+            done.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled_by_gaps(at)))
             break
-    for relaxation in choices(task, q, near=True):
-        better = relaxation.smallest([q], "sqpmethod")
-        if better is not None and task.meets(better.q, DEFAULT.cut):
-            found.append(better)
-    return min(found, key=lambda own: own.amount, default=None)
+    return min(done, key=lambda own: own.amount, default=None)

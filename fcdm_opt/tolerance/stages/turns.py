@@ -53,7 +53,9 @@ class Steps(NamedTuple):
     vector: bool
 
 
-def least_over_turns(task: Task, *, upper: Answer | None, gap: float, seconds: float) -> Bound | None:
+def least_over_turns(
+    task: Task, *, upper: Answer | None, gap: float, seconds: float, share: float = 1.0
+) -> Bound | None:
     """Bound the amount of a task from below, by cutting its rotations into cells; None where the task is not its own.
 
     Limits on translations, keep-outs, and parts of unions that the motion brings in each other's way are left out:
@@ -67,11 +69,13 @@ def least_over_turns(task: Task, *, upper: Answer | None, gap: float, seconds: f
         Relative gap between both bounds at which to stop.
     seconds : float
         Time after which to stop; whether a task is stopped by `MOST_CELLS` before does not depend on the machine.
+    share : float
+        Of `MOST_CELLS`.
     """
     steps = _steps(task)
     if steps is None:
         return None
-    return _Search(task, steps).least(upper, gap, seconds)
+    return _Search(task, steps).least(upper, gap, seconds, int(share * MOST_CELLS))
 
 
 def turns(task: Task) -> Answer | None:
@@ -165,7 +169,7 @@ class _Search:
             return np.ascontiguousarray(np.argwhere(gaps > 0)), none
         return none, apart
 
-    def least(self, upper: Answer | None, gap: float, seconds: float) -> Bound:
+    def least(self, upper: Answer | None, gap: float, seconds: float, most: int = MOST_CELLS) -> Bound:
         """Cut cells until none is left below the best motion known."""
         task, start = self.task, np.inf
         best = np.full(7, np.inf)
@@ -179,7 +183,7 @@ class _Search:
             turned_cells.try_angles(*bodies, self.touching, self.apart, *rest, np.zeros(3), pool, best)
         touching = self.near(float(best[0]))
         nodes, ways, cells = self._root(float(best[0])), np.array([[0, len(pool)]]), 0
-        while len(nodes) and cells + len(nodes) <= MOST_CELLS and perf_counter() - start <= seconds:
+        while len(nodes) and cells + len(nodes) <= most and perf_counter() - start <= seconds:
             cells += len(nodes)
             nodes, ways, pool = turned_cells.advance(
                 *bodies, touching, self.apart, *rest, nodes, ways, pool, best, gap
