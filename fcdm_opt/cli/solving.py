@@ -53,8 +53,15 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 def solve_command(
     files: Files,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Prove how small a motion can be at all, and have the proof checked.")
+        bool,
+        typer.Option("--certify", help="Prove to 1e-4 how small a motion can be at all, and have the proof checked."),
     ] = False,
+    effort: Annotated[
+        str, typer.Option(metavar="proved|quick", help="quick: the first motion that the stages find, without proof.")
+    ] = "proved",
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", help="Wall time of a case's proof; default: a number of looks.")
+    ] = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,
@@ -74,7 +81,7 @@ def solve_command(
             file.problems, file.path.name, console=notes, transient=True, disable=not notes.is_terminal
         ):
             with inquiry.case(file, problem) as entry:
-                row = solved_case(problem, certify=certify)
+                row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
                 entry |= _case_data(row)
                 rows.append(row)
                 inquiry.codes.append(_code(row.solution))
@@ -129,7 +136,7 @@ def _default_direction(file: OpenedFile, problem: Problem) -> Any:
         return problem.published
     from fcdm_opt.tolerance.solver import solve
 
-    solution = solve(problem)
+    solution = solve(problem, effort="quick")
     if not solution.status.found or not solution.amount > 0:
         advice = "the case is solved without any motion" if solution.status.found else solution.status.value
         what = f"no direction is given, and none follows from a motion that solves the case: {advice}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, units_text, wrapped
-from fcdm_opt.show.tables import amount_text, asked_text, motion_text
+from fcdm_opt.show.tables import amount_text, asked_text, bound_text, motion_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
@@ -113,13 +113,14 @@ def print_comparison(found: Comparison) -> None:
         {
             "family": row.name,
             "amount": amount_text(row.amount),
+            "proved at least": "" if row.solution is None else bound_text(row.solution).replace("\n", ", "),
             "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
             "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
         }
         for row in found.table
     ]
-    print_rows(out, rows, numbers=("amount",))
+    print_rows(out, rows, numbers=("amount", "proved at least"))
     for row in found.table:
         if row.note:
             print_text(out, f"{row.name}: {row.note}", indent="   ")

@@ -25,17 +25,16 @@ class SolvedCase:
         Amount of the reference motion that the file gives.
     touch_amount : float or None
         Least amount for goal "touch" with the same motions, beside goal "beyond".
-    certified : bool
-        Whether a proof was asked for.
     """
 
     solution: Solution
     published_amount: float | None
     touch_amount: float | None
-    certified: bool = False
 
 
-def solved_case(problem: Problem, *, certify: bool) -> SolvedCase:
+def solved_case(
+    problem: Problem, *, certify: bool, effort: str = "proved", seconds: float | None = None
+) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
     Raises
@@ -43,7 +42,7 @@ def solved_case(problem: Problem, *, certify: bool) -> SolvedCase:
     InputError
         As `solve` does.
     """
-    solution = solve(problem, certify=certify)
+    solution = solve(problem, certify=certify, effort=effort, seconds=seconds)
     if solution.evidence is not None:
         start = perf_counter()
         certificate = verify(solution, proof=True)
@@ -53,6 +52,6 @@ def solved_case(problem: Problem, *, certify: bool) -> SolvedCase:
         published = Task.of(problem).amount(np.array(problem.published))
     touch = None
     if problem.goal == "beyond":
-        answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0))
+        answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
         touch = answer.amount if answer.usable else None
-    return SolvedCase(solution, published, touch, certify)
+    return SolvedCase(solution, published, touch)

@@ -24,6 +24,7 @@ NUMBERS = ("published\namount", "found\namount", "proved\nat least", "new/old\np
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
+DOUBT_WIDTH = 12  # characters, of what is said below an amount
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( \w+)?")
 NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
 
@@ -164,8 +165,8 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "goal": problem.goal,
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
-        "found\namount": amount_text(solution.amount),
-        "proved\nat least": bound_text(solution) if row.certified else "",
+        "found\namount": amount_text(solution.amount) + (f"\n{wrapped(solution.doubt, DOUBT_WIDTH)}" if solution.doubt else ""),
+        "proved\nat least": bound_text(solution),
         "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",

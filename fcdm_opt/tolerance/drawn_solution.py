@@ -30,7 +30,7 @@ def solution_card(solution: Solution) -> Html:
     facts = rows(
         [
             *motion,
-            ("amount", number(solution.amount), amount),
+            ("amount", number(solution.amount), f"{amount}, {solution.doubt}" if solution.doubt else amount),
             ("proved at least", *_bound(solution, amount)),
             ("pair made", f"({numbers(solution.pair)})"),
             ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} {length}"),

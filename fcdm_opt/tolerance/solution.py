@@ -20,6 +20,12 @@ from fcdm_opt.tolerance.problem import Problem
 if TYPE_CHECKING:
     from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
 
+EFFORTS = ("proved", "quick")
+"""What `solve` may spend."""
+
+LOOSE = 0.1
+"""Relative gap above which an amount is not to be taken for the least."""
+
 CHECKS_SHOWN = 30
 """Checks that a certificate's card lists."""
 
@@ -176,6 +182,13 @@ class Solution:
         return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
 
     @property
+    def doubt(self) -> str:
+        """What is to be said beside the amount where its bound is far below it: by how much it may be too large."""
+        if not self.status.found or not self.amount > 0.0 or self.gap <= LOOSE:
+            return ""
+        return "not proved least" if self.lower_bound <= 0.0 else f"up to {100.0 * self.gap:.0f} % less not excluded"
+
+    @property
     def keep_out_gaps(self) -> dict[str, float]:
         """Signed distance of the part made from each keep-out after the motion, as judged; length units, by name."""
         checks = self.certificate.checks if self.certificate else ()
@@ -216,6 +229,7 @@ class Solution:
             "modelled": dict(self.modelled),
             "stage": self.stage,
             "gap": _plain(self.gap),
+            "doubt": self.doubt,
             "evidence": None if self.evidence is None else self.evidence.to_dict(),
             "sensitivity": self.sensitivity.to_dict() if "sensitivity" in self.__dict__ else None,
             "certificate": None

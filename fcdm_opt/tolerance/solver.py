@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
+from fcdm_opt.tolerance.solution import EFFORTS, Solution, Status
 from fcdm_opt.tolerance.stages import models
 from fcdm_opt.tolerance.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.tolerance.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, branch_and_bound, confirmed, least_apart, proved
@@ -42,8 +42,6 @@ STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "nlp": models.nonlinear,
     "full": full,  # the yardstick: "auto" does not take it
 }
-
-EFFORTS = ("proved", "quick")
 
 
 def solve(

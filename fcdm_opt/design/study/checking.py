@@ -16,6 +16,7 @@ from fcdm_opt.design.study.variables import PARAMETERS
 from fcdm_opt.errors import InputError
 from fcdm_opt.tolerance.arguments import LARGEST, is_real, positive
 from fcdm_opt.tolerance.files import Defaults
+from fcdm_opt.tolerance.solution import EFFORTS
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.study import Study
@@ -39,6 +40,10 @@ def check_arguments(study: Study) -> None:
         raise InputError("too many draws", key="count", found=study.count, allowed=f"at most {sampling.MOST}")
     if not isinstance(study.certify, bool):
         raise InputError("wrong value", key="certify", found=study.certify, allowed="true or false")
+    if study.effort not in EFFORTS:
+        raise InputError("no such effort", key="effort", found=study.effort, allowed=" or ".join(EFFORTS))
+    if study.certify and study.effort == "quick":
+        raise InputError("a quick search proves nothing", key="effort", found="quick", allowed="proved, with certify")
     if study.time_limit is not None:
         positive(study.time_limit, "time_limit")
     if study.budget is not None and not (is_real(study.budget) and 0 <= study.budget <= LARGEST):

@@ -146,6 +146,7 @@ class Plan:
             points.append([point.key, scene.key, point.question.case])
         return {
             "certify": self._study.certify,
+            "effort": self._study.effort,
             "time_limit": self._study.time_limit,
             "scenes": scenes,
             "points": points,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.solution import Solution
 
 Payload = dict[str, Any]
-"""A chunk of points, plain data: "certify", "time_limit" (seconds a point, or None), "scenes" (key to canonical JSON)
+"""A chunk of points, plain data: "certify", "effort", "time_limit" (seconds a point, or None), "scenes" (key to canonical JSON)
 and "points", each [key, scene key, case]."""
 
 Row = dict[str, Any]
@@ -48,7 +48,7 @@ def evaluate(payload: Payload) -> list[Row]:
     rows = []
     for key, scene, case in payload["points"]:
         with within(payload["time_limit"]):
-            rows.append(_evaluated(key, payload["scenes"][scene], case, certify=payload["certify"]))
+            rows.append(_evaluated(key, payload["scenes"][scene], case, payload["certify"], payload["effort"]))
     return rows
 
 
@@ -132,12 +132,12 @@ def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Ro
     }
 
 
-def _evaluated(key: str, scene: str, case: Mapping[str, Any], *, certify: bool) -> Row:
+def _evaluated(key: str, scene: str, case: Mapping[str, Any], certify: bool, effort: str) -> Row:
     from fcdm_opt.design.question import Question
 
     start = perf_counter()
     try:
-        solution, seconds = _solved(Question.restored(scene, case).problem(), certify)
+        solution, seconds = _solved(Question.restored(scene, case).problem(), certify, effort)
         answer = _answer(key, solution)
         answer["seconds"] = {**seconds, "point": perf_counter() - start}
         return answer
@@ -148,13 +148,13 @@ def _evaluated(key: str, scene: str, case: Mapping[str, Any], *, certify: bool) 
         return row(key, ERROR, message, seconds=perf_counter() - start)
 
 
-def _solved(problem: Problem, certify: bool) -> tuple[Solution, dict[str, float]]:
+def _solved(problem: Problem, certify: bool, effort: str) -> tuple[Solution, dict[str, float]]:
     """Return the judged solution, and what it took; what a proof says is checked too."""
     from fcdm_opt.tolerance.certificate import verify
     from fcdm_opt.tolerance.solver import solve
 
     start = perf_counter()
-    solution = solve(problem, certify=certify)
+    solution = solve(problem, certify=certify, effort=effort)
     seconds = dict(solution.seconds)
     seconds["solve"] += perf_counter() - start - sum(seconds.values())  # features that were tried besides, and the rest
     if solution.evidence is not None:

@@ -169,6 +169,12 @@ class _StudyFile(Entry):
     certify: Annotated[bool, Field(strict=True)] = Field(
         default=False, description="true: prove that no smaller motion will do", examples=[True]
     )
+    effort: Literal["proved", "quick"] = Field(
+        default="proved",
+        description='"proved": every motion with a bound of how small it can be; "quick": the first that the stages '
+        "find, without proof, for many points",
+        examples=["quick"],
+    )
     time_limit: Annotated[Number, Field(gt=0.0)] | None = Field(
         default=None, description="seconds > 0 a point", examples=[60.0]
     )

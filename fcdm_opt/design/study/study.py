@@ -79,6 +79,8 @@ class Study:
         What the draws follow from.
     certify : bool
         Whether the motions are to be proved smallest.
+    effort : "proved" or "quick"
+        As of `solve`: "quick" proves nothing, for many points.
     time_limit : float, optional
         Seconds a point.
     budget : float, optional
@@ -103,6 +105,7 @@ class Study:
     count: int | None = None
     seed: int = 1
     certify: bool = False
+    effort: str = "proved"
     time_limit: float | None = None
     budget: float | None = None
     title: str = ""
@@ -229,7 +232,7 @@ class Study:
                     "vary": [variable.to_dict() for variable in self.variables],
                     "files": self._files,
                     **{key: plain_value(getattr(self, key) or {}) for key in ("parameters", "derive")},
-                    **{key: getattr(self, key) for key in ("sampling", "count", "seed", "certify", "time_limit")},
+                    **{key: getattr(self, key) for key in ("sampling", "count", "seed", "certify", "effort", "time_limit")},
                 }
             )
         )
@@ -267,7 +270,7 @@ class Study:
         axes = {
             label: plain_value(list(values)) if label != "draw" else len(values) for label, values in self.axes.items()
         }
-        own = ("title", "note", "sampling", "count", "seed", "certify", "time_limit", "budget")
+        own = ("title", "note", "sampling", "count", "seed", "certify", "effort", "time_limit", "budget")
         unit = {"unit": self.unit} if self.unit else {}
         return {
             **unit,
@@ -306,7 +309,8 @@ class Study:
             told = canonical({"version": self.version, "study": self.key, "values": values})
             return Point(number, digest(told), values, None, str(reason))
         certify = "true" if self.certify else "false"
-        told = f'{{"case":{case},"certify":{certify},"scene":"{scene}","version":"{self.version}"}}'
+        how = f'"certify":{certify},"effort":"{self.effort}"'
+        told = f'{{"case":{case},{how},"scene":"{scene}","version":"{self.version}"}}'
         return Point(number, digest(told), values, question)
 
     def _chosen(self, number: int) -> tuple[Question, dict[Variable, int]]:
@@ -347,7 +351,7 @@ class Study:
 
 
 _SAME_IN_FILES = (
-    "title", "note", "cases", "seed", "certify", "time_limit", "sampling", "count", "parameters", "derive",
+    "title", "note", "cases", "seed", "certify", "effort", "time_limit", "sampling", "count", "parameters", "derive",
 )  # fmt: skip
 
 

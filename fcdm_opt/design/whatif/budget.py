@@ -277,7 +277,7 @@ class _Search:
     def at(self, tau: float) -> _Point:
         """Solve at a tolerance, once."""
         if tau not in self.points:
-            solution = solve(self.asked(tau))
+            solution = solve(self.asked(tau), effort="quick")
             good = solution.usable and (self.limit is None or solution.amount <= self.limit * (1.0 + DEFAULT.cut))
             self.points[tau] = _Point(tau, good, solution)
         return self.points[tau]

@@ -154,7 +154,7 @@ def _solved(problem: Problem) -> Solution:
     if not isinstance(problem, Problem):
         found = type(problem).__name__
         raise InputError("expected a Problem or a Solution", key="problem", found=found)
-    return solve(problem)
+    return solve(problem, effort="quick")
 
 
 def _without(solution: Solution, own: Constraint) -> Dropped:
@@ -163,7 +163,7 @@ def _without(solution: Solution, own: Constraint) -> Dropped:
     The motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing.
     """
     problem = solution.problem
-    found = solve(without(problem, [own.name]))
+    found = solve(without(problem, [own.name]), effort="quick")
     if not (found.usable and found.amount < solution.amount * (1.0 - DEFAULT.tied)):
         return Dropped(
             name=own.name, solution=found, amount=solution.amount, saving=0.0, excess=0.0, rate=_rate(solution, own)
@@ -197,7 +197,7 @@ def _other_goals(solution: Solution) -> Iterator[Dropped]:
             other = problem.changed(goal=goal, clearance=clearance, features=None)
         except InputError:  # no switching point, nothing flush
             continue
-        found = solve(other)
+        found = solve(other, effort="quick")
         amount = found.amount if found.usable else math.nan
         saving = solution.amount - amount
         tied = abs(saving) <= DEFAULT.tied * max(amount, solution.amount)

@@ -68,7 +68,7 @@ class Search:
     def solved(self, problem: Problem, *, certify: bool = False) -> Solution:
         """Return the answer to a problem; what a motion keeps is remembered."""
         self.solves += 1
-        solution = solve(problem, certify=certify)
+        solution = solve(problem, certify=certify, effort="proved" if certify else "quick")
         if solution.usable:
             passed = excesses(self.problem, solution)
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))

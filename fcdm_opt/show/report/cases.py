@@ -60,6 +60,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "amount": plain(solution.amount),
         "lower_bound": plain(solution.lower_bound),
         "gap": plain(solution.gap),
+        "doubt": solution.doubt,
         "bound_text": bound_text(solution).replace("\n", ", "),
         "published": published if problem.published_text or problem.published is not None else None,
         "touch_amount": plain(case.touch_amount),

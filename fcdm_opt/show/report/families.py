@@ -45,7 +45,7 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
         if factor == AS_ASKED:
             return frames.solved(solution)
         try:
-            return frames.solved(solve(resized(problem, factor)))
+            return frames.solved(solve(resized(problem, factor), effort="quick"))
         except InputError:
             refused.append(factor)
             return None

@@ -92,7 +92,7 @@ def _known(number: int, case: SolvedCase) -> dict[str, Any]:
 
 def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
-    note = f"not a case of the file: solved for this table as case {first.name} is, bounds by closed forms only"
+    note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
         solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
     except InputError as reason:
@@ -109,6 +109,7 @@ def _cell(solution: Solution) -> dict[str, Any]:
         "motion": motion_text(solution),
         "amount": plain(solution.amount),
         "amount_unit": solution.problem.amount_unit,
+        "doubt": solution.doubt,
         "bound": plain(solution.lower_bound),
         "bound_text": bound_text(solution).replace("\n", ", "),
         "published": solution.problem.published_text or None,

@@ -117,6 +117,8 @@ def _question(case: Data) -> str:
 
 def _amount(case: Data) -> str:
     text = _in(case, "amount_unit", shown(case.get("amount")))
+    if case.get("doubt"):
+        text += f"<small>{escape(case['doubt'])}</small>"
     if published := case.get("published"):
         amount = _in(case, "amount_unit", shown(published.get("amount")))
         text += f"<small>published: {amount}, {shown(published.get('motion'))}</small>"
@@ -206,6 +208,8 @@ def _cell(letter: str, cell: Data | None, cases: Sequence[Data]) -> str:
     else:
         amount = _in(cell, "amount_unit", shown(cell["amount"]))
         lines = [("motion", escape(cell["motion"])), ("amounts", f"amount {amount}")]
+        if cell.get("doubt"):
+            lines.append(("amounts", escape(cell["doubt"])))
     if cell.get("bound") and cell.get("amount"):
         lines.append(("amounts", f"proved \u2265 {_bound(cell).partition('<')[0]}"))
     if cell.get("published"):

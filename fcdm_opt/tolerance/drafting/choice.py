@@ -102,7 +102,7 @@ def closing(situation: Situation) -> Array | None:
     """Return the shortest shift of the movable part as drawn after which the parts touch, (3,); None if unknown."""
     shift = Translation("x") >> Translation("y") >> Translation("z")
     problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=shift)
-    solution = solve(problem)
+    solution = solve(problem, effort="quick")
     return np.array(solution.transform[:3, 3]) if solution.usable and solution.transform is not None else None
 
 
@@ -147,7 +147,7 @@ def _tried(situation: Situation, goal: str, motion: Motion) -> Choice | None:
                 goal=goal,
                 motion=motion,
             )
-            solutions[letter] = solve(problem)
+            solutions[letter] = solve(problem, effort="quick")
         except InputError:
             solutions[letter] = None
             if goal == "seat":
