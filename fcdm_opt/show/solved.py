@@ -32,9 +32,7 @@ class SolvedCase:
     touch_amount: float | None
 
 
-def solved_case(
-    problem: Problem, *, certify: bool, effort: str = "proved", seconds: float | None = None
-) -> SolvedCase:
+def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seconds: float | None = None) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
     Raises

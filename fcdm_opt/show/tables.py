@@ -165,7 +165,8 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "goal": problem.goal,
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
-        "found\namount": amount_text(solution.amount) + (f"\n{wrapped(solution.doubt, DOUBT_WIDTH)}" if solution.doubt else ""),
+        "found\namount": amount_text(solution.amount)
+        + (f"\n{wrapped(solution.doubt, DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
         "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,

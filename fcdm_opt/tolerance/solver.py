@@ -18,7 +18,15 @@ from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import EFFORTS, Solution, Status
 from fcdm_opt.tolerance.stages import models
 from fcdm_opt.tolerance.stages.another_amount import another_amount, nearest_weighted
-from fcdm_opt.tolerance.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, branch_and_bound, confirmed, least_apart, proved
+from fcdm_opt.tolerance.stages.branching import (
+    GAP,
+    SHOWN_GAP,
+    SHOWN_SHARE,
+    branch_and_bound,
+    confirmed,
+    least_apart,
+    proved,
+)
 from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.full import full
 from fcdm_opt.tolerance.stages.polar import polar
@@ -95,13 +103,13 @@ def solve(
     solution = replace(reported(problem, task, answer), evidence=evidence)
     proved, more = perf_counter(), task.building - building
     certificate = verify(solution)
-    seconds = {
+    times = {
         "build": building + more,
         "solve": found - start - building,
         "prove": proved - found - more,
         "verify": perf_counter() - proved,
     }
-    solution = solution.with_certificate(certificate, seconds)
+    solution = solution.with_certificate(certificate, times)
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution

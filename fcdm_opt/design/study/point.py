@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.solution import Solution
 
 Payload = dict[str, Any]
-"""A chunk of points, plain data: "certify", "effort", "time_limit" (seconds a point, or None), "scenes" (key to canonical JSON)
-and "points", each [key, scene key, case]."""
+"""A chunk of points, plain data: "certify", "effort", "time_limit" (seconds a point, or None), "scenes" (key to canonical
+JSON) and "points", each [key, scene key, case]."""
 
 Row = dict[str, Any]
 Outcome = tuple[Payload, list[Row] | None]

@@ -232,7 +232,10 @@ class Study:
                     "vary": [variable.to_dict() for variable in self.variables],
                     "files": self._files,
                     **{key: plain_value(getattr(self, key) or {}) for key in ("parameters", "derive")},
-                    **{key: getattr(self, key) for key in ("sampling", "count", "seed", "certify", "effort", "time_limit")},
+                    **{
+                        key: getattr(self, key)
+                        for key in ("sampling", "count", "seed", "certify", "effort", "time_limit")
+                    },
                 }
             )
         )

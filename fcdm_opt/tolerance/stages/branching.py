@@ -114,7 +114,9 @@ def proved(
     until = np.inf if seconds is None else perf_counter() + seconds
     if len(task.weights) <= MOST_PARAMETERS:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
-        return bounded(task, answer, aims=[*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)], until=until)
+        return bounded(
+            task, answer, aims=[*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)], until=until
+        )
     answer, closed = _turned(task, spread(task, answer, _unturned(task)), gap, share, until)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
         answer = spread(task, answer, _beside(task, answer.q))
@@ -140,13 +142,16 @@ def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
         found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
         if found is not None and found.amount < best * (1.0 - DEFAULT.nominal):
             bound = min(answer.lower_bound, found.amount)
-            answer, best = Answer(Status.SOLVED, found.q, STAGE_APART, bound, found.active, found.modelled), found.amount
+            answer, best = (
+                Answer(Status.SOLVED, found.q, STAGE_APART, bound, found.active, found.modelled),
+                found.amount,
+            )
     return answer
 
 
 def _unturned(task: Task) -> list[Array]:
     """Return the least motion found that turns nothing, if the motion both shifts and turns and one is found."""
-    turning = task.spins.any(axis=1)
+    turning = np.asarray(task.spins.any(axis=1))
     if not ways_apart.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
         return []
     still = replace(task, limits=frozen(np.where(turning[:, None], 0.0, task.limits)))
@@ -155,10 +160,9 @@ def _unturned(task: Task) -> list[Array]:
 
 
 def _beside(task: Task, q: Array) -> list[Array]:
-    """Return motions turned a little from one, both ways about each axis: faces that are parallel there are not then."""
-    sizes = SPREAD * task.amount(q) / task.weights
-    return [q + sign * size * row for size, row, turns in zip(sizes, np.eye(len(q)), task.spins.any(axis=1), strict=True)
-            for sign in (1.0, -1.0) if turns]  # fmt: skip
+    """Return motions turned a little from one, both ways about each axis, where parallel faces are no more so."""
+    steps = np.diag(SPREAD * task.amount(q) / task.weights)
+    return [q + sign * steps[k] for k in np.flatnonzero(task.spins.any(axis=1)) for sign in (1.0, -1.0)]
 
 
 def _closed(task: Task, answer: Answer, gap: float) -> bool:
@@ -174,9 +178,7 @@ def _doubtful(task: Task, answer: Answer) -> bool:
     return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
 
 
-def _turned(
-    task: Task, answer: Answer, gap: float, share: float = 1.0, until: float = np.inf
-) -> tuple[Answer, bool]:
+def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: float = np.inf) -> tuple[Answer, bool]:
     """Return an answer with a bound by a search over rotations, and whether that is as near as asked."""
     seconds = min(SECONDS, until - perf_counter()) if np.isinf(until) else until - perf_counter()
     found = least_over_turns(task, upper=answer, gap=gap, seconds=seconds, share=share)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance.bounds import displacement_bound
+from fcdm_opt.tolerance.bounds import displacement_bound, displacement_rate
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.stages import compiled
 from fcdm_opt.tolerance.stages.relaxation import choices
@@ -25,6 +25,8 @@ from fcdm_opt.tolerances import DEFAULT
 # Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
 # after one node for any number of directions: they are tried the nearest first.
 MOST_NODES, MOST_WAYS = 2000, 200
+MOST_DIFFERENCES = 4000  # pairs of vertices of two parts that are kept apart by a distance, for a bound
+SPACE = 3  # dimensions
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
 
@@ -92,15 +94,68 @@ def translations(task: Task) -> Answer | None:
 
 
 def _improved(task: Task, answer: Answer) -> Answer:
-    """Return an answer that keeps clearances as distances, not only along facet directions."""
+    """Return an answer that keeps clearances as distances, not only along facet directions, with a bound of it."""
     assert answer.q is not None
     best, active, modelled = answer.q, answer.active, answer.modelled
     for relaxation in choices(task, answer.q, near=True):
         found = relaxation.smallest([best], "sqpmethod", task.amount(best))
         if found is not None and found.amount < task.amount(best) * (1.0 - DEFAULT.nominal):
             best, active, modelled = found.q, found.active, found.modelled
-    bound = min(displacement_bound(task), task.amount(best))
+    bound = min(max(displacement_bound(task), _bound_below(task, task.amount(best))), task.amount(best))
     return Answer(Status.SOLVED, best, answer.stage + ", nonlinear program", bound, active, modelled)
+
+
+def _bound_below(task: Task, most: float) -> float:
+    """Return an amount that no shift stays below which keeps clearances as distances.
+
+    The shifts that bring two parts nearer than c fill their Minkowski difference and what is nearer to it than c. A
+    polytope within that, which holds each facet and each corner moved out by c, forbids no more than it does: exact
+    where the least shift ends over a facet, and a little below it over an edge or corner.
+    """
+    reach, walls = most * displacement_rate(task), _walls(task)
+    gaps = task.pair_gaps(task.rest)
+    for parts in list(walls):
+        need = task.opponents[parts[1]].need
+        if need <= 0:
+            continue
+        polytope = _polytope(task, parts) if gaps[parts] < need + reach else None
+        if polytope is None:
+            del walls[parts]
+        else:
+            walls[parts] = polytope
+    found = _least(task, walls, _closings(task))
+    return 0.0 if found is None or found[0] is None else float(np.linalg.norm(found[0])) * task.size
+
+
+def _polytope(task: Task, parts: Parts) -> Wall | None:
+    """Return the half-spaces outside a polytope of shifts that bring two parts nearer than they may be.
+
+    None where the parts are too large, or no shift of the task crosses it.
+    """
+    from scipy.spatial import ConvexHull
+
+    one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
+    if len(one.vertices) * len(opponent.part.vertices) > MOST_DIFFERENCES:
+        return None
+    moved = task.movable.seed + task.target[0] * (one.vertices - task.movable.seed)
+    other = opponent.part.seed + opponent.scale * (opponent.part.vertices - opponent.part.seed)
+    differences = (other[:, None] - moved[None]).reshape(-1, 3)
+    _, rows, separations = task.separations(parts, task.pose(task.rest))
+    outward = -rows[:, :3]
+    on = differences @ outward.T >= -separations - DEFAULT.tie * task.size
+    corners = np.flatnonzero(on.sum(axis=1) >= SPACE)
+    middles = on[corners] @ outward
+    middles /= np.linalg.norm(middles, axis=1)[:, None]
+    facets, points = np.nonzero(on.T)
+    held = np.vstack(
+        [differences[points] + opponent.need * outward[facets], differences[corners] + opponent.need * middles]
+    )
+    planes = ConvexHull(held).equations
+    lines = -planes[:, :3] @ _shifts(task).T / task.weights
+    flat = np.linalg.norm(lines, axis=1) <= DEFAULT.tie
+    if (planes[flat, 3] >= -DEFAULT.cut * task.size).any():
+        return None
+    return Wall.of(lines[~flat], planes[~flat, 3] / task.size)
 
 
 def _walls(task: Task) -> dict[Parts, Wall]:
@@ -140,13 +195,17 @@ def _lines(task: Task, parts: Parts) -> tuple[Array, Array]:
 
     Where there are several pairs each direction once: all ways of one pair are combined with those of the others.
     """
-    shifts = np.array([(task.transform(step) - task.transform(task.rest))[:3, 3] for step in np.eye(len(task.weights))])
     _, rows, separations = task.separations(parts, task.pose(task.rest))
-    lines = np.column_stack([rows[:, :3] @ shifts.T / task.weights, separations / task.size])
+    lines = np.column_stack([rows[:, :3] @ _shifts(task).T / task.weights, separations / task.size])
     if task.part_pairs == 1:
         return lines[:, :-1], lines[:, -1]
     _, first = np.unique(np.round(lines / DEFAULT.tie), axis=0, return_index=True)
     return lines[first, :-1], lines[first, -1]
+
+
+def _shifts(task: Task) -> Array:
+    """Return what each parameter shifts, (k, 3)."""
+    return np.array([(task.transform(step) - task.transform(task.rest))[:3, 3] for step in np.eye(len(task.weights))])
 
 
 def _least(

@@ -84,7 +84,8 @@ def descended(task: Task, q: Array, radius: float) -> Found | None:
     radius : float
         Amount by which the first step may change it.
     """
-    weights, best, most = task.weights, None, FURTHER * radius
+    weights, most = task.weights, FURTHER * radius
+    best: Array | None = None
     y = np.clip(np.asarray(q, dtype=np.float64), *task.limits.T) * weights
     least, restoring = np.inf, 0
     start = y
@@ -110,15 +111,9 @@ def descended(task: Task, q: Array, radius: float) -> Found | None:
     if best is None:
         return None
     q = np.clip(best / weights, *task.limits.T)
-    kept = [parts for parts in _near(task, q, DEFAULT.requirement * task.size)]
-    names = tuple(dict.fromkeys(f"{task.named(parts)} stays apart" for parts in kept))
+    near = np.argwhere(task.pair_gaps(q) - task.needs <= DEFAULT.requirement * task.size).tolist()
+    names = tuple(dict.fromkeys(f"{task.named((i, j))} stays apart" for i, j in near))
     return Found(q, task.amount(q), names, task.modelled_by_gaps(q))
-
-
-def _near(task: Task, q: Array, within: float) -> list[Parts]:
-    """Return the part pairs whose gap exceeds what they need by less than a length."""
-    gaps = task.pair_gaps(q) - task.needs
-    return [(int(i), int(j)) for i, j in np.argwhere(gaps <= within)]
 
 
 def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
