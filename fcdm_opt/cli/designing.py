@@ -23,6 +23,7 @@ from fcdm_opt.cli.common import (
     OpenedFile,
     Seed,
     album_in,
+    code_of,
     finish,
     say,
 )
@@ -265,8 +266,7 @@ def _code(answer: Any) -> int:
     from fcdm_opt.design.whatif.whatif import WhatIf
 
     if isinstance(answer, WhatIf):
-        after = answer.after
-        return SOLVED if after.usable else NOT_VERIFIED if after.status.found else NO_MOTION
+        return code_of(answer.after.usable, answer.after.status.name)
     if isinstance(answer, BestPose) and not answer.passed:
         return NOT_VERIFIED
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED

@@ -11,6 +11,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.certificate import verify
+from fcdm_opt.tolerance.engagement import inside_fit
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.stages import models
@@ -83,7 +84,7 @@ def solve(problem: Problem, *, model: str = "auto", certify: bool = False, throw
         "prove": proved - found - more,
         "verify": perf_counter() - proved,
     }
-    solution = solution.with_certificate(certificate, seconds)
+    solution = inside_fit(solution.with_certificate(certificate, seconds))
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution

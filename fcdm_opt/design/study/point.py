@@ -169,7 +169,7 @@ def _answer(key: str, solution: Solution) -> Row:
     return {
         "key": key,
         "status": solution.status.name,
-        "message": solution.status.value,
+        "message": solution.advice,
         "usable": solution.usable,
         "amount": _number(solution.amount),
         "lower_bound": _number(solution.lower_bound),
