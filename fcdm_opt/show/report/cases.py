@@ -7,6 +7,8 @@ import json
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.units import measured
@@ -161,7 +163,8 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     checks = [] if solution.certificate is None else solution.certificate.checks
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
     text = f"{len(own.reasons)} cells of motions that will not do, in {len(own.fronts)} columns of directions"
-    return {"bound": plain(own.bound), "text": text, "checked": all(proof) if proof else None}
+    beside = not solution.status.found and np.isfinite(own.bound)  # a closed form says more: that nothing does
+    return {"bound": plain(own.bound), "text": text, "checked": all(proof) if proof and not beside else None}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
