@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.whatif.fitting import fits_up_to
+from fcdm_opt.show.remarks import remarks
 from fcdm_opt.tolerance.engagement import misfit, verdict
 from fcdm_opt.tolerance.solution import Solution, Status
 
@@ -185,6 +186,8 @@ def test_a_peg_that_is_to_be_clear_may_be_drawn_out_of_its_hole() -> None:
     solution = fo.solve(problem)
     assert solution.parameters["TZ"] == pytest.approx(0.95 * 20.0 + 1.0, abs=1e-9)
     assert solution.status is Status.SOLVED
+    (told, *_) = remarks(solution)
+    assert told.endswith("out of its fit, on a way that is open as drawn; does not fit: peg 10.50 in plate 9.69")
 
 
 # ---------------------------------------------------------------------------------------------------- what is no fit

@@ -28,7 +28,17 @@ def remarks(solution: Solution) -> list[str]:
         off = f"{measured(f'{abs(gap):.4g}', unit)} {'clear' if gap > 0 else 'overlapping'}"
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
-    return [*told, *_large(solution)]
+    return [*told, *_taken_out(solution), *_large(solution)]
+
+
+def _taken_out(solution: Solution) -> list[str]:
+    """Return that parts which were to be clear are so because one was taken out of the other."""
+    from fcdm_opt.tolerance.engagement import comes_off, verdict
+
+    if not solution.usable or not comes_off(solution):
+        return []
+    words = ["the motion takes the part out of its fit, on a way that is open as drawn", verdict(solution.problem)]
+    return ["; ".join(filter(None, words))]
 
 
 def _large(solution: Solution) -> list[str]:

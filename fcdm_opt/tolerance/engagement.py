@@ -44,8 +44,14 @@ def leaves_fit(solution: Solution) -> bool:
     """Tell whether a solution's motion leaves the fit in which the parts are drawn."""
     if not solution.status.found or solution.transform is None or not solution.amount > 0.0:
         return False
-    motion = _Motion(solution)
-    return motion.goes_through or motion.comes_off
+    return _Motion(solution).goes_through or (solution.problem.goal != "clear" and comes_off(solution))
+
+
+def comes_off(solution: Solution) -> bool:
+    """Tell whether a solution's motion takes the part out of a fit, whether or not the way is open."""
+    if not solution.status.found or solution.transform is None:
+        return False
+    return _Motion(solution).comes_off
 
 
 # ----------------------------------------------------------------------------------------------------------- the motion
@@ -104,7 +110,7 @@ class _Motion:
         end = problem.movable.placed_vertices(made[0], self.transform)
         way = (end - start).mean(axis=0)
         length = float(np.linalg.norm(way))
-        if problem.goal == "clear" or not length > DEFAULT.side * problem.size:
+        if not length > DEFAULT.side * problem.size:
             return False
         ahead, nominal = way / length, problem.nominal_pair
         drawn = [body.placed_vertices(rho, REST) for body, rho in zip(_bodies(problem), nominal, strict=True)]
