@@ -152,15 +152,6 @@ def test_a_nut_lifted_under_a_roof_is_out_of_its_slot_too() -> None:
     assert fo.solve(nut_in_rail(static=t_rail(roof=True), goal="clear")).status is Status.OUTSIDE_FIT
 
 
-def test_a_box_pushed_through_a_thin_slab_ends_on_its_other_side() -> None:
-    box, slab = block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)), block((-5.0, 5.0), (-5.0, 5.0), (-0.5, 0.0))
-    asked = {"goal": "touch", "motion": UP, "limits": {"TZ": (-9.0, -0.2)}}
-    problem = fo.Problem(fo.Body.convex(box), fo.Body.convex(slab), target=(1.0, 1.0), **asked)
-    solution = fo.solve(problem)
-    assert solution.parameters["TZ"] == pytest.approx(-2.5, abs=1e-9)
-    assert solution.status is Status.OUTSIDE_FIT
-
-
 def peg_and_plate() -> tuple[fo.Body, fo.Body]:
     """A peg 10 wide, z from 0 to 30, that stands on the bottom of a hole 10.2 wide and 20 deep."""
     parts, middle = [block((-5.1, 5.1), (-5.1, 5.1), (-10.0, 0.0))], (-5.1, 5.1)
@@ -210,6 +201,25 @@ def test_a_box_in_a_corner_is_not_held_by_it(requirement: str, goal: str) -> Non
     box = fo.Body.convex(block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)))
     problem = fo.Problem(box, static, tolerance=0.05, requirement=requirement, motion=ACROSS, goal=goal)
     assert fo.solve(problem).usable
+
+
+def test_a_box_sent_through_a_thin_slab_was_never_held_by_it() -> None:
+    """That it ends on the other side is remarked on: a contact, but no fit."""
+    box, slab = block((-1.0, 1.0), (-1.0, 1.0), (0.0, 2.0)), block((-5.0, 5.0), (-5.0, 5.0), (-0.5, 0.0))
+    asked: dict[str, Any] = {"goal": "touch", "motion": UP, "limits": {"TZ": (-9.0, -0.2)}}
+    solution = fo.solve(fo.Problem(fo.Body.convex(box), fo.Body.convex(slab), target=(1.0, 1.0), **asked))
+    assert solution.parameters["TZ"] == pytest.approx(-2.5, abs=1e-9)
+    assert solution.usable
+    assert remarks(solution)[0].startswith("a large motion")
+
+
+def test_what_excludes_what_does_not_ask_for_a_fit() -> None:
+    """Limits that keep the nut in its slot exclude its motion; without them there is one, out of it."""
+    found = fo.conflicts(nut_in_rail(limits={"TZ": (-1.0, 1.0)}))
+    assert found.clashes[0].proved
+    assert [own.name for own in found.relaxations if own.name == "upper limit of TZ"]
+    (least,) = (own for own in found.relaxations if own.name == "upper limit of TZ")
+    assert least.by == pytest.approx(lifted(0.02) - 1.0, abs=1e-6)
 
 
 def test_boxes_drawn_into_each_other_may_be_taken_apart() -> None:

@@ -137,9 +137,9 @@ def whatif_command(
         if budget is not None:
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
         solution: Solution | None = solve(problem) if plain else None
-        if conflicts or (solution is not None and not solution.usable):
+        if conflicts or (solution is not None and not solution.verified):
             yield "conflicts", clashing(problem), tables.print_conflicts
-        if drop or (solution is not None and solution.usable):
+        if drop or (solution is not None and solution.verified):
             yield "drop", costs(problem if solution is None else solution), tables.print_costs
         if compare:
             yield "compare", compared(problem), tables.print_comparison

@@ -1,14 +1,15 @@
 """Whether a motion leaves the fit: the parts were drawn engaged, and after the motion they are not.
 
-A *fit* is more than a contact: a peg in its hole, a nut in its rail, a hook on its bar. A box that stands on a slab is
-none: it may be lifted as far as one likes. A motion leaves the fit in one of two ways.
+A *fit* is more than a contact: a peg in its hole, a nut in its rail, a hook on its bar. As drawn no shift leads away
+from all parts of the other body at once. A box that stands on a slab, or in a corner, is none: it may be moved away as
+far as one likes. A motion leaves the fit in one of two ways.
 
 - It goes *through* the other body: a part that bars the way as drawn lies behind after the motion. The way is straight
   on, along the displacement of each convex part's centre; what counts is where on that line two parts overlap.
 - It comes *off* the other body: the contact that was asked for is sought where nothing holds the part any more. As
-  drawn it is held (no shift leads away from all that is around it) and reaches into the other's hull; after the motion
-  nothing of that hull is on its way out, and what it moved is more than sizes explain. Not so for goal "clear", which
-  asks for no contact, so that parts drawn off one another, on a way that is open, are an answer.
+  drawn it reaches into the other's hull, deeper than the sizes change; after the motion nothing of that hull is on its
+  way out. Not so for goal "clear", which asks for no contact, so that parts drawn off one another, on a way that is
+  open, are an answer.
 """
 
 from __future__ import annotations
@@ -44,14 +45,15 @@ def leaves_fit(solution: Solution) -> bool:
     """Tell whether a solution's motion leaves the fit in which the parts are drawn."""
     if not solution.status.found or solution.transform is None or not solution.amount > 0.0:
         return False
-    return _Motion(solution).goes_through or (solution.problem.goal != "clear" and comes_off(solution))
+    problem, motion = solution.problem, _Motion(solution)
+    return (motion.goes_through or (problem.goal != "clear" and motion.comes_off)) and _held(problem)
 
 
 def comes_off(solution: Solution) -> bool:
     """Tell whether a solution's motion takes the part out of a fit, whether or not the way is open."""
     if not solution.status.found or solution.transform is None:
         return False
-    return _Motion(solution).comes_off
+    return _Motion(solution).comes_off and _held(solution.problem)
 
 
 # ----------------------------------------------------------------------------------------------------------- the motion
@@ -104,7 +106,7 @@ class _Motion:
 
     @property
     def comes_off(self) -> bool:
-        """Whether a part that is held as drawn, deeper than the sizes change, is so no more after the motion."""
+        """Whether body 1 reaches into the other's hull as drawn, deeper than the sizes change, and then no more."""
         problem, made = self.problem, self.solution.pair
         start, others = problem.movable.placed_vertices(made[0], REST), problem.static.placed_vertices(made[1], REST)
         end = problem.movable.placed_vertices(made[0], self.transform)
@@ -117,7 +119,7 @@ class _Motion:
         change = sum(
             float(np.abs((now - was) @ ahead).max()) for now, was in zip((start, others), drawn, strict=True)
         )
-        if not length > GROWTH * change or not _held(problem):
+        if not length > GROWTH * change:
             return False
         deep = _depth(drawn[0], drawn[1], ahead)
         return deep > GROWTH * change and _depth(end, others, ahead) <= LEFT * deep

@@ -176,10 +176,14 @@ class Solution:
     seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def verified(self) -> bool:
+        """Whether a motion was found and the judge passed it, though it may leave the fit."""
+        return self.status.found and self.certificate is not None and self.certificate.passed
+
+    @property
     def usable(self) -> bool:
         """Whether a motion was found that stays in the fit, and the judge passed it."""
-        found = self.status.found and self.status is not Status.OUTSIDE_FIT
-        return found and self.certificate is not None and self.certificate.passed
+        return self.verified and self.status is not Status.OUTSIDE_FIT
 
     @cached_property
     def advice(self) -> str:
