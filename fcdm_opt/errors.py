@@ -61,4 +61,4 @@ class UnsolvedError(FcdmError):
 
     def __init__(self, solution: Any) -> None:
         self.solution = solution
-        super().__init__(solution.status.value)
+        super().__init__(solution.advice)

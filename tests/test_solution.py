@@ -17,7 +17,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.motion import Rotation, Translation
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
+from fcdm_opt.tolerance.solution import UNLIMITED, Certificate, Check, Solution, Status
 from fcdm_opt.tolerance.solver import solve
 
 CROSSING = box_shape((3, 3, -1), (5, 7, 1))  # lines rho_1 + rho_2 = 4 and rho_1 + 2 rho_2 = 5, crossing at (3, 1)
@@ -118,7 +118,8 @@ def test_a_solution_that_nobody_judged_survives_too():
 def test_plain_data_tell_status_advice_and_motion(question):
     data = solution(question).to_dict()
     assert data["status"] == QUESTIONS[question][0].name
-    assert data["advice"] == QUESTIONS[question][0].value
+    status, given = QUESTIONS[question]
+    assert data["advice"] == (status.value if "limits" in given else UNLIMITED.get(status, status.value))
     assert data["usable"] is solution(question).usable
     found = QUESTIONS[question][0].found
     assert (data["motion"] is not None) == (data["transform"] is not None) == (data["amount"] is not None) == found
@@ -139,7 +140,7 @@ def test_the_motion_is_told_in_lengths_and_degrees():
 
 
 def test_every_status_gives_advice_of_its_own():
-    assert len({status.value for status in Status}) == len(Status) == 8
+    assert len({status.value for status in Status}) == len(Status) == 9
     for status in Status:
         assert status.value[0].isupper()
         assert status.value.endswith(".")
@@ -148,7 +149,9 @@ def test_every_status_gives_advice_of_its_own():
 
 def test_a_motion_exists_exactly_where_the_status_says_so():
     found = {status for status in Status if status.found}
-    assert found == {Status.SOLVED, Status.ALREADY_SATISFIED, Status.PAIR_OVERLAPS, Status.NOT_VERIFIED}
+    assert found == {
+        *(Status.SOLVED, Status.ALREADY_SATISFIED, Status.PAIR_OVERLAPS, Status.OUTSIDE_FIT, Status.NOT_VERIFIED)
+    }
     for question in QUESTIONS:
         own = solution(question)
         assert own.status.found == (own.transform is not None) == bool(own.parameters) == math.isfinite(own.amount)

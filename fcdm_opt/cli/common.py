@@ -177,6 +177,11 @@ class Inquiry:
         finish(self._document if self.as_json else None, [*self.codes, *failed])
 
 
+def code_of(usable: bool, status: str) -> int:
+    """Return the exit code of a solution by the name of its status: a motion out of the fit is none."""
+    return SOLVED if usable else NOT_VERIFIED if status == "NOT_VERIFIED" else NO_MOTION
+
+
 def album_in(out: Path | None) -> Album | None:
     """Return where pictures go, None where none are wanted; raises `InputError` where they cannot."""
     if out is None:

@@ -23,6 +23,7 @@ from fcdm_opt.cli.common import (
     OpenedFile,
     Seed,
     album_in,
+    code_of,
     finish,
     say,
 )
@@ -136,9 +137,9 @@ def whatif_command(
         if budget is not None:
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
         solution: Solution | None = solve(problem) if plain else None
-        if conflicts or (solution is not None and not solution.usable):
+        if conflicts or (solution is not None and not solution.verified):
             yield "conflicts", clashing(problem), tables.print_conflicts
-        if drop or (solution is not None and solution.usable):
+        if drop or (solution is not None and solution.verified):
             yield "drop", costs(problem if solution is None else solution), tables.print_costs
         if compare:
             yield "compare", compared(problem), tables.print_comparison
@@ -265,8 +266,7 @@ def _code(answer: Any) -> int:
     from fcdm_opt.design.whatif.whatif import WhatIf
 
     if isinstance(answer, WhatIf):
-        after = answer.after
-        return SOLVED if after.usable else NOT_VERIFIED if after.status.found else NO_MOTION
+        return code_of(answer.after.usable, answer.after.status.name)
     if isinstance(answer, BestPose) and not answer.passed:
         return NOT_VERIFIED
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED

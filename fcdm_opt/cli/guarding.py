@@ -24,7 +24,7 @@ SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED, INTERNAL = 0, 1, 2, 3, 4
 INTERRUPTED, BROKEN_PIPE = 130, 141  # as a shell reports a program that a signal ended
 EXIT_CODES = (
     (SOLVED, "all well"),
-    (NO_MOTION, "a case without a motion"),
+    (NO_MOTION, "a case without a motion to use"),
     (BAD_INPUT, "bad input, or a file that cannot be read or written"),
     (NOT_VERIFIED, "a motion that was not verified"),
     (INTERNAL, "a defect of fcdm-opt"),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from fcdm_opt.cli.common import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, Cases, finish, opened_files, say
+from fcdm_opt.cli.common import BAD_INPUT, Cases, code_of, finish, opened_files, say
 from fcdm_opt.cli.completing import problem_files
 from fcdm_opt.errors import InputError
 
@@ -76,7 +76,7 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
         return "", [BAD_INPUT]
     payload = gather(opened, certify=certify, say=say)
     codes = [BAD_INPUT for file in payload["files"] if file.get("error")]
-    return page(payload), codes + [_code(case) for case in payload["cases"]]
+    return page(payload), codes + [code_of(case["usable"], case["status"]) for case in payload["cases"]]
 
 
 def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
@@ -90,9 +90,3 @@ def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
     if cases:
         raise InputError("cases belong to problem files", key="--case", found=", ".join(cases), allowed="no --case")
     return study_page(StudyResult.read(sources[0]))
-
-
-def _code(case: dict[str, Any]) -> int:
-    if case["usable"]:
-        return SOLVED
-    return NO_MOTION if case["amount"] is None else NOT_VERIFIED

@@ -8,18 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fcdm_opt.cli.common import (
-    NO_MOTION,
-    NOT_VERIFIED,
-    SOLVED,
-    AsJson,
-    Cases,
-    Files,
-    Inquiry,
-    OpenedFile,
-    Out,
-    say,
-)
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,7 +17,6 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.problem import Problem
     from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
     from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
-    from fcdm_opt.tolerance.solution import Solution
 
 
 def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
@@ -84,7 +72,7 @@ def solve_command(
                 row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
                 entry |= _case_data(row)
                 rows.append(row)
-                inquiry.codes.append(_code(row.solution))
+                inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
                 if inquiry.pictures:
                     inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         if rows and not as_json:
@@ -138,7 +126,7 @@ def _default_direction(file: OpenedFile, problem: Problem) -> Any:
 
     solution = solve(problem, effort="quick")
     if not solution.status.found or not solution.amount > 0:
-        advice = "the case is solved without any motion" if solution.status.found else solution.status.value
+        advice = "the case is solved without any motion" if solution.status.found else solution.advice
         what = f"no direction is given, and none follows from a motion that solves the case: {advice}"
         names = ",".join(f"{name}{'_deg' * (kind == 'rotation')}=1" for name, kind in problem.motion.parameters)
         raise InputError(what, key="--direction", found="none", allowed=f"NAME=VALUE,... as {names}")
@@ -174,14 +162,12 @@ def _direction(text: str) -> dict[str, float]:
     return found
 
 
-def _code(solution: Solution) -> int:
-    if not solution.status.found:
-        return NO_MOTION
-    return SOLVED if solution.usable else NOT_VERIFIED
-
-
 def _case_data(case: SolvedCase) -> dict[str, Any]:
-    extras = {"published_amount": case.published_amount, "touch_amount": case.touch_amount}
+    extras = {
+        "published_amount": case.published_amount,
+        "touch_amount": case.touch_amount,
+        "fits_up_to": case.fits_up_to,
+    }
     return {"name": case.solution.problem.name, **case.solution.to_dict(), **extras}
 
 

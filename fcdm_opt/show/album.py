@@ -81,8 +81,9 @@ class Album:
         caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
         if solution.status.found:
             amount = measured(amount_text(solution.amount), problem.amount_unit)
+            outside = "outside the fit, not to be used: " * (solution.status.name == "OUTSIDE_FIT")
             caption = (
-                f"{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
+                f"{outside}{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
                 f"amount {amount}; pair made: {solution.pair_state}"
             )
         self._write(f"{own}-curve", before_after_figure(problem, solution, title=title, caption=caption))

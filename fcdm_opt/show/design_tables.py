@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 UNUSABLE = {
     "INFEASIBLE": "impossible",
+    "OUTSIDE_FIT": "outside the fit",
     "NOT_VERIFIED": "not verified",
     "NOT_IN_STEPS": "none in whole steps",
     "LEFT_COHERENT_RANGE": "only beyond coherent range",

@@ -33,7 +33,7 @@ def remarks(solution: Solution) -> list[str]:
 
 def _large(solution: Solution) -> list[str]:
     """Return a warning where a motion is so large that it may have gone through the other body."""
-    if not solution.status.found or solution.transform is None:
+    if not solution.status.found or solution.transform is None or solution.status.name == "OUTSIDE_FIT":
         return []
     problem = solution.problem
     movable, static = problem.movable.scaled(solution.pair[0]), problem.static.scaled(solution.pair[1])

@@ -7,9 +7,11 @@ from time import perf_counter
 
 import numpy as np
 
+from fcdm_opt.design.whatif.fitting import fits_up_to
 from fcdm_opt.tolerance.certificate import verify
+from fcdm_opt.tolerance.engagement import misfit
 from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerance.task import Task
 
@@ -25,11 +27,15 @@ class SolvedCase:
         Amount of the reference motion that the file gives.
     touch_amount : float or None
         Least amount for goal "touch" with the same motions, beside goal "beyond".
+    fits_up_to : float or None
+        Where the parts made do not go together, the tolerance up to which they do (the largest, where there are
+        several), see `fcdm_opt.design.whatif.fitting`. None elsewhere, and where no tolerances are asked for.
     """
 
     solution: Solution
     published_amount: float | None
     touch_amount: float | None
+    fits_up_to: float | None = None
 
 
 def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seconds: float | None = None) -> SolvedCase:
@@ -52,4 +58,5 @@ def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seco
     if problem.goal == "beyond":
         answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
         touch = answer.amount if answer.usable else None
-    return SolvedCase(solution, published, touch)
+    misfits = solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
+    return SolvedCase(solution, published, touch, fits_up_to(problem) if misfits else None)

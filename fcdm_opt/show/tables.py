@@ -131,7 +131,7 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
         if solution.status.name != "SOLVED":
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            print_text(out, f"{solution.problem.name}: {solution.status.value}{checks}", indent="   ")
+            print_text(out, f"{solution.problem.name}: {advised(row)}{checks}", indent="   ")
         for remark in remarks(solution):
             print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
     _print_notes(out, [body for row in rows for body in _bodies(row.solution.problem)])
@@ -171,8 +171,24 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
-        "verified": ("yes" if solution.usable else "no") if judged else "-",
+        "verified": _verdict(solution) if judged else "-",
     }
+
+
+def _verdict(solution: Solution) -> str:
+    return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
+
+
+def advised(case: SolvedCase) -> str:
+    """Return a case's advice, and up to which tolerance the parts fit where that is known."""
+    told, fits = case.solution.advice, case.fits_up_to
+    if fits is None:
+        return told
+    table = case.solution.problem.tolerance
+    if not fits > 0.0 or table is None:
+        return f"{told} The parts fit at no tolerance."
+    others = "" if table.max() == table.min() else ", the largest of these tolerances"
+    return f"{told} The parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
 
 
 def amount_text(amount: float | None) -> str:

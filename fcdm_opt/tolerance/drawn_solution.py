@@ -42,7 +42,7 @@ def solution_card(solution: Solution) -> Html:
     )
     picture = scales_picture(problem, solution.transform, solution.rho)
     title = card_title("Solution", problem)
-    return card(title, sentence(solution.status.value), facts, contact, state=status, mood=mood, picture=picture)
+    return card(title, sentence(solution.advice), facts, contact, state=status, mood=mood, picture=picture)
 
 
 def _bound(solution: Solution, unit: str) -> tuple[str, str]:
@@ -59,6 +59,8 @@ def _verdict(solution: Solution) -> str:
     certificate = solution.certificate
     if certificate is None or not solution.status.found:
         return "" if certificate is None else "no motion to verify"
+    if solution.status.name == "OUTSIDE_FIT":
+        return "no: outside the fit"
     if certificate.passed:
         return f"yes, {counted(len(certificate.checks), 'check')} passed"
     return f"no: {', '.join(check.name for check in certificate.failed) or 'no checks'}"

@@ -39,6 +39,10 @@ class Status(Enum):
         "Solved for the tracked contact point, but the pair made overlaps there: use goal 'touch' or 'clear', or "
         "add pair = 'clear' or 'touch'."
     )
+    OUTSIDE_FIT = (
+        "The motion leaves the fit in which the parts are drawn, through the other part or out of it; do not use it: "
+        "choose a smaller tolerance, other sizes, or limits that keep the part in."
+    )
     INFEASIBLE = "Proved impossible with this motion and these limits: widen the limits or choose another motion."
     NOT_FOUND = "No motion found, and none proved impossible: widen the limits, choose another motion, or goal 'touch'."
     LEFT_COHERENT_RANGE = (
@@ -54,7 +58,20 @@ class Status(Enum):
     @property
     def found(self) -> bool:
         """Whether there is a motion."""
-        return self in (Status.SOLVED, Status.ALREADY_SATISFIED, Status.PAIR_OVERLAPS, Status.NOT_VERIFIED)
+        return self in (
+            Status.SOLVED,
+            Status.ALREADY_SATISFIED,
+            Status.PAIR_OVERLAPS,
+            Status.OUTSIDE_FIT,
+            Status.NOT_VERIFIED,
+        )
+
+
+UNLIMITED = {
+    Status.INFEASIBLE: "Proved impossible with this motion: choose another motion, a smaller tolerance or other sizes.",
+    Status.NOT_FOUND: "No motion found, and none proved impossible: choose another motion, or goal 'touch'.",
+}
+"""What to do where no limits are set, which could be widened."""
 
 
 def kept_clear(name: str) -> str:
@@ -109,7 +126,7 @@ class Solution:
     ----------
     problem : Problem
     status : Status
-        Its value is advice.
+        Its value is advice; `advice` has it for this solution.
     parameters : dict
         Motion parameters by name (length units, radians); empty where no motion was found.
     transform : (4, 4) array or None
@@ -165,9 +182,27 @@ class Solution:
     seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def usable(self) -> bool:
-        """Whether a motion was found and the judge passed it."""
+    def verified(self) -> bool:
+        """Whether a motion was found and the judge passed it, though it may leave the fit."""
         return self.status.found and self.certificate is not None and self.certificate.passed
+
+    @property
+    def usable(self) -> bool:
+        """Whether a motion was found that stays in the fit, and the judge passed it."""
+        return self.verified and self.status is not Status.OUTSIDE_FIT
+
+    @cached_property
+    def advice(self) -> str:
+        """What to do, in words: the status's advice, and which widths do not go together where there is no answer."""
+        told = self.status.value
+        if not np.isfinite(self.problem.limits).any():
+            told = UNLIMITED.get(self.status, told)
+        if self.usable or self.status is Status.NOT_VERIFIED:
+            return told
+        from fcdm_opt.tolerance.engagement import verdict
+
+        words = verdict(self.problem)
+        return f"{words[:1].upper()}{words[1:]}. {told}" if words else told
 
     @cached_property
     def sensitivity(self) -> Sensitivity:
@@ -209,7 +244,7 @@ class Solution:
         return {
             "problem": self.problem.to_dict(),
             "status": self.status.name,
-            "advice": self.status.value,
+            "advice": self.advice,
             "usable": self.usable,
             "parameters": dict(self.parameters),
             "motion": self.problem.motion.describe(list(self.parameters.values()), unit=self.problem.unit)

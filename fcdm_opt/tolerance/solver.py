@@ -13,6 +13,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.tolerance.certificate import verify
+from fcdm_opt.tolerance.engagement import inside_fit
 from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import EFFORTS, Solution, Status
@@ -109,7 +110,7 @@ def solve(
         "prove": proved - found - more,
         "verify": perf_counter() - proved,
     }
-    solution = solution.with_certificate(certificate, times)
+    solution = inside_fit(solution.with_certificate(certificate, times))
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution

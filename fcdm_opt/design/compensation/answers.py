@@ -10,6 +10,7 @@ import numpy as np
 from fcdm_opt.design.compensation.ways import NOTHING, Way, way_of
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.certificate import verify
+from fcdm_opt.tolerance.engagement import inside_fit
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.solver import STAGES, reported, solve
@@ -66,7 +67,7 @@ def node_at(problem: Problem, question: Question) -> Node:
             return Node(NOTHING, np.full(1 + len(problem.weights), np.nan))
         if answer is not None:
             solution = reported(one, task, answer)
-            solution = solution.with_certificate(verify(solution), {})
+            solution = inside_fit(solution.with_certificate(verify(solution), {}))
     if solution is None or (solution.status.found and not solution.usable):
         solution = solve(one, effort="quick")
     return _node(solution)

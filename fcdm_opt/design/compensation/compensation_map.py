@@ -40,7 +40,7 @@ class Region:
     Attributes
     ----------
     kind : str
-        "motion", "already satisfied", "no motion" or "not verified".
+        "motion", "already satisfied", "no motion", "outside the fit" or "not verified".
     features : tuple of str
         Labels of the features in contact after the motion, or as near as they may be.
     active : tuple of str

@@ -13,7 +13,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerance.sensitivities.holding import Holding
 from fcdm_opt.tolerance.sensitivities.variation import Layout
-from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.task import Parts, Task
 from fcdm_opt.tolerances import DEFAULT
 
@@ -24,7 +24,7 @@ class Way(NamedTuple):
     Attributes
     ----------
     kind : str
-        "motion", "already satisfied", "no motion" or "not verified".
+        "motion", "already satisfied", "no motion", "outside the fit" or "not verified".
     features : tuple of str
         Labels of the features that are in contact after the motion, or as near as they may be.
     active : tuple of str
@@ -40,11 +40,14 @@ class Way(NamedTuple):
 
 
 SATISFIED, NOTHING, REJECTED = Way("already satisfied"), Way("no motion"), Way("not verified")
-MOTIONLESS = (NOTHING.kind, REJECTED.kind)
+OUTSIDE = Way("outside the fit")
+MOTIONLESS = (NOTHING.kind, REJECTED.kind, OUTSIDE.kind)
 
 
 def way_of(solution: Solution) -> Way:
     """Return what holds the motion of a solution, read off the geometry: the same whichever stage found it."""
+    if solution.status is Status.OUTSIDE_FIT:
+        return OUTSIDE
     if not solution.usable:
         return REJECTED if solution.status.found else NOTHING
     if solution.amount == 0.0:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from fcdm_opt.tolerance.solution import Solution
 
 Payload = dict[str, Any]
-"""A chunk of points, plain data: "certify", "effort", "time_limit" (seconds a point, or None), "scenes" (key to canonical
-JSON) and "points", each [key, scene key, case]."""
+"""A chunk of points, plain data: "certify", "effort", "time_limit" (seconds a point, or None), "scenes" (key to
+canonical JSON) and "points", each [key, scene key, case]."""
 
 Row = dict[str, Any]
 Outcome = tuple[Payload, list[Row] | None]
@@ -169,7 +169,7 @@ def _answer(key: str, solution: Solution) -> Row:
     return {
         "key": key,
         "status": solution.status.name,
-        "message": solution.status.value,
+        "message": solution.advice,
         "usable": solution.usable,
         "amount": _number(solution.amount),
         "lower_bound": _number(solution.lower_bound),

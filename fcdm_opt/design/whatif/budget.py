@@ -38,6 +38,7 @@ class End(Enum):
 
     LIMIT = "the least amount exceeds the limit"
     NO_MOTION = "there is no motion"
+    OUTSIDE_FIT = "the motion leaves the fit"
     NOT_VERIFIED = "the judge rejects the motion"
     LARGEST = "the largest tolerance looked at is still good"
 
@@ -320,6 +321,8 @@ class _Search:
             return End.LARGEST
         if not high.solution.status.found:
             return End.NO_MOTION
+        if high.solution.status.name == "OUTSIDE_FIT":
+            return End.OUTSIDE_FIT
         return End.LIMIT if high.solution.usable else End.NOT_VERIFIED
 
     def _nested(self, lie: Order) -> tuple[_Point | None, _Point | None]:

@@ -112,7 +112,7 @@ def conflicts(
             raise InputError("not a truth value", key=key, found=value, allowed="True or False")
     start, search = perf_counter(), Search(problem)
     whole = known or search.solved(problem)
-    if whole.usable:
+    if whole.verified:
         raise InputError(
             "the problem has a motion: nothing clashes",
             key="problem",

@@ -69,7 +69,7 @@ class Search:
         """Return the answer to a problem; what a motion keeps is remembered."""
         self.solves += 1
         solution = solve(problem, certify=certify, effort="proved" if certify else "quick")
-        if solution.usable:
+        if solution.verified:
             passed = excesses(self.problem, solution)
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))
         return solution
@@ -82,7 +82,7 @@ class Search:
 
     def feasible(self, names: Names) -> bool:
         """Tell whether a motion keeps these constraints; known as soon as one motion keeps them."""
-        return any(names <= kept for kept in self.kept) or self.alone(names).usable
+        return any(names <= kept for kept in self.kept) or self.alone(names).verified
 
     # ----------------------------------------------------------------------------------------------------- clashes
 
@@ -150,8 +150,8 @@ class Search:
         """Return the least relaxation of a constraint, all others kept."""
         others = self.names - {own.name} - {one.name for one in self.constraints if one.includes == own.name}
         dropped = self.alone(others)
-        common = Relaxation(name=own.name, cures=dropped.usable, unit=own.unit)
-        if not dropped.usable:
+        common = Relaxation(name=own.name, cures=dropped.verified, unit=own.unit)
+        if not dropped.verified:
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
             return replace(common, failing=math.inf, impossible=impossible, note=f"without it: {dropped.status.name}")
         if own.unit == "halvings":
@@ -164,7 +164,7 @@ class Search:
         """Halve the steps: what coarser steps reach finer ones reach too; which are tried is sampled."""
         for count in range(1, MOST_HALVINGS + 1):
             solution = self.solved(own.relaxed(self.problem, count))
-            if solution.usable:
+            if solution.verified:
                 return replace(common, by=float(count), failing=count - 1.0, solution=solution)
         return replace(common, by=math.inf, failing=float(MOST_HALVINGS), solution=dropped)
 
@@ -189,7 +189,7 @@ class Search:
             while high - low > ENOUGH * near:
                 by = max(high - step, (low + high) / 2.0)
                 solution = self.solved(own.relaxed(self.problem, by))
-                if solution.usable:
+                if solution.verified:
                     best, best_by = solution, by
                     high = max(min(by, excesses(self.problem, solution)[own.name]), low)
                     step = near if high < by - near else step * GALLOP if nearest is not None else math.inf
@@ -205,7 +205,7 @@ class Search:
             solution = self.solved(own.relaxed(self.problem, by))
             if solution.status is Status.INFEASIBLE:
                 impossible = by
-            if not solution.usable:
+            if not solution.verified:
                 break
             best, best_by = solution, by  # so that what failed above it was missed by the solver
             high = min(by, excesses(self.problem, solution)[own.name])
@@ -213,7 +213,7 @@ class Search:
         for by in (high, min(high + fuzz, own.most)):  # at the very limit there may be no room for rounding
             if best_by > by:
                 solution = self.solved(own.relaxed(self.problem, by))
-                if solution.usable:
+                if solution.verified:
                     best, high = solution, by
                     break
         coarse = near > max(first, fuzz) and high > low
@@ -243,7 +243,7 @@ class Search:
         }
         easier = own.relaxed(self.problem, most).changed(amount="weighted", weights=weights)
         solution = self.solved(easier)
-        return solution if solution.usable else None
+        return solution if solution.verified else None
 
     def largest_deviation(self) -> Relaxation | None:
         """Return the largest share found of the deviation from nominal that can be made good; None without deviation.
@@ -255,7 +255,7 @@ class Search:
         low, high, best = 0.0, 1.0, None
         for k in range(SHARES - 1, 0, -1):
             solution = self.solved(self._deviating(k / SHARES))
-            if solution.usable:
+            if solution.verified:
                 low, best = k / SHARES, solution
                 break
             high = k / SHARES
@@ -265,7 +265,7 @@ class Search:
         while high - low > FINE:
             share = (low + high) / 2.0
             solution = self.solved(self._deviating(share))
-            if solution.usable:
+            if solution.verified:
                 low, best = share, solution
             else:
                 high = share

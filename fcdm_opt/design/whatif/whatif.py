@@ -100,7 +100,7 @@ class WhatIf:
         lines = [(own.name, *(_shown(value, kinds.get(own.name, "")) for value in own[1:])) for own in self.differences]
         shown = table(("of the answer", "before", "after"), lines)
         mood = "bad" if not after.usable else "good" if after.status.name != "PAIR_OVERLAPS" else "mind"
-        return card("What if", sentence(after.status.value), facts, shown, state=after.status.name, mood=mood)
+        return card("What if", sentence(after.advice), facts, shown, state=after.status.name, mood=mood)
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and foretold."""

@@ -7,6 +7,8 @@ import json
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.units import measured
@@ -19,7 +21,7 @@ from fcdm_opt.show.report.left_out import left_out
 from fcdm_opt.show.report.scenes import scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.tables import asked_text, bound_text, motion_text
+from fcdm_opt.show.tables import advised, asked_text, bound_text, motion_text
 from fcdm_opt.tolerance.problem import TRACKING, Problem
 from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
@@ -53,7 +55,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "asked": asked_text(problem),
         "goal": problem.goal,
         "status": solution.status.name,
-        "advice": solution.status.value,
+        "advice": advised(case),
         "remarks": remarks(solution),
         "usable": solution.usable,
         "motion": motion_text(solution),
@@ -162,7 +164,8 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     checks = [] if solution.certificate is None else solution.certificate.checks
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
     text = f"{len(own.reasons)} cells of motions that will not do, in {len(own.fronts)} columns of directions"
-    return {"bound": plain(own.bound), "text": text, "checked": bool(proof) and all(proof)}
+    beside = not solution.status.found and np.isfinite(own.bound)  # a closed form says more: that nothing does
+    return {"bound": plain(own.bound), "text": text, "checked": all(proof) if proof and not beside else None}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:

@@ -28,6 +28,8 @@ POSES = {
     "tracked": "tracked sizes",
 }
 SCRIPTS = ("curve.js", "scene.js", "page.js")
+OUTSIDE = "OUTSIDE_FIT"
+MISSING = "motion found"  # the check that fails where there is no motion to judge
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MINUS = "\u2212"
 LAYOUT = (("A", "C"), ("B", "D"))
@@ -96,6 +98,8 @@ def _answer(case: Data, number: int, source: str) -> str:
     )
     if case.get("amount") is None:
         answer = f'<p class="big nothing">No motion: {_words(case["status"])}</p>'
+    elif case["status"] == OUTSIDE:
+        answer = f'<p class="big nothing">Outside the fit: {escape(case["motion"])}</p>'
     else:
         answer = f'<p class="big">{escape(case["motion"])}</p>'
     said = [] if case["status"] in UNREMARKABLE else [case.get("advice")]
@@ -160,7 +164,8 @@ def _verified(case: Data) -> str:
     if case.get("amount") is None:
         proved = (case.get("evidence") or {}).get("checked")
         return yes_no(proved, "proof checked", "no", "nothing to verify")
-    verdict = yes_no((case.get("certificate") or {}).get("passed"), neither="not judged")
+    passed = False if case["status"] == OUTSIDE else (case.get("certificate") or {}).get("passed")
+    verdict = yes_no(passed, no="outside the fit" if case["status"] == OUTSIDE else "no", neither="not judged")
     held = sum(bool(check["passed"]) for check in checks)
     return verdict + (f"<small>{held} of {len(checks)} checks hold</small>" if checks else "")
 
@@ -215,7 +220,8 @@ def _cell(letter: str, cell: Data | None, cases: Sequence[Data]) -> str:
     if cell.get("published"):
         lines.append(("published", f"published: {escape(cell['published'])}"))
     if cell.get("pair_state") and cell.get("amount") is not None:
-        verified = yes_no(cell.get("verified"), "verified", "not verified", "not judged")
+        unusable = "outside the fit" if cell.get("status") == OUTSIDE else "not verified"
+        verified = yes_no(cell.get("verified"), "verified", unusable, "not judged")
         lines.append(("state", f"pair made {escape(cell['pair_state'])}, {verified}"))
     if cell.get("note"):
         lines.append(("made", escape(cell["note"])))
@@ -312,13 +318,13 @@ def _certificate(case: Data) -> str:
                 escape(check["name"]),
                 shown(check.get("value"), 4),
                 shown(check.get("limit"), 4),
-                yes_no(bool(check["passed"])),
+                yes_no(None if check["name"] == MISSING else bool(check["passed"]), neither="no motion"),
                 escape(check.get("note") or ""),
             )
             for check in certificate["checks"]
         ]
-        failed = "A check fails." if case.get("amount") is not None else "No motion was found; checks of the proof:"
-        verdict = yes_no(certificate["passed"], "Every check holds.", failed)
+        passed = certificate["passed"] if case.get("amount") is not None else None
+        verdict = yes_no(passed, "Every check holds.", "A check fails.", "No motion was found; checks of the proof:")
         checks = table("Checks of the judge", ("check", "value", "limit", "holds", "what it means"), rows, (1, 2))
         text = f'<p class="verdict">{verdict}</p>{checks}'
     else:

@@ -194,7 +194,7 @@ def _case(letter: str, choice: Choice, drawn: float, unit: str) -> str:
             ]
     elif solution is not None:
         lines += [
-            f"# NOT SOLVED as written. {writing.shown(solution.status.value)}",
+            f"# NOT SOLVED as written. {writing.shown(solution.advice)}",
             f"# To change: the motion (see above), the goal, or the tolerance; no other was begun after {SECONDS:g} s.",
         ]
     else:

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.tolerance.bounds import displacement_bound
+from fcdm_opt.tolerance.bounds import displacement_bound, search_rate
 from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.proof.columns import farthest, prove
 from fcdm_opt.tolerance.solution import Status
@@ -27,7 +27,7 @@ STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound ove
 MOST_PARAMETERS = 2  # for which the search is complete in a moment
 MOST_CHECKED = 3  # for which the checker of evidence follows
 GAP, FINE_GAP = 1e-4, 1e-7  # of a certificate; of the stage, which is to find the least motion by itself
-SHOWN_GAP, SHOWN_SHARE = 1e-2, 0.02  # of what is proved without being asked for; of a certificate's cells, see `proved`
+SHOWN_GAP, SHOWN_SHARE = 1e-2, 0.05  # of what is proved without being asked for; of a certificate's cells, see `proved`
 CONFIRMED_GAP, COARSE_GAP = 1e-6, 1e-3  # of looking for something better; the latter over rotations
 LARGE = 0.15  # of the size: amounts beyond this are large
 CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
@@ -123,7 +123,7 @@ def proved(
         closed = _closed(task, answer, gap)
     if closed or perf_counter() > until:
         return answer, None
-    return bounded(task, answer, aims=[(gap, share * PROVING)], until=until)
+    return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until)
 
 
 def least_apart(task: Task) -> Answer | None:
@@ -137,10 +137,10 @@ def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
     """Return an answer, or a better one that a descent over all ways apart finds from it, or from further motions."""
     if not ways_apart.suits(task):
         return answer
-    best = _amount(task, answer)
+    best, slack = _amount(task, answer), DEFAULT.cut * task.size / search_rate(task)  # what counts as met may gain that
     for start in starts if answer.q is None else (answer.q, *starts):
         found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
-        if found is not None and found.amount < best * (1.0 - DEFAULT.nominal):
+        if found is not None and found.amount < best * (1.0 - DEFAULT.nominal) - slack:
             bound = min(answer.lower_bound, found.amount)
             answer, best = (
                 Answer(Status.SOLVED, found.q, STAGE_APART, bound, found.active, found.modelled),
@@ -200,7 +200,7 @@ def _amount(task: Task, answer: Answer) -> float:
 
 
 def bounded(
-    task: Task, answer: Answer, *, aims: Sequence[tuple[float, float]], until: float = np.inf
+    task: Task, answer: Answer, *, aims: Sequence[tuple[float, float]], share: float = 1.0, until: float = np.inf
 ) -> tuple[Answer, Evidence | None]:
     """Return an answer with a bound by `prove`, better or settled where that is so.
 
@@ -212,6 +212,8 @@ def bounded(
     aims : sequence of (gap, effort)
         Relative gaps between bound and amount that are enough, the finest first, and up to which effort, in cells
         times vertices of a cell's tests; after the last the bound is what it is.
+    share : float
+        Of the efforts, and of `CELLS`.
     until : float
         `perf_counter` at which to stop in place of an effort.
     """
@@ -230,7 +232,7 @@ def bounded(
 
     try:
         timed = np.isfinite(until)
-        cells = [(gap, sys.maxsize if timed else _most(task, effort)) for gap, effort in aims]
+        cells = [(gap, sys.maxsize if timed else _most(task, effort, share)) for gap, effort in aims]
         proof = prove(task, upper, aims=cells[-1:] if timed else cells, until=until, search=search)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
@@ -245,9 +247,10 @@ def bounded(
     return replace(answer, lower_bound=min(bound, _amount(task, answer))), kept
 
 
-def _most(task: Task, effort: float) -> int:
-    """Return how many cells an effort allows."""
-    return int(np.clip(effort / task.tested_vertices, FEWEST, CELLS.get(len(task.weights), CELLS_MORE)))
+def _most(task: Task, effort: float, share: float = 1.0) -> int:
+    """Return how many cells an effort allows, or a share of it."""
+    most = CELLS.get(len(task.weights), CELLS_MORE)
+    return int(np.clip(share * effort / task.tested_vertices, FEWEST, share * most))
 
 
 def near(task: Task, q: Array) -> Found | None:

@@ -90,7 +90,7 @@ def descended(task: Task, q: Array, radius: float) -> Found | None:
     least, restoring = np.inf, 0
     start = y
     for _ in range(ROUNDS):
-        done = task.meets(y / weights, DEFAULT.cut)
+        done = task.meets(y / weights, DEFAULT.line)
         amount = float(np.linalg.norm(y))
         if done and amount < least * (1.0 - STILL):
             radius = radius * (GROW if best is not None else 1.0)
