@@ -316,7 +316,7 @@ def _nearest_points(X: Array, Y: Array) -> tuple[Array, Array]:
 
     # weights of both elements' vertices, non-negative and each adding up to one, that give the same point
     middle = (X.mean(axis=0) + Y.mean(axis=0)) / 2.0
-    scale = max(np.abs(X - middle).max(), np.abs(Y - middle).max())
+    scale = max(np.abs(X - middle).max(), np.abs(Y - middle).max(), np.finfo(float).tiny)
     ones = np.concatenate([np.ones(len(X)), np.zeros(len(Y))])
     system = np.vstack([np.column_stack([(X - middle).T, (middle - Y).T]) / scale, ones, 1.0 - ones])
     weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
