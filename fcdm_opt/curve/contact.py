@@ -111,7 +111,9 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     return contact.labelled(Feature(*names))
 
 
-def _drawn(one: ConvexPart, two: ConvexPart, pose: Array, points: tuple[Array, Array], rho: Array) -> tuple[Array, Array]:
+def _drawn(
+    one: ConvexPart, two: ConvexPart, pose: Array, points: tuple[Array, Array], rho: Array
+) -> tuple[Array, Array]:
     """Return points of either body where they are drawn."""
     return one.seed + (points[0] + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + points[1] / rho[1]
 
@@ -205,7 +207,8 @@ def _shared_contact(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array
     Rounding makes several faces of a drawn one, of corners far from the origin.
     """
     tops = _top(one, normal @ pose[:9].reshape(3, 3), DEFAULT.tie), _top(two, -normal, DEFAULT.tie)
-    every = Contact(Feature(one.elements["V"][tops[0][0]], two.elements["V"][tops[1][0]]), *map(tuple, tops))
+    name = Feature(one.elements["V"][tops[0][0]], two.elements["V"][tops[1][0]])
+    every = Contact(name, tuple(tops[0]), tuple(tops[1]))
     points = _nearest_points(*_elements(one, two, pose, every, rho))
     own = [
         _element_at(part, set(top), point)

@@ -130,10 +130,7 @@ class Surface:
         triangles = (self.polygons(face) - outline[0]) @ axes
         low, high = polygon.min(axis=0), polygon.max(axis=0)
         near = ((triangles.min(axis=1) < high) & (triangles.max(axis=1) > low)).all(axis=1)
-        total = 0.0
-        for triangle in triangles[near]:
-            total += _area(_clipped(polygon, triangle))
-        return total / self.size**2
+        return sum(_area(_clipped(polygon, triangle)) for triangle in triangles[near]) / self.size**2
 
     def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
         """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.
@@ -147,8 +144,9 @@ class Surface:
             On whose lines it lies: their ends cut it.
         """
         corners = self.points[self.triangles[np.isin(self.owners, faces)]]
-        starts = np.concatenate([corners.reshape(-1, 3), self.points[self.edges[edges, 0]]]) - ends[0]
-        stops = np.concatenate([np.roll(corners, -1, axis=1).reshape(-1, 3), self.points[self.edges[edges, 1]]]) - ends[0]
+        after, others = np.roll(corners, -1, axis=1), self.points[self.edges[edges]]
+        starts = np.concatenate([corners.reshape(-1, 3), others[:, 0]]) - ends[0]
+        stops = np.concatenate([after.reshape(-1, 3), others[:, 1]]) - ends[0]
         way, ways = ends[1] - ends[0], stops - starts
         length, normals = float(np.linalg.norm(way)), np.cross(way, ways)
         squares = (normals**2).sum(axis=1)

@@ -135,12 +135,12 @@ def _pair(scales: Array) -> str:
 
 
 def _across(gradients: Array) -> Array:
-    """Return the direction that rises most along the gradient it rises least along: between two of them."""
-    units = gradients / np.linalg.norm(gradients, axis=1)[:, None]
-    between = (units[:, None] + units[None]).reshape(-1, 2)
-    between = between / np.maximum(np.linalg.norm(between, axis=1), np.finfo(float).tiny)[:, None]
-    best: Array = between[(units @ between.T).min(axis=0).argmax()]
-    return best
+    """Return the direction that rises most along the gradient it rises least along: in the middle of all of them."""
+    angles = np.sort(np.arctan2(gradients[:, 1], gradients[:, 0]))
+    free = np.diff(angles, append=angles[0] + 2.0 * np.pi)
+    widest = int(free.argmax())  # they lie in what is left of the circle
+    middle = angles[widest] + free[widest] / 2.0 + np.pi
+    return np.array([np.cos(middle), np.sin(middle)])
 
 
 def _or_inf(values: Any) -> Array:
@@ -274,6 +274,7 @@ class _Judge:
         checks = [
             _at_most("touching", abs(gap), self.limit, "distance or overlap"),
             Check("features", 1 <= claimed == distinct, distinct, claimed, "each contact feature once, at least one"),
+            _at_most("own elements", self._foreign(), 0, "claimed elements that only cuts between the parts have"),
         ]
         if self.problem.goal in TRACKING:
             own = self.problem.tracked_features
@@ -285,6 +286,14 @@ class _Judge:
             error = claim.errors(self.rho[None], self.transform[None])[0]
             checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
         return checks
+
+    def _foreign(self) -> int:
+        """Return how many claimed elements are no corner, edge or face of their solid."""
+        bodies = self.problem.movable, self.problem.static
+        features = self.solution.features
+        return sum(
+            not body.owns(own) for name in features for body, own in zip(bodies, (name.one, name.two), strict=True)
+        )
 
     def sides(self) -> list[Check]:
         """Check that each contact opens on one side of its line and overlaps on the other, by the parts that carry it.
@@ -353,9 +362,7 @@ class _Judge:
         if self.problem.goal in TRACKING or self.scaled.count == 1:
             return []
         here = self.rho[None], self.transform[None]
-        proved = {
-            parts for claim in self.claims for parts, error in claim.proofs(*here) if error[0] <= self.limit
-        }
+        proved = {parts for claim in self.claims for parts, error in claim.proofs(*here) if error[0] <= self.limit}
         found = []
         for parts in self.scaled.touching(self.rho, self.transform, self.limit / 2.0):
             if parts not in proved:
