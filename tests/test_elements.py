@@ -250,3 +250,19 @@ def test_a_body_from_a_mesh_comes_back_from_its_parts_and_faces():
             for kind in "VEF":
                 seen = {place for place, element in named[kind].items() if max(element.vertices) <= len(number)}
                 assert {place: named[kind][place] for place in seen} == {place: other[kind][place] for place in seen}
+
+
+def test_a_face_that_a_ring_of_blocks_leaves_free_in_the_middle_is_a_face() -> None:
+    """Samples on the ways to its corners were all covered: the step of a stepped hole was taken for a seam."""
+    low = [[x, y, z] for x in (1, 4) for y in (-4, 4) for z in (-2, 0)]
+    ring = [
+        [[x, y, z] for x in xs for y in ys for z in (0, 1)]
+        for xs, ys in (((2, 4), (-4, 4)), ((-2, 2), (2, 4)), ((-2, 2), (-4, -2)))
+    ]
+    body = Body.from_parts([low, *ring], seed=[0, 0, 0])
+    top = {k + 1 for k, (x, _, z) in enumerate(body.vertices.tolist()) if z == 0 and x in (1, 4)}
+    assert any(top.issubset(face) for face in body.faces)
+    covered = Body.from_parts([low, [[x, y, z] for x in (0, 5) for y in (-5, 5) for z in (0, 1)]], seed=[0, 0, 0])
+    corners = {tuple(point) for point in low if point[2] == 0}
+    named = [{tuple(covered.vertices[v - 1].astype(int).tolist()) for v in face} for face in covered.faces]
+    assert not any(corners.issubset(own) for own in named)

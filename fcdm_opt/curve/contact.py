@@ -101,7 +101,7 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     if not (one.elements.spans or two.elements.spans):
         return contact
     point = contact_set(one, two, pose, contact, rho).mean(axis=0)
-    drawn = one.seed + (point + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + point / rho[1]
+    drawn = _drawn(one, two, pose, (point, point), rho)
     names = [
         part.element_at(*_place(part, own), where) if len(own) > 1 else name
         for part, own, name, where in zip(
@@ -109,6 +109,13 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
         )
     ]
     return contact.labelled(Feature(*names))
+
+
+def _drawn(
+    one: ConvexPart, two: ConvexPart, pose: Array, points: tuple[Array, Array], rho: Array
+) -> tuple[Array, Array]:
+    """Return points of either body where they are drawn."""
+    return one.seed + (points[0] + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + points[1] / rho[1]
 
 
 def _place(part: ConvexPart, own: Vertices) -> tuple[str, int]:
@@ -177,22 +184,47 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         if abs(separations.max()) <= slack:
             normals = rows[np.abs(separations) <= slack, :3]
             contact = touching_contact(one, two, normals, pose)
-            if len(normals) > 1 and _misses(one, two, pose, contact, rho) > slack:
+            if _misses(one, two, pose, contact, rho) > slack:
                 # a face leans so little on another that what touches beside their edges is as near as they are
-                contact = supporting_contact(one, two, rows[separations.argmax(), :3], pose)
+                normal = rows[separations.argmax(), :3]
+                contact = supporting_contact(one, two, normal, pose)
+                if _misses(one, two, pose, contact, rho) > slack:
+                    contact = _shared_contact(one, two, normal, pose, rho)
             found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
     return found
 
 
 def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:
-    """Return the distance of a vertex from the vertex or edge it is said to touch; 0 for other elements."""
+    """Return about how far the elements that are said to touch are from each other."""
     X, Y = _elements(one, two, pose, contact, rho)
-    point, ends = (X, Y) if len(X) == 1 else (Y, X)
-    if len(point) > 1 or len(ends) > 2:
-        return 0.0
-    spoke, side = point[0] - ends[0], ends[-1] - ends[0]
-    share = float(spoke @ side) / max(float(side @ side), np.finfo(float).tiny)
-    return float(np.linalg.norm(spoke - min(max(share, 0.0), 1.0) * side))
+    first, second = _nearest_points(X, Y)
+    return float(np.linalg.norm(first - second))
+
+
+def _shared_contact(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, rho: Array) -> Contact:
+    """Return the elements at a point that two parts share, where what supports them is on several faces of one plane.
+
+    Rounding makes several faces of a drawn one, of corners far from the origin.
+    """
+    tops = _top(one, normal @ pose[:9].reshape(3, 3), DEFAULT.tie), _top(two, -normal, DEFAULT.tie)
+    name = Feature(one.elements["V"][tops[0][0]], two.elements["V"][tops[1][0]])
+    every = Contact(name, tuple(tops[0]), tuple(tops[1]))
+    points = _nearest_points(*_elements(one, two, pose, every, rho))
+    own = [
+        _element_at(part, set(top), point)
+        for part, top, point in zip((one, two), tops, _drawn(one, two, pose, points, rho), strict=True)
+    ]
+    return contact_between(one, two, pose, *own)
+
+
+def _element_at(part: ConvexPart, top: set[int], point: Array) -> set[int]:
+    """Return the vertices of the face among some vertices that is nearest to a point, or else of the edge or vertex."""
+    loops = [loop for loop in part.loops if top.issuperset(loop)]
+    loops = loops or [tuple(ends) for ends in part.edges[:, :2].tolist() if top.issuperset(ends)]
+    loops = loops or [(k,) for k in top]
+    place = point[None]
+    gaps = [np.subtract(*_nearest_points(part.vertices[list(loop)], place)) for loop in loops]
+    return set(loops[int((np.array(gaps) ** 2).sum(axis=1).argmin())])
 
 
 def _elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:
@@ -276,13 +308,20 @@ def _distinct(points: Array) -> Array:
 
 def _common_point(X: Array, Y: Array) -> Array:
     """Return the common point of two elements, or the middle between them."""
+    first, second = _nearest_points(X, Y)
+    point: Array = (first + second) / 2.0
+    return point
+
+
+def _nearest_points(X: Array, Y: Array) -> tuple[Array, Array]:
+    """Return points of two elements, the same where they have one in common and else about the nearest."""
     from scipy.optimize import nnls
 
     # weights of both elements' vertices, non-negative and each adding up to one, that give the same point
-    scale = max(np.abs(X).max(), np.abs(Y).max())
+    middle = (X.mean(axis=0) + Y.mean(axis=0)) / 2.0
+    scale = max(np.abs(X - middle).max(), np.abs(Y - middle).max(), np.finfo(float).tiny)
     ones = np.concatenate([np.ones(len(X)), np.zeros(len(Y))])
-    system = np.vstack([np.column_stack([X.T, -Y.T]) / scale, ones, 1.0 - ones])
+    system = np.vstack([np.column_stack([(X - middle).T, (middle - Y).T]) / scale, ones, 1.0 - ones])
     weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
     first, second = weights[: len(X)], weights[len(X) :]
-    point: Array = (first @ X / first.sum() + second @ Y / second.sum()) / 2.0
-    return point
+    return first @ X / first.sum(), second @ Y / second.sum()

@@ -357,6 +357,20 @@ class Body(_Sealed):
         """Labels of the body's own corners, in order; not of vertices that only cuts between its parts have."""
         return tuple(sorted({label for face in self.faces for label in face}))
 
+    def owns(self, element: Element) -> bool:
+        """Tell whether an element is a corner, an edge or a face of the solid, and not only of a cut between its parts.
+
+        True of all where faces were listed by hand, as some may be left out.
+        """
+        if len(self.parts) == 1 or not (self.skin or self.outlines == self.faces):
+            return True
+        labels = set(element.vertices)
+        if element.kind == "V":
+            return labels.issubset(self.corners)
+        if element.kind == "E":
+            return any(labels.issubset(face) for face in self.faces)
+        return tuple(sorted(labels)) in self.faces
+
     @cached_property
     def size(self) -> float:
         """Diagonal of the axis-aligned box as drawn: the length that relative tolerances refer to."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from copy import copy
 from fractions import Fraction
 from itertools import accumulate, product
 from typing import Any, NamedTuple
@@ -90,7 +91,7 @@ class ScaledPair:
         self._coal, self._kernels = coal, judging
         self._seeds = np.array([movable.seed, static.seed])
         self._hulls = [[_Hull(part) for part in body.parts] for body in (movable, static)]
-        self._reaches = np.array([max(float(np.abs(own.points).max()) for own in hulls) for hulls in self._hulls])
+        self.reaches = np.array([max(float(np.abs(own.points).max()) for own in hulls) for hulls in self._hulls])
         self._packed = [_packed(hulls) for hulls in self._hulls]
         self._here, self._result, self._request = coal.Transform3s(), coal.DistanceResult(), self._settings()
 
@@ -98,6 +99,27 @@ class ScaledPair:
         request = self._coal.DistanceRequest()
         request.gjk_tolerance = request.epa_tolerance = DEFAULT.judge_gjk
         return request
+
+    @property
+    def count(self) -> int:
+        """Number of part pairs."""
+        return len(self._hulls[0]) * len(self._hulls[1])
+
+    def between(self, i: int, j: int) -> ScaledPair:
+        """Return the same of part i of body 1 and part j of body 2 alone."""
+        if self.count == 1:
+            return self
+        alone = copy(self)
+        alone._hulls = [[self._hulls[0][i]], [self._hulls[1][j]]]
+        alone._packed = [_packed(hulls) for hulls in alone._hulls]
+        return alone
+
+    def touching(self, rho: ArrayLike, transform: Array, slack: float) -> list[tuple[int, int]]:
+        """Return the part pairs that are no further apart, or deeper in each other, than a length at a scale pair."""
+        frames = self._framed(np.asarray(rho)[None], transform[None])
+        least, (first, second) = slack / frames[0, self._kernels.UNIT], self._hulls
+        near = np.argwhere(self._kernels.nearness(*self._packed, frames)[0] <= least).tolist()
+        return [(i, j) for i, j in near if abs(self._asked(first[i], second[j], frames)[0]) <= least]
 
     def signed_distance(self, rho: ArrayLike, transform: Array) -> float:
         """Return the signed distance at one scale pair and pose, see `signed_distances`."""
@@ -267,7 +289,7 @@ class ScaledPair:
 
     def _framed(self, pairs: ArrayLike, transforms: Array) -> Array:
         rows, poses = np.array(pairs, dtype=np.float64), np.array(transforms, dtype=np.float64, order="C")
-        found: Array = self._kernels.framed(rows, poses, self._seeds, self._reaches)
+        found: Array = self._kernels.framed(rows, poses, self._seeds, self.reaches)
         return found
 
     def _frame(self, rho: ArrayLike, transform: Array) -> _Frame:

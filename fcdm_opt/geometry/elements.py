@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.hull import Hull, unit_normals
-from fcdm_opt.geometry.surface import FRACTIONS, Surface, label
+from fcdm_opt.geometry.surface import Surface, label
 from fcdm_opt.geometry.union import surface_of_parts
 from fcdm_opt.tolerances import DEFAULT
 
@@ -184,9 +184,10 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
     face_names = [Element("F", face) for face in faces]
     place = {row: k for k, row in enumerate(rows.tolist())}
 
-    def hits(candidates: Ints, samples: Array) -> dict[int, int]:
-        found = {int(face): int(surface.lies_on(int(face), samples).sum()) for face in candidates}
-        return {face: count for face, count in found.items() if count}
+    def ordered(shares: dict[int, float], least: float) -> list[int]:
+        """Return the faces with more than the least share, the largest first."""
+        known = [face for face, own in shares.items() if own > least]
+        return sorted(known, key=lambda face: (-round(shares[face], _PLACES), faces[face]))
 
     def vertex(row: int) -> Element:
         k = place[row]
@@ -194,7 +195,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
             return Element("V", (row + 1,))
         if within[k].any():
             return min(edge_names[j] for j in np.flatnonzero(within[k]))
-        on = hits(np.flatnonzero(flat[k]), points[[row]])
+        on = (face for face in np.flatnonzero(flat[k]).tolist() if surface.lies_on(face, points[[row]])[0])
         return min((face_names[face] for face in on), default=Element("V", (row + 1,)))
 
     def edge(a: int, b: int) -> tuple[Element, Span | None]:
@@ -209,23 +210,24 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         common = (np.minimum(high, 1.0) - np.maximum(low, 0.0)) * lengths
         along = np.flatnonzero(collinear[i] & collinear[j] & (common > slack))
         along = np.array(sorted(along.tolist(), key=lambda k: (-round(common[k], _PLACES), edge_names[k])), np.int64)
-        samples = ends[0] + FRACTIONS[:, None] * (ends[1] - ends[0])
-        if along.size:  # the faces beside a true edge are not what the part's edge lies on
-            places = surface.along_edges(samples)[1][:, along]
-            samples = samples[((places < 0) | (places > 1)).all(axis=1)]
-        on = hits(np.flatnonzero(flat[i] & flat[j]), samples)
-        order = sorted(on, key=lambda face: (-on[face], faces[face]))
+        on: dict[int, float] = {}
+        if (candidates := np.flatnonzero(flat[i] & flat[j])).size:
+            shares, middles = surface.stretches(ends, candidates, along)
+            if along.size:  # the faces beside a true edge are not what the part's edge lies on
+                places = surface.along_edges(middles)[1][:, along]
+                free = ((places < 0) | (places > 1)).all(axis=1)
+                shares, middles = shares[free], middles[free]
+            on = {face: float(shares[surface.lies_on(face, middles)].sum()) for face in candidates.tolist()}
+        order = ordered(on, slack)
         names = [edge_names[k] for k in along] + [face_names[face] for face in order]
         regions = [surface.points[surface.edges[[k]]] for k in along] + [surface.polygons(face) for face in order]
         return _first(own, names, regions, ends)
 
     def face(loop: list[int]) -> tuple[Element, Span | None]:
         outline = points[loop]
-        middle, normal = outline.mean(axis=0), unit_normals(outline)
-        on = flat[[place[row] for row in loop]].all(axis=0) & (surface.planes[0] @ normal > 0)
-        samples = middle + FRACTIONS[:, None, None] * (outline - middle)
-        candidates = hits(np.flatnonzero(on), samples.reshape(-1, 3))
-        order = sorted(candidates, key=lambda own: (-candidates[own], faces[own]))
+        on = flat[[place[row] for row in loop]].all(axis=0) & (surface.planes[0] @ unit_normals(outline) > 0)
+        reach = np.ptp(outline, axis=0).max() / surface.size
+        order = ordered({own: surface.area_within(own, outline) for own in np.flatnonzero(on).tolist()}, slack * reach)
         names = [face_names[own] for own in order]
         return _first(Element("F", label(loop)), names, [surface.polygons(own) for own in order], outline)
 

@@ -121,6 +121,42 @@ class Surface:
         on: Array = (depth >= -DEFAULT.nominal * self.size).all(axis=2).any(axis=1)
         return on
 
+    def area_within(self, face: int, outline: Array) -> float:
+        """Return the area of a face inside a convex polygon of its plane, (m, 3), in units of the size squared."""
+        normal = self.planes[0][face]
+        across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+        axes = np.column_stack([across, np.cross(normal, across)]) / np.linalg.norm(across)
+        polygon = (outline - outline[0]) @ axes
+        triangles = (self.polygons(face) - outline[0]) @ axes
+        low, high = polygon.min(axis=0), polygon.max(axis=0)
+        near = ((triangles.min(axis=1) < high) & (triangles.max(axis=1) > low)).all(axis=1)
+        return sum(_area(_clipped(polygon, triangle)) for triangle in triangles[near]) / self.size**2
+
+    def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
+        """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.
+
+        Parameters
+        ----------
+        ends : (2, 3) array
+        faces : (k,) int array
+            In whose planes the segment lies: their triangles' sides cut it.
+        edges : (m,) int array
+            On whose lines it lies: their ends cut it.
+        """
+        corners = self.points[self.triangles[np.isin(self.owners, faces)]]
+        after, others = np.roll(corners, -1, axis=1), self.points[self.edges[edges]]
+        starts = np.concatenate([corners.reshape(-1, 3), others[:, 0]]) - ends[0]
+        stops = np.concatenate([after.reshape(-1, 3), others[:, 1]]) - ends[0]
+        way, ways = ends[1] - ends[0], stops - starts
+        length, normals = float(np.linalg.norm(way)), np.cross(way, ways)
+        squares = (normals**2).sum(axis=1)
+        crossing = squares > (DEFAULT.nominal * length) ** 2 * (ways**2).sum(axis=1)
+        crossings = (np.cross(starts, ways) * normals).sum(axis=1)[crossing] / squares[crossing]
+        along = np.concatenate([starts, stops])[np.tile(~crossing, 2)] @ way / length**2
+        places = np.unique(np.clip(np.concatenate([[0.0, 1.0], crossings, along]), 0.0, 1.0))
+        middles = (places[1:] + places[:-1]) / 2.0
+        return np.diff(places) * length / self.size, ends[0] + middles[:, None] * way
+
     def along_edges(self, points: Array) -> tuple[Array, Array]:
         """Return how far points are off the edges' lines, and where on them: 0 at the origin, 1 at the end."""
         origin, end = (self.points[self.edges[:, k]] for k in (0, 1))
@@ -130,6 +166,30 @@ class Surface:
         share = (spokes * along).sum(axis=2) / lengths**2
         off = np.linalg.norm(spokes - share[:, :, None] * along, axis=2)
         return off / self.size, share
+
+
+def _clipped(polygon: Array, triangle: Array) -> list[tuple[float, float]]:
+    """Return the corners of a convex polygon inside a triangle that runs counter-clockwise, both in a plane."""
+    kept = [tuple(point) for point in polygon.tolist()]
+    corners = triangle.tolist()
+    for (x, y), (u, v) in zip(corners, corners[1:] + corners[:1], strict=True):
+        heights = [(u - x) * (q - y) - (v - y) * (p - x) for p, q in kept]
+        inside = []
+        for k, (point, height) in enumerate(zip(kept, heights, strict=True)):
+            before, other = kept[k - 1], heights[k - 1]
+            if (height > 0.0) != (other > 0.0):
+                share = height / (height - other)
+                inside.append(tuple(a + share * (b - a) for a, b in zip(point, before, strict=True)))
+            if height > 0.0:
+                inside.append(point)
+        kept = inside
+    return kept
+
+
+def _area(polygon: list[tuple[float, float]]) -> float:
+    """Return the area of a polygon in a plane."""
+    sides = zip(polygon, polygon[1:] + polygon[:1], strict=True)
+    return abs(sum(a * d - b * c for (a, b), (c, d) in sides)) / 2.0
 
 
 def _outline(sides: set[tuple[int, int]], corners: Rows) -> Rows:

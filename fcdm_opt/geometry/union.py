@@ -280,9 +280,50 @@ def _hidden(points: Array, rows: Any, planes: Any, places: list[tuple[int, int]]
             inwards = normals[other] @ normal < DEFAULT.nominal
             samples = samples[((heights > slack) | ((heights > -slack) & ~inwards)).any(axis=1)]
             if not len(samples):
-                hidden.add((part, face))
                 break
+        others = [(normals[other], levels[other]) for other in np.flatnonzero(near).tolist()]
+        if not len(samples) and _covered(outline, normal, others, slack):
+            hidden.add((part, face))
     return hidden
+
+
+def _covered(outline: Array, normal: Array, others: list[tuple[Array, Array]], slack: float) -> bool:
+    """Tell whether parts cover a convex polygon from outside altogether: they are taken away from it one by one.
+
+    Parts are (normals, levels) of their planes; one with a face in the polygon's plane, turned the same way, covers
+    nothing of it.
+    """
+    pieces = [outline]
+    for normals, levels in others:
+        left = []
+        for whole in pieces:
+            piece, heights = whole, whole @ normals.T - levels
+            beside = heights.min(axis=0) > slack
+            level = (np.abs(heights).max(axis=0) <= slack) & (normals @ normal >= DEFAULT.nominal)
+            if (beside | level).any():
+                left.append(whole)
+                continue
+            for k in np.flatnonzero(heights.max(axis=0) > slack).tolist():
+                above = piece @ normals[k] - levels[k]
+                if above.max() > slack:
+                    left.append(_clipped(piece, above))
+                    piece = _clipped(piece, -above)
+                if len(piece) < 3:
+                    break
+        pieces = [piece for piece in left if len(piece) > 2]
+    return not pieces
+
+
+def _clipped(polygon: Array, heights: Array) -> Array:
+    """Return the part of a convex polygon where heights over a plane are not negative."""
+    kept = []
+    for k, height in enumerate(heights.tolist()):
+        before = float(heights[k - 1])
+        if (height < 0.0) != (before < 0.0):
+            kept.append(polygon[k] + height / (height - before) * (polygon[k - 1] - polygon[k]))
+        if height >= 0.0:
+            kept.append(polygon[k])
+    return np.array(kept)
 
 
 def _touch(one: Array, two: Array, normal: Array, slack: float) -> bool:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache, cached_property
 from math import hypot, isfinite
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -135,12 +135,12 @@ def _pair(scales: Array) -> str:
 
 
 def _across(gradients: Array) -> Array:
-    """Return the direction that rises most along the gradient it rises least along: between two of them."""
-    units = gradients / np.linalg.norm(gradients, axis=1)[:, None]
-    between = (units[:, None] + units[None]).reshape(-1, 2)
-    between = between / np.maximum(np.linalg.norm(between, axis=1), np.finfo(float).tiny)[:, None]
-    best: Array = between[(units @ between.T).min(axis=0).argmax()]
-    return best
+    """Return the direction that rises most along the gradient it rises least along: in the middle of all of them."""
+    angles = np.sort(np.arctan2(gradients[:, 1], gradients[:, 0]))
+    free = np.diff(angles, append=angles[0] + 2.0 * np.pi)
+    widest = int(free.argmax())  # they lie in what is left of the circle
+    middle = angles[widest] + free[widest] / 2.0 + np.pi
+    return np.array([np.cos(middle), np.sin(middle)])
 
 
 def _or_inf(values: Any) -> Array:
@@ -168,6 +168,20 @@ def _positions(count: int) -> Array:
     return frozen(np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]))
 
 
+class _Side(NamedTuple):
+    """How a part pair opens and closes across a contact line.
+
+    The change of the scales, the pair's gap before and after it, and what these must exceed; `snug`: no change of the
+    scales makes the parts overlap.
+    """
+
+    step: Array
+    before: float
+    after: float
+    least: float
+    snug: bool = False
+
+
 class _Judge:
     """One solution under examination; each stage returns its checks."""
 
@@ -183,13 +197,9 @@ class _Judge:
         self.scaled = scaled_pair(*bodies)
         carried = carriers(*bodies)
         self.claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in solution.features]
-        self._side = self._stepped()
         pairs = [self.rho] if (self.rho == self.problem.target).all() else [self.rho, self.problem.target]
-        own = len(pairs)
-        if not isinstance(self._side, Check):
-            pairs += [self.rho - self._side[1], self.rho + self._side[1]]
         gaps = self._gaps(np.array(pairs)).tolist()
-        self.gap, self.pair_gap, self._beside = gaps[0], gaps[own - 1], gaps[own:]
+        self.gap, self.pair_gap = gaps[0], gaps[-1]
 
     # ------------------------------------------------------------------------------------------------------ stages
 
@@ -264,6 +274,7 @@ class _Judge:
         checks = [
             _at_most("touching", abs(gap), self.limit, "distance or overlap"),
             Check("features", 1 <= claimed == distinct, distinct, claimed, "each contact feature once, at least one"),
+            _at_most("own elements", self._foreign(), 0, "claimed elements that only cuts between the parts have"),
         ]
         if self.problem.goal in TRACKING:
             own = self.problem.tracked_features
@@ -276,55 +287,88 @@ class _Judge:
             checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
         return checks
 
+    def _foreign(self) -> int:
+        """Return how many claimed elements are no corner, edge or face of their solid."""
+        bodies = self.problem.movable, self.problem.static
+        features = self.solution.features
+        return sum(
+            not body.owns(own) for name in features for body, own in zip(bodies, (name.one, name.two), strict=True)
+        )
+
     def sides(self) -> list[Check]:
-        """Check for apart on one side of the contact lines, overlap on the other; a snug fit has two opposed lines."""
+        """Check that each contact opens on one side of its line and overlaps on the other, by the parts that carry it.
+
+        Other parts may close where these open: that they do not overlap where they are is checked there. But a goal
+        that tracks no contact has all of them claimed: what touches besides must open with one of the claimed.
+        """
         if not self.claims:
             return []
-        if isinstance(self._side, Check):
-            return [self._side]
-        gradients, step = self._side
-        flat = self.tolerances.determinant * self.size
-        before, after = self._beside
-        least = min(self.limit, float((gradients @ step).min()) / 2.0)
-        if not after < -least:  # vertices and parallel edges meet along more lines than the one claimed
-            more = self.scaled.gradients(self.rho, self.transform, self.limit)
-            more = more[np.hypot(more[:, 0], more[:, 1]) > flat]
-            if len(more):
-                upward = _across(more)
-                if (more @ upward).min() <= flat:
-                    return [
-                        _at_most("snug", 0.0, np.inf, "no change of the scales leaves all contact lines on one side")
-                    ]
-                step = self._step(more, upward)
-                before, after = self._gaps(np.array([self.rho - step, self.rho + step])).tolist()
-        below = least if len(gradients) == len(self.claims) else -self.limit
+        sides = [side for claim in self.claims if (side := self._side(claim)) is not None]
+        if not sides:
+            return [_at_most("sides", 0, 0, "no change of the scales opens or closes the contact")]
+        below = [(side.before, side.least, side.step) for side in sides]
+        below += [(gap, -self.limit, step) for gap, step in self._unclaimed([side.step for side in sides])]
+        above = [(side.after, -side.least, side.step) for side in sides if not side.snug]
         return [
-            Check("apart below", before > below, before, below, f"with the scales changed by {_pair(-step)}"),
-            Check("overlapping above", after < -least, after, -least, f"with the scales changed by {_pair(step)}"),
+            self._worst("apart below", [(gap, least, -step, gap > least) for gap, least, step in below]),
+            self._worst("overlapping above", [(gap, most, step, gap < most) for gap, most, step in above])
+            if above
+            else _at_most("snug", 0.0, np.inf, "no change of the scales leaves all contact lines on one side"),
         ]
 
-    def _stepped(self) -> tuple[Array, Array] | Check:
-        """Return the contact lines' gradients and a change of the scales across all of them, or why there is none."""
-        lines = np.concatenate([np.empty((0, 3)), *(claim.lines(self.transform[None]) for claim in self.claims)])
-        # a plane through both seeds is in contact at all scales
-        lengths = np.hypot(lines[:, 0], lines[:, 1])
-        steep = ~(lengths <= self.tolerances.determinant * self.size)
-        gradients = lines[steep, :2]
-        if not len(gradients):
-            return _at_most("sides", 0, 0, "no change of the scales opens or closes the contact")
-        units = gradients / lengths[steep, None]
-        upward = units.sum(axis=0)
-        opposed = float(np.abs(upward).max())
-        if len(units) == 2 and opposed <= self.tolerances.determinant:
-            return _at_most("snug", opposed, self.tolerances.determinant, "overlap on both sides of opposed lines")
-        if (units @ upward).min() <= self.tolerances.determinant:
-            return _at_most("snug", opposed, np.inf, "no change of the scales leaves all contact lines on one side")
-        return gradients, self._step(gradients, upward)
+    @staticmethod
+    def _worst(name: str, found: list[tuple[float, float, Array, bool]]) -> Check:
+        """Return a check of gaps against their limits: of the first that fails, or else of the first."""
+        gap, limit, step, _ = next((own for own in found if not own[-1]), found[0])
+        passed = all(own[-1] for own in found)
+        return Check(name, passed, gap, limit, f"with the scales changed by {_pair(step)}")
+
+    def _side(self, claim: Claim) -> _Side | None:
+        """Return how a claim's part pair opens and closes across its line; None where no scales change it.
+
+        A plane through both seeds is in contact at all scales.
+        """
+        line = claim.lines(self.transform[None])[0]
+        flat = self.tolerances.determinant * self.size
+        if np.hypot(line[0], line[1]) <= flat:
+            return None
+        own = self.scaled if claim.parts is None else self.scaled.between(*claim.parts)
+        step = self._step(line[None, :2], line[:2])
+        least = min(self.limit, float(line[:2] @ step) / 2.0)
+        before, after = self._gaps(np.array([self.rho - step, self.rho + step]), own).tolist()
+        if after < -least:
+            return _Side(step, before, after, least)
+        # vertices and parallel edges meet along more lines than the one claimed; others are nearer than the step
+        for slack in (float(np.abs(step) @ own.reaches), self.limit):
+            more = own.gradients(self.rho, self.transform, slack)
+            more = more[np.hypot(more[:, 0], more[:, 1]) > flat]
+            upward = _across(more) if len(more) else np.zeros(2)
+            if len(more) and (more @ upward).min() > flat:
+                wider = self._step(more, upward)
+                after = self._gaps((self.rho + wider)[None], own).tolist()[0]
+                return _Side(step, before, after, least)
+        return _Side(step, before, after, least, snug=bool(len(more)))
 
     def _step(self, gradients: Array, upward: Array) -> Array:
         """Return a small change of the scales by which all contact lines are crossed."""
         step = self.tolerances.side * self.size * upward / (gradients @ upward).min()
         return np.asarray(step * min(1.0, float((self.rho / (2.0 * np.abs(step))).min())))  # scales stay positive
+
+    def _unclaimed(self, steps: list[Array]) -> list[tuple[float, Array]]:
+        """Return how far each part pair that touches and carries no claim opens at most, with the claimed ones.
+
+        None where a goal tracks some of the contacts that there are.
+        """
+        if self.problem.goal in TRACKING or self.scaled.count == 1:
+            return []
+        here = self.rho[None], self.transform[None]
+        proved = {parts for claim in self.claims for parts, error in claim.proofs(*here) if error[0] <= self.limit}
+        found = []
+        for parts in self.scaled.touching(self.rho, self.transform, self.limit / 2.0):
+            if parts not in proved:
+                gaps = np.nan_to_num(self._gaps(self.rho - np.array(steps), self.scaled.between(*parts)), nan=-np.inf)
+                found.append((float(gaps.max()), steps[int(gaps.argmax())]))
+        return found
 
     def path(self) -> list[Check]:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""

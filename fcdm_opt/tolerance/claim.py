@@ -128,6 +128,11 @@ class Claim:
         direction = scaled.best_direction(rho, transform, host.parts)
         return None if direction is None else host.towards(direction)
 
+    @property
+    def parts(self) -> tuple[int, int] | None:
+        """The numbers of the two parts that carry the claim best; None where none do."""
+        return self._hosts[0].parts if self._hosts else None
+
     def lines(self, poses: Array) -> Array:
         """Return (a, b, c) of the contact line at each pose, (k, 3); nan where there is none."""
         return self._rows(self._hosts[0], poses)[:, 3:] if self._hosts else np.full((len(poses), 3), np.nan)
