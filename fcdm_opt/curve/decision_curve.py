@@ -98,6 +98,10 @@ class DecisionCurve:
                     points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
+        for rho, *pieces in [] if self._convex else self._union.alone:
+            near = DEFAULT.nominal * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+            if in_box(rho, self.box) and abs(float(self.gap(rho))) <= near:
+                points.append(self._switching_point(*(Run(own, (own,)) for own in pieces), len(points) + 1, alone=True))
         return tuple(branches), tuple(points)
 
     @property
@@ -145,7 +149,7 @@ class DecisionCurve:
             state = self.regions[0].state(np.array(self.box, dtype=np.float64).ravel())
             if state in _STATUS:
                 return _STATUS[state]
-        if self.segments:
+        if self.segments or self.switching_points:
             return "contact"
         (a, b), (c, d) = ((low, min(high, 2.0 * low + 1.0)) for low, high in self.box)
         places = np.array([(a + p * (b - a), c + q * (d - c)) for p, q in _SHARES])
@@ -163,7 +167,7 @@ class DecisionCurve:
         piece, (start, end) = run.whole, span
         return Segment(piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run)
 
-    def _switching_point(self, run: Run, successor: Run, index: int) -> SwitchingPoint:
+    def _switching_point(self, run: Run, successor: Run, index: int, *, alone: bool = False) -> SwitchingPoint:
         before, after = run.pieces[-1], successor.pieces[0]
         return SwitchingPoint(
             frozen(before.end),
@@ -174,6 +178,7 @@ class DecisionCurve:
             (self.movable, self.static),
             self.pose,
             index,
+            alone,
         )
 
     def contact_sets(self, rho: ArrayLike) -> tuple[Array, ...]:
@@ -248,7 +253,9 @@ class DecisionCurve:
         Of the curve in the box, and in a box from half to twice the scales.
         """
         point = _pair(rho)
-        listed = [segment.nearest(point) for curve in (self, self._about(point)) for segment in curve.segments]
+        curves = self, self._about(point)
+        listed = [segment.nearest(point) for curve in curves for segment in curve.segments]
+        listed += [other.rho for curve in curves for other in curve.switching_points if other.alone]
         return frozen(min(listed, key=lambda p: float(np.linalg.norm(p - point)), default=np.full(2, np.nan)))
 
     def _about(self, point: Array) -> DecisionCurve:
