@@ -205,7 +205,10 @@ class DecisionCurve:
         return np.array([own.mean(axis=0) for own in self.contact_sets(rho)]).reshape(-1, 3)
 
     def locate(self, rho: ArrayLike, tolerance: float = DEFAULT.nominal) -> Segment | SwitchingPoint | None:
-        """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
+        """Return the switching point or segment at a scale pair, None off the curve.
+
+        `tolerance` is relative: of each scale at a switching point, of the larger at a segment.
+        """
         point = _pair(rho)
         asked = (*point.tolist(), tolerance)
         if asked not in self._places:
@@ -238,9 +241,10 @@ class DecisionCurve:
         near = tolerance * np.abs(point).max()
         if point.min() > 0 and abs(float(self.gap(point))) > 2.0 * near * self._reach.sum():
             return None  # a change of the scales by `near` closes no such gap
+        each = np.maximum(tolerance * np.abs(point), DEFAULT.point * np.abs(point).max())  # one may be much smaller
         for curve in (self, self._about(point)):
             for switching_point in curve.switching_points:
-                if np.abs(switching_point.rho - point).max() <= near:
+                if (np.abs(switching_point.rho - point) <= each).all():
                     return switching_point if curve is self else replace(switching_point, index=0)
             for segment in curve.segments:
                 if np.abs(segment.nearest(point) - point).max() <= near:

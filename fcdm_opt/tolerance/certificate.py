@@ -286,7 +286,9 @@ class _Judge:
         flat = self.tolerances.determinant * self.size
         before, after = self._beside
         least = min(self.limit, float((gradients @ step).min()) / 2.0)
-        if not after < -least:  # vertices and parallel edges meet along more lines than the one claimed
+        below = least if len(gradients) == len(self.claims) else -self.limit
+        tracking = self.problem.goal in TRACKING  # claims no contact besides, though a fit without play has more
+        if not after < -least or (tracking and not before > below):  # contacts along more lines than the one claimed
             more = self.scaled.gradients(self.rho, self.transform, self.limit)
             more = more[np.hypot(more[:, 0], more[:, 1]) > flat]
             if len(more):
@@ -297,7 +299,6 @@ class _Judge:
                     ]
                 step = self._step(more, upward)
                 before, after = self._gaps(np.array([self.rho - step, self.rho + step])).tolist()
-        below = least if len(gradients) == len(self.claims) else -self.limit
         return [
             Check("apart below", before > below, before, below, f"with the scales changed by {_pair(-step)}"),
             Check("overlapping above", after < -least, after, -least, f"with the scales changed by {_pair(step)}"),
@@ -384,6 +385,7 @@ class _Judge:
         else:  # a separation over some directions: it has the sign of the distance and does not exceed it
             wrong = max(claimed - gap, -claimed, 0.0) if self._state(claimed) == state else abs(claimed - gap)
         checks = [
+            self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
             Check("pair state", solution.pair_state == state, gap, self.limit, f"is {state}"),
             _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
@@ -397,6 +399,30 @@ class _Judge:
         if "clear" in (problem.pair, problem.goal):
             checks.append(_at_least("clearance", gap, problem.clearance - self.limit))
         return checks
+
+    def _sizes_asked(self) -> Check:
+        """Check that the problem's target is that of the question as it was put.
+
+        A nominal pair may be moved to a switching point that it is within rounding of, and where a goal tracks its
+        contact by `snap` of each scale.
+        """
+        problem, request = self.problem, self.problem.request
+        asked, limit = request["target"], self.tolerances.requirement
+        if asked is None:
+            nominal, limit = request["nominal"], self.tolerances.nominal
+            if isinstance(nominal, int):
+                nominal = problem.curve.switching_points[nominal - 1].rho
+            elif problem.goal in TRACKING:
+                limit = max(limit, problem.snap)
+            nominal = (1.0, 1.0) if isinstance(nominal, str) else nominal
+            shares, letter = np.array(request["tolerance"], dtype=np.float64), request["requirement"]
+            (less, more), (fewer, greater) = np.broadcast_to(shares[:, None] if shares.ndim == 1 else shares, (2, 2))
+            asked = np.array(nominal) * (
+                1.0 + (more if letter in "AB" else -less),
+                1.0 + (greater if letter in "AC" else -fewer),
+            )
+        off = np.abs(problem.target / asked - 1.0).max()
+        return _at_most("sizes asked", off, limit + self.tolerances.requirement, f"relative, from {_pair(np.array(asked))}")
 
     def scene(self) -> list[Check]:
         """Check that the part made keeps clear of each keep-out, at every scale of its range."""
