@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from strategies import random_rotation
 
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import SwitchingPoint
@@ -16,7 +17,6 @@ from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Status
 from fcdm_opt.tolerance.solver import solve
-from strategies import random_rotation
 
 SHIFT = Translation("x") >> Translation("y") >> Translation("z")
 SIGN = {"A": 1.0, "D": -1.0}

@@ -98,10 +98,11 @@ class DecisionCurve:
                     points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
-        for rho, *pieces in [] if self._convex else self._union.alone:
+        for rho, one, two in [] if self._convex else self._union.alone:
             near = DEFAULT.nominal * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
             if in_box(rho, self.box) and abs(float(self.gap(rho))) <= near:
-                points.append(self._switching_point(*(Run(own, (own,)) for own in pieces), len(points) + 1, alone=True))
+                runs = Run(one, (one,)), Run(two, (two,))
+                points.append(self._switching_point(*runs, len(points) + 1, alone=True))
         return tuple(branches), tuple(points)
 
     @property

@@ -106,8 +106,7 @@ def drawn_mesh(
 
 
 def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...], float]:
-    """Return vertices moved within their digits such that faces are plane, see `flattening`, a remark if so, how far.
-    """
+    """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far."""
     size = float(np.abs(vertices).max(initial=0.0))
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
         return vertices, (), 0.0  # `checked_mesh` says what is wrong

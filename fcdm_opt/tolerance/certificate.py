@@ -422,7 +422,9 @@ class _Judge:
                 1.0 + (greater if letter in "AC" else -fewer),
             )
         off = np.abs(problem.target / asked - 1.0).max()
-        return _at_most("sizes asked", off, limit + self.tolerances.requirement, f"relative, from {_pair(np.array(asked))}")
+        return _at_most(
+            "sizes asked", off, limit + self.tolerances.requirement, f"relative, from {_pair(np.array(asked))}"
+        )
 
     def scene(self) -> list[Check]:
         """Check that the part made keeps clear of each keep-out, at every scale of its range."""

@@ -303,7 +303,10 @@ class Problem:
     def _chosen_goal(self) -> str:
         if self.goal is not None:
             return str(self.goal)
-        if self.requirement and self._at_switching_point and not self.nominal_contact.alone:
+        from fcdm_opt.curve.segments import SwitchingPoint
+
+        contact = self.nominal_contact
+        if self.requirement and isinstance(contact, SwitchingPoint) and not contact.alone:
             return "beyond"
         if self.nominal_seats:
             return "seat"
@@ -322,7 +325,7 @@ class Problem:
             raise InputError(
                 f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
                 f"the gap there is {self.curve.gap(asked):.6g} (> 0 apart, < 0 overlapping), and one of "
-                f"{self.snap * self.size:.3g} (snap times the size) would be closed by scales that change by no more than "
+                f"{self.snap * self.size:.3g} (snap times the size) would be closed if no scale changed by more than "
                 f"{self.snap:.3g} (snap) of what was asked",
                 key="nominal",
                 found=asked.tolist(),

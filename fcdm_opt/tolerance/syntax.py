@@ -14,10 +14,8 @@ _COMMA = re.compile(r"(?<![\w.,])[+-]?\d+,\d+(?![\w.])")
 _TWICE = ("Cannot overwrite a value", "Cannot mutate immutable namespace")
 
 LEVELS = 64  # of a dotted key: far more than any key has; the parser's time grows with their square, to minutes
-_TEXTS = re.compile(
-    r'''"""(?:\\.|[^\\])*?"""|\'{3}.*?\'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|(#[^\n]*+)''', re.DOTALL
-)
-_DEEP = re.compile(r"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){%d}" % LEVELS)
+_TEXTS = re.compile(r'''"""(?:\\.|[^\\])*?"""|\'{3}.*?\'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|(#[^\n]*+)''', re.DOTALL)
+_DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{LEVELS}}}")
 
 
 def parsed(text: str) -> dict[str, Any]:
