@@ -368,3 +368,12 @@ def test_the_picture_names_the_budget_the_bodies_and_what_fails(tmp_path):
 def test_what_is_no_map_is_refused():
     with pytest.raises(InputError, match="sizes_map: not a map of motions"):
         assembly_yield(None, sizes=WHOLE_BOX, budget=1.0)  # type: ignore[arg-type]
+
+
+def test_a_budget_in_an_array_without_axes_is_the_number_in_it():
+    """What a map says of one point, as `map.at(...).amount`, was refused."""
+    own, plain = (assembly_yield(linear(3.0, 4.0), sizes=WHOLE_BOX, budget=x, count=FEW) for x in (np.array(1.0), 1.0))
+    assert own.to_dict() == plain.to_dict()
+    for wrong in (np.array(True), np.array("1"), np.array([1.0]), np.array(np.nan)):
+        with pytest.raises(InputError, match="budget"):
+            assembly_yield(linear(3.0, 4.0), sizes=WHOLE_BOX, budget=wrong, count=FEW)

@@ -172,13 +172,13 @@ def test_a_peg_too_large_for_its_hole_is_not_put_on_top_of_it() -> None:
     assert fits_up_to(problem) == pytest.approx(0.2 / 20.2, rel=1e-4)
 
 
-def test_a_peg_that_is_to_be_clear_may_be_drawn_out_of_its_hole() -> None:
+def test_a_peg_that_could_only_be_drawn_out_of_its_hole_was_called_a_success() -> None:
     problem = fo.Problem(*peg_and_plate(), tolerance=0.05, requirement="B", motion=UP, goal="clear", clearance=1.0)
     solution = fo.solve(problem)
     assert solution.parameters["TZ"] == pytest.approx(0.95 * 20.0 + 1.0, abs=1e-9)
-    assert solution.status is Status.SOLVED
-    (told, *_) = remarks(solution)
-    assert told.endswith("out of its fit, on a way that is open as drawn; does not fit: peg 10.50 in plate 9.69")
+    assert solution.status is Status.OUTSIDE_FIT
+    assert not solution.usable
+    assert "peg 10.50 in plate 9.69" in solution.advice
 
 
 # ---------------------------------------------------------------------------------------------------- what is no fit

@@ -314,7 +314,8 @@ def test_a_wedge_drawn_a_little_above_its_block_is_told_how_to_meet_it(tmp_path:
     (snap,) = re.findall(r"^#snap = (\S+)", made.text, re.MULTILINE)
     path.write_text(made.text.replace("#snap", "snap").replace('goal = "touch"', 'goal = "at"', 1))
     assert load_problems(path)[0].snapped is not None
-    assert float(snap) == pytest.approx(2 * float(told.group(2)) / two.size, rel=0.1)
+    moved = np.abs(load_problems(path)[0].snapped.pair - 1.0).max()  # of either size, more than the gap's share
+    assert 2 * float(told.group(2)) / two.size < float(snap) == pytest.approx(2 * moved, rel=0.1)
     assert {*re.findall(r'^#? ?goal =? ?"(\w+)"', made.text, re.MULTILINE)} == {*GOALS}
     assert "practically face on face: the faces that meet are parallel within" in said
     assert said.splitlines()[-1] == "another motion is as small in C, D"

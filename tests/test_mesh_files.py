@@ -237,7 +237,7 @@ def test_faces_of_turned_solids_are_plane_again_after_single_precision(tmp_path,
         solid = random_solid(rng, family, False)
         points = solid.vertices @ Rotation.from_rotvec(rng.uniform(0.3, 1, 3)).as_matrix().T + rng.uniform(-5, 5, 3)
         path = written(tmp_path, "part.stl", stl(points, solid.triangles))
-        vertices, faces, remarks = drawn_mesh(path, unit="mm")
+        vertices, faces, remarks, _ = drawn_mesh(path, unit="mm")
         size = np.abs(points).max()
         order = np.linalg.norm(vertices[:, None] - points, axis=2).argmin(axis=1)
         moved = np.abs(vertices - points[order]).max() / size
@@ -285,7 +285,7 @@ def test_a_prism_in_a_binary_file_is_one_part_and_keeps_its_faces(tmp_path):
 def test_polygons_of_six_decimals_are_plane_and_more_bent_ones_are_refused(tmp_path):
     points = L_POINTS @ TURN.T + 0.2
     path = written(tmp_path, "L.obj", obj(points.round(6), L_FACES))
-    vertices, faces, remarks = drawn_mesh(path, unit="mm")
+    vertices, faces, remarks, _ = drawn_mesh(path, unit="mm")
     assert 0 < np.abs(vertices - points).max() < 5e-6
     assert len(remarks) == 1
     np.testing.assert_allclose(checked_mesh(vertices, faces).volume, 3, rtol=1e-5)
@@ -298,7 +298,7 @@ def test_polygons_of_six_decimals_are_plane_and_more_bent_ones_are_refused(tmp_p
 def test_vertices_of_plane_faces_are_not_touched(tmp_path, name):
     make, slack = WAYS[name]
     points = np.array(BOX + 0.1, np.float32 if slack else float).astype(float)
-    vertices, _, remarks = drawn_mesh(written(tmp_path, name, make(points)), unit="mm")
+    vertices, _, remarks, _ = drawn_mesh(written(tmp_path, name, make(points)), unit="mm")
     assert remarks == ()
     assert {tuple(x) for x in vertices.tolist()} == {tuple(x) for x in points.tolist()}
 
@@ -308,7 +308,7 @@ def test_the_finest_step_in_a_file_of_all_digits_is_not_flattened(tmp_path, turn
     step = 1e-9
     outline = [(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, 1 + step), (0, 1 + step)]
     points = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in outline]) @ turn.T
-    vertices, _, remarks = drawn_mesh(written(tmp_path, "step.obj", obj(points, L_FACES)), unit="mm")
+    vertices, _, remarks, _ = drawn_mesh(written(tmp_path, "step.obj", obj(points, L_FACES)), unit="mm")
     np.testing.assert_array_equal(vertices, points)
     assert remarks == ()
 
@@ -450,3 +450,26 @@ def test_import_stays_light():
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_body_whose_vertices_were_moved_says_by_how_much_in_its_deviation(tmp_path):
+    """It said (0, 0) beside notes that vertices were moved: made plane from single precision, or made one."""
+    points = L_POINTS @ TURN.T + 3
+    mesh = checked_mesh(points, L_FACES)
+    single = points.astype(np.float32).astype(float)
+    for unit, length in (("mm", 1.0), ("um", 1000.0)):
+        path = written(tmp_path, "L.stl", stl(points, mesh.triangles))
+        body = fo.Body.from_file(path, unit=unit, file_unit="mm")
+        assert any("vertices moved" in note for note in body.notes)
+        vertices, _ = read_mesh(path, unit=unit, file_unit="mm")
+        off = np.linalg.norm(vertices[:, None] / length - single, axis=2).min(axis=1).max() * length
+        assert off > 0
+        np.testing.assert_allclose(body.deviation, (off, off), rtol=1e-6)
+    step = 2.0**-42
+    twice = np.vstack([BOX, BOX[0] + (step, 0, 0)])
+    corner = int(np.flatnonzero((TRIANGLES == 0).any(axis=1))[0])
+    triangles = [np.where(own == 0, 8, own) if k == corner else own for k, own in enumerate(TRIANGLES)]
+    body = fo.Body.from_mesh(twice, np.array(triangles))
+    assert any("made one" in note for note in body.notes)
+    assert body.deviation == (step, step)
+    assert fo.Body.from_mesh(BOX, TRIANGLES).deviation == (0.0, 0.0)

@@ -344,7 +344,7 @@ def plate_at(gap: float, seed: float = 0.25) -> Body:
     return Body.convex(CUBE * [0.5, 4, 4] + [depth + 0.25, 0, 0], seed=[depth + seed, 0, 0], name="plate")
 
 
-@pytest.mark.parametrize("gap", [1e-7, -1e-7, 5e-6])
+@pytest.mark.parametrize("gap", [1e-7, -1e-7, 6e-7])
 @pytest.mark.parametrize("goal", ["at", "seat", None])
 @pytest.mark.parametrize("nominal", ["drawn", (1.0, 1.0)])
 def test_a_nominal_pair_slightly_off_the_curve_is_closed_to_its_nearest_point(
@@ -366,7 +366,9 @@ def test_a_nominal_pair_slightly_off_the_curve_is_closed_to_its_nearest_point(
     assert again.target.tobytes() == made.target.tobytes()
 
 
-@pytest.mark.parametrize(("gap", "arguments"), [(1e-5, {}), (-1e-5, {}), (1e-7, {"snap": 1e-9}), (1e-7, {"snap": 0})])
+@pytest.mark.parametrize(
+    ("gap", "arguments"), [(1e-5, {}), (5e-6, {}), (-1e-5, {}), (1e-7, {"snap": 1e-9}), (1e-7, {"snap": 0})]
+)
 def test_a_larger_gap_is_refused_with_its_size_and_the_nearest_point(gap: float, arguments: dict) -> None:
     near = 1.0 + gap * 0.5 / (0.5**2 + 0.25**2)
     for goal in ("at", "seat"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.motion import Free, Rotation, Screw, Translation
 from fcdm_opt.tolerance.files import LARGEST_FILE, ProblemFile, load_problems
 from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.syntax import parsed
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 BODIES = """
@@ -357,6 +359,18 @@ def test_bad_file(tmp_path: Path, old: str | None, new: str, key: str | None, fo
 def test_a_syntax_error_names_the_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"case\.toml: not valid TOML: .*line 2"):
         load(tmp_path, 'title = "x"\nnote = oops\n')
+
+
+def test_a_key_of_fifty_thousand_levels_is_refused_at_once(tmp_path: Path) -> None:
+    """The parser took a minute and more for it; the check is by the text, so that nothing is parsed."""
+    for text in ("a." * 50_000 + "b = 1\n", f"[{'a . ' * 50_000}b]\n", "x = { " + "\"a\".'b'." * 50_000 + "c = 1 }\n"):
+        with pytest.raises(InputError, match="a key of more than 64 levels \\(at line 4\\)"):
+            load(tmp_path, 'title = """\nx"""\n\n' + text)
+    words = "a." * 500
+    for text in (f'title = "{words}"\n', f"title = '{words}' # {words}\n", f'title = """\n{words}"""\n'):
+        assert parsed(text) == tomllib.loads(text)
+    deep = "a." * 40 + "b = 1\n"
+    assert parsed(deep) == tomllib.loads(deep)
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import socket
@@ -27,6 +28,7 @@ from fcdm_opt.design.study import progress
 from fcdm_opt.design.study.engines import LocalEngine, OwnProcess
 from fcdm_opt.design.study.plan import Plan
 from fcdm_opt.design.study.point import Outcome, Payload, evaluate, row
+from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.design.study.running import chosen, run_study
 from fcdm_opt.design.study.store import FILE, LOCK, Belonging, Met, Store
 from fcdm_opt.design.study.study import Study
@@ -499,6 +501,52 @@ def test_another_title_or_budget_is_taken_on_and_nothing_solved_again(tmp_path: 
     assert engine.asked == []
     assert found.definition["title"] == "Later"
     assert found.assembly_yield.of == 1
+
+
+def test_a_finished_study_leaves_nothing_beside_its_store(tmp_path: Path) -> None:
+    """Lock and SQLite's files stayed: those of reading a store that is ready for writers were made at the very end."""
+    asked = Study(EXAMPLE, {"tolerance": [0.004]}, cases=["A"], budget=1.0)
+    for _ in range(2):  # the second run goes on with a store that was put away
+        run_study(asked, tmp_path, jobs=1)
+        assert os.listdir(tmp_path) == [FILE]
+        assert StudyResult.read(tmp_path).assembly_yield.of == 1
+        assert os.listdir(tmp_path) == [FILE]
+    with pytest.raises(InputError, match="another version"), Store(tmp_path, OWNER):
+        pass
+    assert os.listdir(tmp_path) == [FILE]
+
+
+def test_a_store_that_is_read_while_a_run_ends_is_put_away_by_the_next(tmp_path: Path) -> None:
+    with Store(tmp_path, OWNER) as store:
+        store.write([Met(0, "a", {})], [row("a", "SOLVED")])
+        reader = sqlite3.connect(tmp_path / FILE)
+        reader.execute("BEGIN")
+        assert reader.execute("SELECT count(*) FROM results").fetchone() == (1,)
+    assert (tmp_path / FILE).exists()
+    reader.close()
+    with Store(tmp_path, OWNER) as store:
+        assert store.has("a")
+    assert os.listdir(tmp_path) == [FILE]
+
+
+def test_a_lock_that_a_run_took_away_as_it_ended_is_not_held_instead_of_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two runs would have written: each with the lock of another file of that name."""
+    flock, taken = fcntl.flock, []
+
+    def late(file: Any, how: int) -> None:
+        if not taken:
+            taken.append((tmp_path / LOCK).unlink())
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with Store(tmp_path, OWNER):
+        assert (tmp_path / LOCK).read_text().strip() == str(os.getpid())
+        with pytest.raises(InputError, match="another run is writing"), Store(tmp_path, OWNER):
+            pass
+        assert (tmp_path / LOCK).exists()
+    assert taken
 
 
 def test_what_is_left_beside_a_store_that_was_taken_away_does_no_harm(tmp_path: Path) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import typer
+
+from fcdm_opt.tolerance.syntax import parsed
 
 MOST_READ = 2**20  # bytes of a problem file, so that no key is slow
 
@@ -35,7 +36,7 @@ def case_names(ctx: typer.Context, incomplete: str) -> list[str]:
         try:
             if path.stat().st_size > MOST_READ or not path.is_file():
                 continue
-            cases = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("case", [])
+            cases = parsed(path.read_text(encoding="utf-8-sig")).get("case", [])
             names += [case["name"] for case in cases if isinstance(case.get("name"), str)]
         except (OSError, ValueError, AttributeError, TypeError, RecursionError):
             continue

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -28,6 +27,7 @@ from fcdm_opt.cli.common import (
     say,
 )
 from fcdm_opt.errors import InputError
+from fcdm_opt.tolerance.syntax import parsed
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -288,8 +288,8 @@ def _change(text: str) -> tuple[str, Any]:
     if not key or not sign:
         raise InputError("not a change", key="--set", found=text, allowed="KEY=VALUE as tolerance=0.03")
     try:
-        return key, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        return key, parsed(f"value = {value}")["value"]
+    except ValueError:
         return key, value
 
 

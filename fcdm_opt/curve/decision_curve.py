@@ -98,6 +98,11 @@ class DecisionCurve:
                     points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
+        for rho, one, two in [] if self._convex else self._union.alone:
+            near = DEFAULT.nominal * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+            if in_box(rho, self.box) and abs(float(self.gap(rho))) <= near:
+                runs = Run(one, (one,)), Run(two, (two,))
+                points.append(self._switching_point(*runs, len(points) + 1, alone=True))
         return tuple(branches), tuple(points)
 
     @property
@@ -145,7 +150,7 @@ class DecisionCurve:
             state = self.regions[0].state(np.array(self.box, dtype=np.float64).ravel())
             if state in _STATUS:
                 return _STATUS[state]
-        if self.segments:
+        if self.segments or self.switching_points:
             return "contact"
         (a, b), (c, d) = ((low, min(high, 2.0 * low + 1.0)) for low, high in self.box)
         places = np.array([(a + p * (b - a), c + q * (d - c)) for p, q in _SHARES])
@@ -163,7 +168,7 @@ class DecisionCurve:
         piece, (start, end) = run.whole, span
         return Segment(piece.feature, piece.line, piece.normal, start, end, piece.parts, piece.snug, index, run)
 
-    def _switching_point(self, run: Run, successor: Run, index: int) -> SwitchingPoint:
+    def _switching_point(self, run: Run, successor: Run, index: int, *, alone: bool = False) -> SwitchingPoint:
         before, after = run.pieces[-1], successor.pieces[0]
         return SwitchingPoint(
             frozen(before.end),
@@ -174,6 +179,7 @@ class DecisionCurve:
             (self.movable, self.static),
             self.pose,
             index,
+            alone,
         )
 
     def contact_sets(self, rho: ArrayLike) -> tuple[Array, ...]:
@@ -200,7 +206,10 @@ class DecisionCurve:
         return np.array([own.mean(axis=0) for own in self.contact_sets(rho)]).reshape(-1, 3)
 
     def locate(self, rho: ArrayLike, tolerance: float = DEFAULT.nominal) -> Segment | SwitchingPoint | None:
-        """Return the switching point or segment at a scale pair (relative tolerance), None off the curve."""
+        """Return the switching point or segment at a scale pair, None off the curve.
+
+        `tolerance` is relative: of each scale at a switching point, of the larger at a segment.
+        """
         point = _pair(rho)
         asked = (*point.tolist(), tolerance)
         if asked not in self._places:
@@ -233,9 +242,10 @@ class DecisionCurve:
         near = tolerance * np.abs(point).max()
         if point.min() > 0 and abs(float(self.gap(point))) > 2.0 * near * self._reach.sum():
             return None  # a change of the scales by `near` closes no such gap
+        each = np.maximum(tolerance * np.abs(point), DEFAULT.point * np.abs(point).max())  # one may be much smaller
         for curve in (self, self._about(point)):
             for switching_point in curve.switching_points:
-                if np.abs(switching_point.rho - point).max() <= near:
+                if (np.abs(switching_point.rho - point) <= each).all():
                     return switching_point if curve is self else replace(switching_point, index=0)
             for segment in curve.segments:
                 if np.abs(segment.nearest(point) - point).max() <= near:
@@ -248,7 +258,9 @@ class DecisionCurve:
         Of the curve in the box, and in a box from half to twice the scales.
         """
         point = _pair(rho)
-        listed = [segment.nearest(point) for curve in (self, self._about(point)) for segment in curve.segments]
+        curves = self, self._about(point)
+        listed = [segment.nearest(point) for curve in curves for segment in curve.segments]
+        listed += [other.rho for curve in curves for other in curve.switching_points if other.alone]
         return frozen(min(listed, key=lambda p: float(np.linalg.norm(p - point)), default=np.full(2, np.nan)))
 
     def _about(self, point: Array) -> DecisionCurve:

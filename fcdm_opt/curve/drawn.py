@@ -42,19 +42,19 @@ def curve_card(curve: DecisionCurve) -> Html:
     """Return the card of a decision curve: its picture in the box, and its features."""
     segments, points = curve.segments, curve.switching_points
     (low_1, high_1), (low_2, high_2) = curve.box
+    marks: list[Mark] = [*curve_lines(curve, "before", ""), *switching_points(curve)]
     counts = [counted(len(curve.branches), "chain"), counted(len(segments), "segment")]
     facts = rows(
         [
             ("bodies", f"{curve.movable.name} (movable), {curve.static.name} (static)"),
             ("box of scales", f"[{numbers((low_1, high_1))}] x [{numbers((low_2, high_2))}]"),
-            ("curve", ", ".join([*counts, counted(len(points), "switching point")]) if segments else "none in the box"),
+            ("curve", ", ".join([*counts, counted(len(points), "switching point")]) if marks else "none in the box"),
         ]
     )
     features = listing("contact along it", [_tip(own) for own in segments])
     changes = listing("contact changes at", [f"SW{own.index} ({numbers(own.rho)}), {own.kind}" for own in points])
-    marks: list[Mark] = [*curve_lines(curve, "before", ""), *switching_points(curve)]
     told = f"decision curve, {counted(len(segments), 'segment')}"
-    picture = plane(marks, curve.box, told=told) if segments else None
+    picture = plane(marks, curve.box, told=told) if marks else None
     return card("Decision curve", facts, features, changes, state=curve.status, picture=picture)
 
 

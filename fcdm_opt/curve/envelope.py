@@ -112,15 +112,10 @@ class Union:
         return cls(movable, static, regions, hiding, cells, number[members], shares, shared, len(pairs))
 
     @cached_property
-    def chains(self) -> list[list[Run]]:
-        """The chains of the union's boundary in the box, overlap on the left, each in order.
-
-        Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
-        """
+    def _visible(self) -> tuple[Ints, Array, Ints, Array]:
+        """What is on the union's boundary, see `joining.visible`."""
         regions = self.regions
-        if any(region.status == "full" for region in regions):
-            return []
-        owner, spans, chain = joining.visible(
+        found: tuple[Ints, Array, Ints, Array] = joining.visible(
             *_together([region.unit_lines for region in regions], 3),
             *_together([region.table for region in regions], 6),
             np.array([region.parts for region in regions], np.int64).reshape(-1, 2),
@@ -129,12 +124,55 @@ class Union:
             self.shares,
             _LIMITS,
         )
+        return found
+
+    @property
+    def _full(self) -> bool:
+        return any(region.status == "full" for region in self.regions)
+
+    @cached_property
+    def chains(self) -> list[list[Run]]:
+        """The chains of the union's boundary in the box, overlap on the left, each in order.
+
+        Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
+        """
+        if self._full:
+            return []
+        regions, (owner, spans, chain, _) = self.regions, self._visible
         made = []
         for (k, number, snug, dropped), span in zip(owner.tolist(), spans.tolist(), strict=True):
             piece = _named(regions[k], regions[k].piece(number).cut(*span), bool(snug))
             made.append(self._equals(piece) if dropped or self.shared[k] else [piece])
         chains = [_one_each(made[first:last]) for first, last in pairwise(chain.tolist())]
         return [_joined(chain) for chain in _sorted(chains)]
+
+    @cached_property
+    def alone(self) -> list[tuple[Array, Piece, Piece]]:
+        """Single scale pairs of the union's boundary, on none of its chains: a fit without play on all sides.
+
+        Each with pieces of two different directions that pass there, the first by their labels, cut to the point.
+        """
+        found: list[tuple[Array, list[Piece]]] = []
+        for own, number, s in [] if self._full else self._visible[3].tolist():
+            region = self.regions[int(own)]
+            piece = region.piece(int(number)).cut(s, s)
+            rho = piece.start
+            if not rho.min() > _LEAST_SCALE:
+                continue
+            piece = _named(region, piece, False)
+            for place, pieces in found:
+                if same_pair(place, rho):
+                    pieces.append(piece)
+                    break
+            else:
+                found.append((rho, [piece]))
+        chosen = []
+        for place, pieces in sorted(found, key=lambda own: tuple(own[0])):
+            first, *others = sorted(pieces, key=_key)
+            second = next((piece for piece in others if not _parallel(first, piece)), None)
+            if second is not None:
+                chosen.append((place, first, second))
+        return chosen
 
     def _equals(self, piece: Piece) -> list[Piece]:
         """Return the pieces of all part pairs that touch all along a visible stretch."""
@@ -262,7 +300,11 @@ def _joined(chain: list[Piece]) -> list[Run]:
     return runs
 
 
-def _one_line(one: Piece, two: Piece) -> bool:
+def _parallel(one: Piece, two: Piece) -> bool:
     cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
+    return bool(cross <= DEFAULT.nominal)
+
+
+def _one_line(one: Piece, two: Piece) -> bool:
     apart = np.abs(one.base - two.base).sum()
-    return bool(cross <= DEFAULT.nominal and apart <= DEFAULT.nominal * max(np.abs(one.base).sum(), _LEAST_SCALE))
+    return bool(_parallel(one, two) and apart <= DEFAULT.nominal * max(np.abs(one.base).sum(), _LEAST_SCALE))

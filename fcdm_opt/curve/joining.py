@@ -30,15 +30,17 @@ def interval(lines, base, travel, limits):
 
 @kernel
 def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, shares, limits):
-    """Return what is on the boundary of a union: (owner, spans, chains).
+    """Return what is on the boundary of a union: (owner, spans, chains, alone).
 
     owner (m, 4): region, piece of it, 1 where it is snug, 1 where another piece was dropped for it; spans (m, 2): its
-    stretch; chain c is rows chains[c] to chains[c + 1].
+    stretch; chain c is rows chains[c] to chains[c + 1]. alone (k, 3): region, piece of it and where on it a point is
+    that no open region holds, off all stretches; once for each piece that passes there.
     """
     region_of = np.empty(len(pieces), np.int64)
     for region in range(len(piece_starts) - 1):
         region_of[piece_starts[region] : piece_starts[region + 1]] = region
     found, used = np.empty((64, 3)), 0
+    points, marked = np.empty((16, 2)), 0
     left, room = np.empty((len(members) + 2, 2)), np.empty((len(members) + 2, 2))
     for cell in range(len(cells)):
         for m in range(shares[cell], shares[cell + 1]):
@@ -54,8 +56,14 @@ def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, sha
                         break
                     if other != own and line_starts[other] < line_starts[other + 1]:  # not an empty one
                         lo, hi = interval(lines[line_starts[other] : line_starts[other + 1]], base, travel, limits)
-                        count = _take_out(left, room, count, lo, hi, limits[1], scale)
+                        count = _take_out(left, room, count, lo, hi, limits[1], scale, True)
                 for k in range(count):
+                    if left[k, 0] == left[k, 1]:
+                        if marked == len(points):
+                            points = _longer(points)
+                        points[marked, 0], points[marked, 1] = piece, left[k, 0]
+                        marked += 1
+                        continue
                     if used == len(found):
                         found = _longer(found)
                     found[used, 0], found[used, 1], found[used, 2] = piece, left[k, 0], left[k, 1]
@@ -69,7 +77,30 @@ def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, sha
         owner[k, 0], owner[k, 1] = own, piece - piece_starts[own]
         owner[k, 2], owner[k, 3] = int(kept[order[k], 3]), int(kept[order[k], 4])
         spans[k, 0], spans[k, 1] = kept[order[k], 1], kept[order[k], 2]
-    return owner, spans, chains
+    return owner, spans, chains, _alone(points[:marked], kept, pieces, region_of, piece_starts, limits)
+
+
+@kernel
+def _alone(points, kept, pieces, region_of, piece_starts, limits):
+    """Return which points of pieces lie on none of the stretches, (k, 3), see `visible`."""
+    made, count = np.empty((len(points), 3)), 0
+    for k in range(len(points)):
+        piece, s = int(points[k, 0]), points[k, 1]
+        x, y = pieces[piece, 0] + s * pieces[piece, 2], pieces[piece, 1] + s * pieces[piece, 3]
+        near, free = limits[2] * (np.abs(x) + np.abs(y)), True
+        for m in range(len(kept)):
+            other = int(kept[m, 0])
+            u, v = x - pieces[other, 0], y - pieces[other, 1]
+            along = u * pieces[other, 2] + v * pieces[other, 3]
+            place = min(max(along, kept[m, 1]), kept[m, 2])
+            if np.hypot(u - place * pieces[other, 2], v - place * pieces[other, 3]) <= near:
+                free = False
+                break
+        if free:
+            own = region_of[piece]
+            made[count, 0], made[count, 1], made[count, 2] = own, piece - piece_starts[own], s
+            count += 1
+    return made[:count]
 
 
 @kernel
@@ -88,17 +119,26 @@ def _within(base, travel, lo, hi, cell):
 
 
 @kernel
-def _take_out(spans, room, count, lo, hi, sliver, scale):
-    """Take an open interval out of closed ones; slivers within rounding are dropped. Return how many are left."""
+def _take_out(spans, room, count, lo, hi, sliver, scale, points):
+    """Take an open interval out of closed ones; return how many are left.
+
+    Slivers within rounding are dropped, or with `points` kept as intervals that end where they start.
+    """
     if hi <= lo:
         return count
     made = 0
     for k in range(count):
         for side in range(2):
             p, q = (spans[k, 0], min(spans[k, 1], lo)) if side == 0 else (max(spans[k, 0], hi), spans[k, 1])
-            if p < q and q - p > sliver * (scale + min(np.abs(p), np.abs(q))):  # two infinite ends: none left
+            near = sliver * (scale + min(np.abs(p), np.abs(q)))
+            if p < q and q - p > near:  # two infinite ends: none left
                 room[made, 0], room[made, 1] = p, q
                 made += 1
+            elif points and np.abs(q - p) <= near < np.inf:
+                room[made, 0], room[made, 1] = p, p
+                made += 1
+                if spans[k, 0] == spans[k, 1]:
+                    break
     spans[:made] = room[:made]
     return made
 
@@ -142,13 +182,13 @@ def _without_repeats(spans, pieces, limits):
             touched = False
             for r in range(left):
                 some[0] = rest[r]
-                touched |= _take_out(some, room, 1, lo, hi, limits[1], scale) != 1 or (some[0] != rest[r]).any()
+                touched |= _take_out(some, room, 1, lo, hi, limits[1], scale, False) != 1 or (some[0] != rest[r]).any()
             if not touched:
                 continue
             if same < 0.0:
                 begin, stop = max(kept[known, 1], -spans[k, 2]), min(kept[known, 2], -spans[k, 1])
                 some[0, 0], some[0, 1] = kept[known, 1], kept[known, 2]
-                outside = _take_out(some, room, 1, begin, stop, limits[1], scale)
+                outside = _take_out(some, room, 1, begin, stop, limits[1], scale, False)
                 if count + outside + 1 > len(kept):
                     kept = _longer(kept)
                 for r in range(outside):
@@ -161,7 +201,7 @@ def _without_repeats(spans, pieces, limits):
                 kept[known, 0] = -1.0
             else:
                 kept[known, 4] = 1.0
-            left = _take_out(rest, room, left, lo, hi, limits[1], scale)
+            left = _take_out(rest, room, left, lo, hi, limits[1], scale, False)
         while count + left > len(kept):
             kept = _longer(kept)
         for r in range(left):

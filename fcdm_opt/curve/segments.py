@@ -70,13 +70,13 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class SwitchingPoint:
-    """Where two segments meet.
+    """Where two segments meet, or a point of the curve on no segment: a fit without play, overlap on all sides.
 
     Attributes
     ----------
     rho : (2,) array
     features : tuple of two Feature
-        Of the segments before and after it.
+        Of the segments before and after it; of two contacts there where it is alone.
     lines : (2, 3) array
         Their contact lines.
     contacts_beside : tuple of two Contact
@@ -87,7 +87,9 @@ class SwitchingPoint:
     pose : (12,) array
         R, row by row, and d = s_2 - moved s_1.
     index : int
-        1-based number in the box; 0 outside it.
+        1-based number in the box; 0 outside it. Those alone come last.
+    alone : bool
+        Whether no segment leads to it.
     """
 
     rho: Array
@@ -98,6 +100,7 @@ class SwitchingPoint:
     bodies: tuple[Body, Body]
     pose: Array
     index: int
+    alone: bool = False
 
     @property
     def touching(self) -> tuple[Contact, ...]:

@@ -156,7 +156,8 @@ class Body(_Sealed):
     outlines : tuple of tuples of int
         The same faces with their corners in the order given, where faces were given.
     deviation : (float, float)
-        Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most.
+        Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most: of one
+        made from a mesh or file also by how far its vertices were moved.
     notes : tuple of str
         How the body was decomposed and why, and what of its mesh was repaired.
     skin : tuple of tuples of (int, int, int)
@@ -280,7 +281,8 @@ class Body(_Sealed):
         made = decompose(mesh, origin, method=decomposition)
         apart = made.method == "coacd"
         body = cls._made(made.points, list(made.parts), None, origin, name, surface=made.surface, apart=apart)
-        return replace(body, deviation=made.deviation, notes=(made.why, *mesh.repairs))
+        out, short = made.deviation
+        return replace(body, deviation=(out + mesh.moved, short + mesh.moved), notes=(made.why, *mesh.repairs))
 
     @classmethod
     def from_file(
@@ -316,13 +318,14 @@ class Body(_Sealed):
         """
         from fcdm_opt.geometry.files import drawn_mesh
 
-        vertices, faces, remarks = drawn_mesh(path, unit=unit, file_unit=file_unit)
+        vertices, faces, remarks, moved = drawn_mesh(path, unit=unit, file_unit=file_unit)
         own = Path(path).stem if name is None else name
         try:
             body = cls.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=own)
         except InputError as reason:
             raise reason.within(file=path) from reason.__cause__
-        return replace(body, notes=(*body.notes, *remarks))
+        out, short = body.deviation
+        return replace(body, deviation=(out + moved, short + moved), notes=(*body.notes, *remarks))
 
     @classmethod
     def _made(

@@ -20,6 +20,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, Array
 from fcdm_opt.geometry.flattening import flattened
+from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.tolerances import DEFAULT
 
@@ -34,8 +35,8 @@ def read_mesh(path: str | Path, *, unit: str, file_unit: str | None = None) -> D
 
 def drawn_mesh(
     path: str | Path, *, unit: str, file_unit: str | None = None
-) -> tuple[Array, list[Polygon], tuple[str, ...]]:
-    """Return vertices, faces and remarks from a mesh or STEP file.
+) -> tuple[Array, list[Polygon], tuple[str, ...], float]:
+    """Return vertices, faces, remarks and what they changed from a mesh or STEP file.
 
     Parameters
     ----------
@@ -56,6 +57,8 @@ def drawn_mesh(
         are one mesh, those of a GLB scene where the scene places them.
     remarks : tuple of str
         What was done to the vertices.
+    moved : float
+        How far a vertex was moved at most from where the file has it, in `unit`.
 
     Raises
     ------
@@ -98,21 +101,23 @@ def drawn_mesh(
     if not len(faces):
         raise InputError("no faces in the file", file=path)
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
-    vertices, remarks = _plane(vertices, faces, single=own_unit is not None)
-    return vertices * scale.numerator / scale.denominator, faces, remarks
+    vertices, remarks, moved = _plane(vertices, faces, single=own_unit is not None)
+    return vertices * scale.numerator / scale.denominator, faces, remarks, moved * float(scale)
 
 
-def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...]]:
-    """Return vertices moved within their digits such that faces are plane, see `flattening`, and a remark if so."""
+def _plane(vertices: Array, faces: list[Polygon], *, single: bool) -> tuple[Array, tuple[str, ...], float]:
+    """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far."""
     size = float(np.abs(vertices).max(initial=0.0))
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
-        return vertices, ()  # `checked_mesh` says what is wrong
+        return vertices, (), 0.0  # `checked_mesh` says what is wrong
     with np.errstate(over="ignore"):
         single = single or bool((vertices == vertices.astype(np.float32)).all())
     digits = float(np.finfo(np.float32).eps) if single else DEFAULT.drawn
     moved = flattened(vertices, faces, digits * size, joined=single)
-    step = float(np.abs(moved - vertices).max()) / size if size else 0.0
-    return moved, (f"vertices moved by {step:.1g} of the size, to make plane faces plane",) if step else ()
+    step = float(norms(moved - vertices).max())
+    if not step:
+        return vertices, (), 0.0
+    return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step
 
 
 # ----------------------------------------------------------------------------------------------------- through trimesh

@@ -45,6 +45,8 @@ class Mesh:
         What was wrong in one way only, and was put right.
     name : str
         Used in messages.
+    moved : float
+        Largest distance of a point from the vertex that it was made one with.
     """
 
     vertices: Array
@@ -53,6 +55,7 @@ class Mesh:
     triangle_faces: Ints
     repairs: tuple[str, ...]
     name: str
+    moved: float = 0.0
 
     @cached_property
     def _volume_and_centroid(self) -> tuple[float, Array, float]:
@@ -133,6 +136,7 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
         triangle_faces=frozen(owner, np.int64),
         repairs=surface.repairs + remarks,
         name=name,
+        moved=float(norms(points - points[kept][owners]).max()) if repairs else 0.0,
     )
 
 

@@ -50,7 +50,7 @@ def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str
 
 def listed(curve: DecisionCurve) -> list[str]:
     """Return what a curve's pieces are, line by line; details are indented."""
-    if not curve.segments:
+    if not (curve.segments or curve.switching_points):
         return [f"no contact in the box: {curve.status}"]
     lines = [f"S{s.index}  {s.feature.label}{'  (snug)' if s.snug else ''}" for s in curve.segments]
     for point in curve.switching_points:

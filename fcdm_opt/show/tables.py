@@ -77,8 +77,6 @@ def print_curves(
         proved, settled = curve.paths["float"], curve.paths["exact"]
         print_text(out, f"part pairs: {proved} proved in floats, {settled} settled in rational numbers")
         out.print()
-        if not curve.segments:
-            continue
         segments = [
             {
                 "segment": f"S{s.index}" + (" (snug)" if s.snug else ""),
@@ -90,8 +88,9 @@ def print_curves(
             }
             for s in curve.segments
         ]
-        print_rows(out, segments, numbers=("a", "b", "c", "slope"))
-        out.print()
+        if segments:
+            print_rows(out, segments, numbers=("a", "b", "c", "slope"))
+            out.print()
         points = [
             {
                 "switching point": f"SW{p.index}",

@@ -428,6 +428,7 @@ class _Judge:
         else:  # a separation over some directions: it has the sign of the distance and does not exceed it
             wrong = max(claimed - gap, -claimed, 0.0) if self._state(claimed) == state else abs(claimed - gap)
         checks = [
+            self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
             Check("pair state", solution.pair_state == state, gap, self.limit, f"is {state}"),
             _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
@@ -441,6 +442,32 @@ class _Judge:
         if "clear" in (problem.pair, problem.goal):
             checks.append(_at_least("clearance", gap, problem.clearance - self.limit))
         return checks
+
+    def _sizes_asked(self) -> Check:
+        """Check that the problem's target is that of the question as it was put.
+
+        A nominal pair may be moved to a switching point that it is within rounding of, and where a goal tracks its
+        contact by `snap` of each scale.
+        """
+        problem, request = self.problem, self.problem.request
+        asked, limit = request["target"], self.tolerances.requirement
+        if asked is None:
+            nominal, limit = request["nominal"], self.tolerances.nominal
+            if isinstance(nominal, int):
+                nominal = problem.curve.switching_points[nominal - 1].rho
+            elif problem.goal in TRACKING:
+                limit = max(limit, problem.snap)
+            nominal = (1.0, 1.0) if isinstance(nominal, str) else nominal
+            shares, letter = np.array(request["tolerance"], dtype=np.float64), request["requirement"]
+            (less, more), (fewer, greater) = np.broadcast_to(shares[:, None] if shares.ndim == 1 else shares, (2, 2))
+            asked = np.array(nominal) * (
+                1.0 + (more if letter in "AB" else -less),
+                1.0 + (greater if letter in "AC" else -fewer),
+            )
+        off = np.abs(problem.target / asked - 1.0).max()
+        return _at_most(
+            "sizes asked", off, limit + self.tolerances.requirement, f"relative, from {_pair(np.array(asked))}"
+        )
 
     def scene(self) -> list[Check]:
         """Check that the part made keeps clear of each keep-out, at every scale of its range."""

@@ -42,7 +42,7 @@ from fcdm_opt.tolerance.schema import (
     plain,
     refusal,
 )
-from fcdm_opt.tolerance.syntax import mistake
+from fcdm_opt.tolerance.syntax import mistake, parsed
 from fcdm_opt.tolerances import DEFAULT
 
 Read = TypeVar("Read", bound=Entry)
@@ -459,7 +459,7 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
                 "the file is too large", file=file, allowed=f"a {kind} (TOML) of at most {LARGEST_FILE} bytes"
             )
         text = content.decode("utf-8-sig")  # some editors begin a file with a mark
-        data = tomllib.loads(text)
+        data = parsed(text)
     except tomllib.TOMLDecodeError as reason:
         raise InputError(f"not valid TOML: {mistake(text, reason)}", file=file) from reason
     except UnicodeDecodeError as reason:

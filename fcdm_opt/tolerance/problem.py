@@ -78,8 +78,8 @@ class Problem:
     motion : Motion
         The family of motions to choose from.
     goal : "beyond", "at", "seat", "touch" or "clear", optional
-        Default: "beyond" at a switching point with a requirement, "seat" where the nominal contact is flush, else
-        "touch".
+        Default: "beyond" at a switching point between two segments with a requirement, "seat" where the nominal contact
+        is flush, else "touch".
     pair : "any", "clear" or "touch"
         State of the target pair that is required besides the goal.
     clearance : float
@@ -108,9 +108,10 @@ class Problem:
         The two features to track at a switching point where more than two lines meet; default those of the segments
         that meet there. Attribute: two `Feature`, or None.
     snap : float
-        For goals that need a nominal contact: a nominal pair off the curve, whose gap is at most `snap` times the size
-        of the bodies, is closed to the nearest point of the curve in the (rho_1, rho_2) plane, or to a switching point
-        whose scales differ by no more than `snap`. See `snapped`. "touch" and "clear" leave the pair as it is.
+        For goals that need a nominal contact: a nominal pair off the curve is closed to the nearest point of the curve
+        in the (rho_1, rho_2) plane, or to a switching point, where its gap is at most `snap` times the size of the
+        bodies and neither scale changes by more than `snap`, relative; else it is refused. See `snapped`. "touch" and
+        "clear" leave the pair as it is.
     name : str
         Name of the case.
     published : sequence of floats, optional
@@ -302,7 +303,10 @@ class Problem:
     def _chosen_goal(self) -> str:
         if self.goal is not None:
             return str(self.goal)
-        if self.requirement and self._at_switching_point:
+        from fcdm_opt.curve.segments import SwitchingPoint
+
+        contact = self.nominal_contact
+        if self.requirement and isinstance(contact, SwitchingPoint) and not contact.alone:
             return "beyond"
         if self.nominal_seats:
             return "seat"
@@ -321,7 +325,8 @@ class Problem:
             raise InputError(
                 f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
                 f"the gap there is {self.curve.gap(asked):.6g} (> 0 apart, < 0 overlapping), and one of "
-                f"{self.snap * self.size:.3g} (snap times the size) would be closed",
+                f"{self.snap * self.size:.3g} (snap times the size) would be closed if no scale changed by more than "
+                f"{self.snap:.3g} (snap) of what was asked",
                 key="nominal",
                 found=asked.tolist(),
                 allowed='a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"',
@@ -485,14 +490,20 @@ class Problem:
             return None
         asked = np.array(self._asked_pair)
         gap = float(self.curve.gap(asked))
+        if abs(gap) > self.snap * self.size:
+            return None
         for point in self.curve.switching_points:
-            if np.abs(point.rho / asked - 1.0).max() <= self.snap:
+            if self._within_snap(point.rho, asked):
                 return point, Snapped(asked, point.rho, gap)
         nearest = self.curve.nearest(asked)
-        if located is not None or not (abs(gap) <= self.snap * self.size and np.isfinite(nearest).all()):
+        if located is not None or not self._within_snap(nearest, asked):
             return None
         contact = self.curve.locate(nearest, DEFAULT.nominal)
         return None if contact is None else (contact, Snapped(asked, nearest, gap))
+
+    def _within_snap(self, pair: Array, asked: Array) -> bool:
+        """Tell whether neither scale differs from the one asked for by more than `snap`; never for nan."""
+        return bool(np.abs(pair / asked - 1.0).max() <= self.snap)
 
     @property
     def snapped(self) -> Snapped | None:

@@ -1,9 +1,10 @@
-"""What is wrong with a text that is no TOML, in words: a key given twice, a comma for a decimal point."""
+"""Reading TOML, and what is wrong with a text that is none, in words: a key given twice, a decimal comma."""
 
 from __future__ import annotations
 
 import re
 import tomllib
+from typing import Any
 
 _PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
 _END = "(at end of document)"
@@ -11,6 +12,27 @@ _KEY = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"
 _TABLE = re.compile(r"\[.*\]\s*(#.*)?$")  # at the very left: further right it is a line of a list
 _COMMA = re.compile(r"(?<![\w.,])[+-]?\d+,\d+(?![\w.])")
 _TWICE = ("Cannot overwrite a value", "Cannot mutate immutable namespace")
+
+LEVELS = 64  # of a dotted key: far more than any key has; the parser's time grows with their square, to minutes
+_TEXTS = re.compile(r'''"""(?:\\.|[^\\])*?"""|\'{3}.*?\'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|(#[^\n]*+)''', re.DOTALL)
+_DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{LEVELS}}}")
+
+
+def parsed(text: str) -> dict[str, Any]:
+    """Return the contents of a TOML text.
+
+    Raises
+    ------
+    tomllib.TOMLDecodeError
+        For a text that is no TOML.
+    RecursionError, ValueError
+        For one that is nested too deep, and other numbers than Python reads.
+    """
+    deep = _DEEP.search(_TEXTS.sub(lambda found: "" if found[1] else "x" + "\n" * found[0].count("\n"), text))
+    if deep is not None:
+        line = deep.string.count("\n", 0, deep.start()) + 1
+        raise ValueError(f"a key of more than {LEVELS} levels (at line {line})")
+    return tomllib.loads(text)
 
 
 def mistake(text: str, reason: tomllib.TOMLDecodeError) -> str:

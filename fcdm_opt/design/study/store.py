@@ -4,7 +4,8 @@
     points    number, key, values (JSON)
     results   key, status, usable, amount, row (JSON, see `point.row`)
 
-What is committed survives the death of the process at any moment; a row is written once and never again.
+What is committed survives the death of the process at any moment; a row is written once and never again. The files
+beside the store, SQLite's and the lock, are there while a run is, and after one that was killed.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TextIO
 
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.errors import InputError
@@ -90,15 +91,17 @@ class Store:
         with _refusals(self.path), ExitStack() as stack:
             folder.mkdir(parents=True, exist_ok=True)
             stack.enter_context(_locked(folder / LOCK))
+            self._own = {folder / LOCK: _identity(folder / LOCK)}
             if not self.path.exists():  # what SQLite left beside a store that was taken away would spoil a new one
                 for rest in ("-wal", "-shm"):
                     self.path.with_name(FILE + rest).unlink(missing_ok=True)
             self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            self._own[self.path] = _identity(self.path)
             stack.callback(self._base.close)
             self._prepare(owner)
+            stack.callback(self._put_away)
             self._fresh = self._base.execute("SELECT 1 FROM results LIMIT 1").fetchone() is None
             self._written: set[int] = set()
-            self._own = {path: _identity(path) for path in (self.path, folder / LOCK)}
             self._open = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -139,6 +142,16 @@ class Store:
             if _identity(path) != known:
                 raise InputError("taken away while a run was writing to it", file=path, allowed="running it again")
 
+    def _put_away(self) -> None:
+        """Leave a store of one file: readers of one that is ready for writers leave files beside it.
+
+        Not where somebody reads it now, or the files were taken away: then the next run does.
+        """
+        with suppress(InputError, OSError, sqlite3.Error):
+            self._check_place()
+            self._base.execute("PRAGMA busy_timeout = 0")
+            self._base.execute("PRAGMA journal_mode = DELETE")
+
     @contextmanager
     def _transaction(self) -> Iterator[None]:
         self._base.execute("BEGIN IMMEDIATE")
@@ -155,11 +168,11 @@ class Store:
     def _prepare(self, owner: Belonging) -> None:
         """Make the tables, or check those that are there."""
         tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if not tables:
-            self._base.execute("PRAGMA journal_mode = WAL")
-        self._base.execute("PRAGMA synchronous = NORMAL")
         if tables:
             self._check(tables, owner)
+        self._base.execute("PRAGMA journal_mode = WAL")
+        self._base.execute("PRAGMA synchronous = NORMAL")
+        if tables:
             return
         meta = {
             "schema": str(SCHEMA),
@@ -236,19 +249,35 @@ def _refusals(path: Path) -> Iterator[None]:
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
     """Keep other runs out as long as this process lives; the system lets go of the lock however that ends."""
-    with path.open("a+", encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as reason:
-            file.seek(0)
-            holder = file.read().strip()
-            raise InputError(
-                "another run is writing to this folder",
-                file=path.parent,
-                found=f"process {holder}" if holder else None,
-                allowed="waiting for it to end; or another folder",
-            ) from reason
+    with ExitStack() as stack:
+        while True:
+            file = stack.enter_context(path.open("a+", encoding="utf-8"))
+            _lock(file, path)
+            own = os.fstat(file.fileno())
+            with suppress(FileNotFoundError):
+                if _identity(path) == (own.st_dev, own.st_ino):
+                    break
+            file.close()  # a run that ended just now took it away
         file.truncate(0)
         file.write(f"{os.getpid()}\n")
         file.flush()
-        yield
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                if _identity(path) == (own.st_dev, own.st_ino):
+                    path.unlink()
+
+
+def _lock(file: TextIO, path: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as reason:
+        file.seek(0)
+        holder = file.read().strip()
+        raise InputError(
+            "another run is writing to this folder",
+            file=path.parent,
+            found=f"process {holder}" if holder else None,
+            allowed="waiting for it to end; or another folder",
+        ) from reason

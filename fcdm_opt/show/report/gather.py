@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -17,6 +16,7 @@ from fcdm_opt.show.report.cases import case_report
 from fcdm_opt.show.report.matrix import matrices
 from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.tolerance.syntax import parsed
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
@@ -133,7 +133,7 @@ def _digest(path: Path) -> str | None:
 def _meshes(path: Path) -> list[str]:
     """Return the mesh files that a problem file names, in order; none where it cannot be read."""
     try:
-        contents = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        contents = parsed(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError):
         return []
     bodies = contents.get("bodies", {})

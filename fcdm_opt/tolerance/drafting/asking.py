@@ -89,7 +89,8 @@ def _nominal(situation: Situation) -> list[str]:
     if more:
         lines += [f"# ... and {more} more switching points: see `fcdm-opt curve`"]
     if remarks.nearly(situation):
-        least = float(f"{2.0 * abs(situation.gap) / situation.size:.1e}")
+        moved = 0.0 if situation.nearest is None else float(np.abs(situation.nearest.pair - 1.0).max())
+        least = float(f"{2.0 * max(abs(situation.gap) / situation.size, moved):.1e}")
         lines += [
             f"#snap = {least!r}  # the same for goals at, seat, beyond: closes the gap by nominal SIZE, not by place",
         ]

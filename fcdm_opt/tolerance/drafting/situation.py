@@ -62,7 +62,10 @@ class Situation:
     @cached_property
     def state(self) -> str:
         """Return "touching" where a nominal contact as drawn would be taken for one, else "apart", "overlapping"."""
-        if self._usual.locate(DRAWN) is not None or abs(self.gap) <= DEFAULT.snap * self.size:
+        if self._usual.locate(DRAWN) is not None:
+            return "touching"
+        moved = np.abs(self._usual.nearest(DRAWN) - DRAWN).max()
+        if abs(self.gap) <= DEFAULT.snap * self.size and moved <= DEFAULT.snap:
             return "touching"
         return "apart" if self.gap > 0 else "overlapping"
 
