@@ -1,0 +1,616 @@
+"""Least motions for "touch" and "clear", by means that share nothing with the package.
+
+With the rotation fixed, two convex solids overlap for the shifts inside one convex polyhedron, whose faces are among the
+separating axes. So pure translations are exact: branch over the faces by which to leave each polyhedron, nearest point
+first. Turns are scanned, with the shift exact for each (`Scan`), and what is found is refined: such motions are valid, and
+an upper bound of the least.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from attack import motions
+from attack.separation import Array, Hull, axes, distance, reaches, separations
+
+EPS = 1e-11  # of the size: rounding of a scene's own coordinates
+SLACK = 1e-8  # of the size: what a valid motion may miss; far above rounding, far below every size in a scene
+MOST_NODES = 4000
+
+
+class Pair(NamedTuple):
+    """Two convex solids at the sizes made, at rest; `own`: of the two bodies, not of a keep-out."""
+
+    one: Hull
+    two: Hull
+    clearance: float
+    own: bool
+
+
+class Rows(NamedTuple):
+    """Shifts q that free a pair along one of its axes: g.q >= h; with all g.q < h it overlaps (or is too near)."""
+
+    g: Array
+    h: Array
+    touch: Array  # h without the clearance
+    own: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What is asked of a motion.
+
+    Attributes
+    ----------
+    steps : Steps
+    movable, static : (3,) arrays
+        Seeds.
+    pairs : tuple of Pair
+    touch : bool
+        Whether the two bodies must touch, besides not overlapping.
+    weights : (k,) array
+    limits : (k, 2) array
+    size : float
+    displacement : bool
+        Whether the amount is the largest displacement of a corner, not the weighted one.
+    """
+
+    steps: motions.Steps
+    movable: Array
+    static: Array
+    pairs: tuple[Pair, ...]
+    touch: bool
+    weights: Array
+    limits: Array
+    size: float
+    displacement: bool = False
+
+    def poses(self, Q: Any) -> tuple[Array, Array]:
+        """Return R, t for parameters (N, k)."""
+        return motions.poses(self.steps, Q, self.movable, self.static)
+
+    @cached_property
+    def corners(self) -> Array:
+        """Corners of body 1 at rest, each once."""
+        return np.unique(np.vstack([pair.one.points for pair in self.pairs if pair.own]), axis=0)
+
+    @cached_property
+    def slack(self) -> float:
+        """Length that a valid motion may miss."""
+        return SLACK * self.size
+
+    def amount(self, q: Any) -> float:
+        """Return the amount of a motion."""
+        if not self.displacement:
+            return float(np.linalg.norm(self.weights * q))
+        R, t = self.poses(q)
+        return float(np.linalg.norm(self.corners @ R[0].T + t[0] - self.corners, axis=1).max())
+
+    def gap(self, q: Any) -> float:
+        """Return how far the bodies are apart, or minus the depth of their deepest parts."""
+        return min(self._apart(pair, *self.poses(q)) for pair in self.pairs if pair.own)
+
+    def _apart(self, pair: Pair, R: Array, t: Array) -> float:
+        found = float(separations(pair.one, pair.two, R, t)[0])
+        return distance(pair.one.moved(R[0], t[0]), pair.two) if found > 0 else found
+
+    def faults(self, q: Any, slack: float | None = None) -> list[str]:
+        """Return what a motion does not meet: nothing where it is valid."""
+        allowed = self.slack if slack is None else slack
+        R, t = self.poses(q)
+        found = []
+        own = [self._apart(pair, R, t) - pair.clearance for pair in self.pairs if pair.own]
+        if min(own) < -allowed:
+            found.append(f"gap: {min(own):.3g} below what is asked")
+        if self.touch and min(own) > allowed:
+            found.append(f"apart by {min(own):.3g}, should touch")
+        other = [self._apart(pair, R, t) - pair.clearance for pair in self.pairs if not pair.own]
+        if other and min(other) < -allowed:
+            found.append(f"keep-out: {min(other):.3g} below what is asked")
+        if (np.asarray(q) < self.limits[:, 0] - 1e-9).any() or (np.asarray(q) > self.limits[:, 1] + 1e-9).any():
+            found.append("outside its limits")
+        return found
+
+    def margins(self, Q: Any) -> tuple[Array, Array]:
+        """Return (separation of the bodies less the clearance, least of all pairs less theirs), (N,) each."""
+        R, t = self.poses(Q)
+        own, every = np.full(len(R), np.inf), np.full(len(R), np.inf)
+        for pair in self.pairs:
+            found = separations(pair.one, pair.two, R, t)
+            if pair.clearance > 0:  # the distance is no less than the separation: only what is between matters
+                for k in np.flatnonzero((found > 0) & (found < pair.clearance)):
+                    found[k] = distance(pair.one.moved(R[k], t[k]), pair.two)
+                found = found - pair.clearance
+            every = np.minimum(every, found)
+            own = np.minimum(own, found) if pair.own else own
+        return own, every
+
+    def valid(self, Q: Any) -> Any:
+        """Tell which motions meet everything but the limits, to rounding."""
+        own, every = self.margins(Q)
+        fine = every >= -EPS * self.size
+        return fine & (own <= EPS * self.size) if self.touch else fine
+
+    @cached_property
+    def turns(self) -> Any:
+        """Which parameters are angles."""
+        return motions.turns(self.steps)
+
+    @cached_property
+    def shifts_plainly(self) -> bool:
+        """Whether the rotation does not depend on the parameters that are lengths, and the shift is linear in them."""
+        q = np.random.default_rng(0).normal(size=(3, len(self.turns)))
+        q[:, self.turns] = q[0, self.turns]
+        q[2, ~self.turns] = 2 * q[1, ~self.turns] - q[0, ~self.turns]
+        R, t = self.poses(q)
+        return bool(np.abs(R - R[0]).max() < 1e-12 and np.abs(t[2] - 2 * t[1] + t[0]).max() < 1e-9)
+
+    def affine(self, angles: Array) -> tuple[Array, Array, Array]:
+        """Return R (N, 3, 3), t (N, 3) and B (N, 3, m) of x -> R x + t + B s, s the lengths, for angles (N, n)."""
+        rows = np.zeros((len(angles), len(self.turns)))
+        rows[:, self.turns] = angles
+        R, t = self.poses(rows)
+        columns = []
+        for k in np.flatnonzero(~self.turns):
+            more = rows.copy()
+            more[:, k] = 1.0
+            columns.append(self.poses(more)[1] - t)
+        return R, t, np.stack(columns, axis=2)
+
+    def rows(self, R: Array, t: Array, B: Array) -> Iterator[Rows]:
+        """Yield, pair by pair, the rows g (N, m, k), h (N, m) for poses R, t and shifts B."""
+        for pair in self.pairs:
+            n = axes(pair.one, pair.two, R)
+            if pair.clearance > 0 and B.shape[2] > 1:  # corners keep their distance along no axis of a face
+                n = np.concatenate([n, _between(n)], axis=1)
+            above, below = reaches(pair.one, pair.two, R, n)
+            along, slope = np.einsum("nmi,ni->nm", n, t), n @ B
+            g = np.concatenate([-slope, slope], axis=1)
+            touch = np.concatenate([along - above, -along - below], axis=1)
+            yield Rows(g, touch + pair.clearance, touch, pair.own)
+
+
+def _between(n: Array) -> Array:
+    """Return the directions half-way between any two of the first few."""
+    few = n[:, :6]
+    sums = [few[:, i] + sign * few[:, j] for i, j in itertools.combinations(range(few.shape[1]), 2) for sign in (1, -1)]
+    found = np.stack(sums, axis=1)
+    lengths = np.linalg.norm(found, axis=2, keepdims=True)
+    return np.where(lengths > 1e-6, found / np.where(lengths > 1e-6, lengths, 1.0), n[:, :1])
+
+
+class Found(NamedTuple):
+    """A valid motion of the oracle's, and whether nothing is smaller."""
+
+    q: Array
+    amount: float
+    exact: bool
+
+
+# ------------------------------------------------------------------------------------------------- lengths, angles fixed
+
+
+def nearest(G: Array, h: Array) -> Array | None:
+    """Return the point nearest to 0 with G x >= h, None where there is none: Lawson and Hanson's problem LDP."""
+    if not len(h) or (h <= 0).all():
+        return np.zeros(G.shape[1])
+    norms = np.linalg.norm(G, axis=1)
+    if (h[norms == 0] > 0).any():
+        return None
+    G, h = G[norms > 0] / norms[norms > 0, None], h[norms > 0] / norms[norms > 0]
+    unit = float(np.abs(h).max())
+    E, f = np.vstack([G.T, h / unit]), np.append(np.zeros(G.shape[1]), 1.0)
+    u, residual = nnls(E, f)
+    r = E @ u - f
+    if residual < 1e-9:
+        return None
+    x = -r[:-1] / r[-1] * unit
+    return x if (G @ x >= h - 1e-9 * unit).all() else None
+
+
+def least_shift(pairs: list[Rows], touch: bool, bounds: tuple[Array, Array], most: float, eps: float) -> Any:
+    """Return (the shift nearest to 0 that meets everything, whether that is certain); (None, ...) where none is.
+
+    Parameters
+    ----------
+    pairs : list of Rows
+        g (m, k) and h (m,) in coordinates whose norm is the amount.
+    touch : bool
+        Whether some own pair must touch.
+    bounds : G (r, k), h (r,)
+        Limits.
+    most : float
+        Amounts from here on do not matter.
+    eps : float
+        Length that counts as none.
+    """
+    kept = [_thinned(pair, eps) for pair in pairs]
+    blocks = [pair for pair in kept if not (pair.h[_flat(pair)] <= eps).any()]  # the others overlap for no shift
+    count = itertools.count()
+    heap: list[Any] = []
+
+    def push(G: Array, h: Array) -> None:
+        x = nearest(G, h)
+        if x is not None and (size := float(np.linalg.norm(x))) < most:
+            heapq.heappush(heap, (size, next(count), x, G, h))
+
+    if touch:
+        for pair in kept:
+            if pair.own and not (pair.touch[_flat(pair)] < -eps).any():
+                push(np.vstack([bounds[0], -pair.g]), np.append(bounds[1], -pair.touch - _ease(pair, eps)))
+    else:
+        push(*bounds)
+    for _ in range(MOST_NODES):
+        if not heap:
+            return None, True
+        _, _, x, G, h = heapq.heappop(heap)
+        depth, worst = max(((float((pair.h - pair.g @ x).min()), k) for k, pair in enumerate(blocks)), default=(0.0, 0))
+        if depth <= 2 * eps:
+            return x, True
+        pair = blocks[worst]
+        norms = np.linalg.norm(pair.g, axis=1)
+        useful = ~_flat(pair) & (pair.h < (most if np.isfinite(most) else 1e30) * norms)
+        for k in np.flatnonzero(useful):
+            push(np.vstack([G, pair.g[k]]), np.append(h, pair.h[k]))
+    return None, False
+
+
+def _flat(pair: Rows) -> Any:
+    return np.linalg.norm(pair.g, axis=1) < 1e-10
+
+
+def _ease(pair: Rows, eps: float) -> Any:
+    """Flat rows of a sliding contact are zero to rounding only."""
+    return np.where(_flat(pair), eps, 0.0)
+
+
+def _thinned(pair: Rows, eps: float) -> Rows:
+    """Return a pair with rows that are repeated kept once."""
+    table = np.round(np.column_stack([pair.g, pair.h]) / np.array([1e-10] * pair.g.shape[1] + [max(eps, 1e-300)]))
+    _, first = np.unique(table, axis=0, return_index=True)
+    return Rows(pair.g[first], pair.h[first], pair.touch[first], pair.own)
+
+
+def intervals(rows: Rows, eps: float) -> tuple[Array, Array, Array, Array]:
+    """Return (low, high) of the blocked interval and whether (it is blocked, it may touch), each (N,), for one length."""
+    g, h = rows.g[:, :, 0], rows.h
+    flat = np.abs(g) < 1e-10
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = h / g
+    high = np.where((g > 0) & ~flat, ends, np.inf).min(axis=1)
+    low = np.where((g < 0) & ~flat, ends, -np.inf).max(axis=1)
+    blocked = ~(flat & (h <= eps)).any(axis=1) & (low < high - eps)
+    touching = ~(flat & (h < -eps)).any(axis=1) & (low <= high + eps)
+    return low, high, blocked, touching
+
+
+def least_lengths(setting: Setting, angles: Array, most: float = np.inf) -> Array:
+    """Return, for angles (N, n), the least length of a motion with one parameter besides them; nan where none is."""
+    eps = EPS * setting.size
+    R, t, B = setting.affine(angles)
+    spans = [(*intervals(rows, eps), rows.own) for rows in setting.rows(R, t, B)]
+    own_limits = setting.limits[~setting.turns][0]
+    ends = [np.clip(np.zeros(len(angles)), *own_limits)]
+    for low, high, *_ in spans:
+        ends += [low, high]
+    candidates = np.stack(ends, axis=1)
+    fine = np.isfinite(candidates) & (candidates >= own_limits[0] - eps) & (candidates <= own_limits[1] + eps)
+    touched = np.zeros_like(fine)
+    for low, high, blocked, touching, own in spans:
+        inside = (candidates > low[:, None] + 2 * eps) & (candidates < high[:, None] - 2 * eps)
+        fine &= ~(inside & blocked[:, None])
+        if own:
+            near = (candidates >= low[:, None] - eps) & (candidates <= high[:, None] + eps)
+            touched |= near & touching[:, None]
+    if setting.touch:
+        fine &= touched
+    sizes = np.where(fine, np.abs(np.where(fine, candidates, 0.0)), np.inf)
+    best = sizes.argmin(axis=1)
+    rows_ = np.arange(len(angles))
+    return np.where(np.isfinite(sizes[rows_, best]), candidates[rows_, best], np.nan)
+
+
+# ------------------------------------------------------------------------------------------------------------ the search
+
+
+def least(setting: Setting, rng: np.random.Generator, effort: int = 1) -> Found | None:
+    """Return the least motion known: exact for translations, refined from a scan elsewhere; None where none is known."""
+    count = int(setting.turns.sum())
+    plain = not setting.displacement and setting.shifts_plainly and not setting.turns.all()
+    if count == 0:
+        found = _translated(setting)
+    elif plain and (count > 1 or (~setting.turns).sum() > 1 or not any(pair.clearance for pair in setting.pairs)):
+        found = _turned_and_shifted(setting, rng, effort)
+    elif len(setting.turns) == 1:
+        found = _scanned(setting)
+    else:
+        found = _along_rays(setting, rng, effort)
+    if found is None or setting.faults(found.q):
+        return None
+    return found
+
+
+def _translated(setting: Setting) -> Found | None:
+    """Return the least pure translation."""
+    R, t, B = setting.affine(np.zeros((1, 0)))
+    if setting.displacement:  # |B q| is the amount: in coordinates y = S q with B = O S
+        S = np.linalg.qr(B[0])[1]
+    else:
+        S = np.diag(setting.weights)
+    clearances = any(pair.clearance for pair in setting.pairs)
+    if clearances and len(setting.turns) == 1:
+        return _scanned(setting)
+    inverse = np.linalg.inv(S)
+    pairs = [Rows(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
+    y, certain = least_shift(pairs, setting.touch, _bounds(setting, inverse), np.inf, EPS * setting.size)
+    if y is None:
+        return None
+    q = inverse @ y
+    return Found(q, setting.amount(q), certain and not clearances)
+
+
+def _bounds(setting: Setting, inverse: Array) -> tuple[Array, Array]:
+    """Return the limits of the lengths as rows G y >= h, y = inverse^-1 q."""
+    limits = setting.limits[~setting.turns]
+    G, h = [], []
+    for k, (low, high) in enumerate(limits):
+        if np.isfinite(low):
+            G.append(inverse[k])
+            h.append(low)
+        if np.isfinite(high):
+            G.append(-inverse[k])
+            h.append(-high)
+    return np.array(G).reshape(-1, len(limits)), np.array(h)
+
+
+def _turned_and_shifted(setting: Setting, rng: np.random.Generator, effort: int) -> Found | None:
+    """Search over the angles, with the lengths exact for each."""
+    turns = setting.turns
+    heavy, limits = setting.weights[turns], setting.limits[turns]
+    low, high = np.maximum(limits[:, 0], -np.pi), np.minimum(limits[:, 1], np.pi)
+
+    def motion(angles: Array, best: float) -> Array | None:
+        """Return the least whole motion with these angles."""
+        turned = float(np.linalg.norm(heavy * angles))
+        if turned >= best or (angles < low).any() or (angles > high).any():
+            return None
+        q = np.zeros(len(turns))
+        q[turns] = angles
+        if len(turns) - len(angles) == 1:
+            length = least_lengths(setting, angles[None])[0]
+            if np.isnan(length):
+                return None
+            q[~turns] = length
+            return q
+        R, t, B = setting.affine(angles[None])
+        inverse = np.diag(1.0 / setting.weights[~turns])
+        pairs = [Rows(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
+        rest = np.sqrt(best * best - turned * turned) if np.isfinite(best) else np.inf
+        y, _ = least_shift(pairs, setting.touch, _bounds(setting, inverse), rest, EPS * setting.size)
+        if y is None:
+            return None
+        q[~turns] = inverse @ y
+        return q
+
+    if len(heavy) == 1:
+        return _one_angle(setting, motion, (low[0], high[0]), effort)
+    return _several_angles(setting, motion, rng, effort)
+
+
+Inner = Callable[[Array, float], Array | None]
+
+
+def _one_angle(setting: Setting, motion: Inner, span: tuple[float, float], effort: int) -> Found | None:
+    """Scan one angle, then halve round the best of the scan again and again."""
+    fine = np.concatenate([-np.geomspace(1e-7, np.pi, 120)[::-1], [0.0], np.geomspace(1e-7, np.pi, 120)])
+    grid = np.unique(np.concatenate([np.linspace(-np.pi, np.pi, 361 * effort), fine, np.pi / 4 * np.arange(-4, 5)]))
+    grid = np.unique(np.clip(grid, *span))
+    single = len(setting.turns) == 2
+    weight = setting.weights[setting.turns][0]
+    own = setting.weights[~setting.turns][0]
+
+    def values(angles: Array, best: float) -> list[tuple[float, Array]]:
+        found = []
+        if single:
+            lengths = least_lengths(setting, angles[:, None])
+            for angle, length in zip(angles, lengths, strict=True):
+                q = np.zeros(2)
+                q[setting.turns], q[~setting.turns] = angle, length
+                found.append((float(np.hypot(weight * angle, own * length)), q))
+        else:
+            for angle in angles[np.argsort(np.abs(angles))]:
+                q = motion(np.array([angle]), best)
+                if q is not None:
+                    best = min(best, setting.amount(q))
+                    found.append((setting.amount(q), q))
+        return [(amount, q) for amount, q in found if not np.isnan(amount)]
+
+    found = values(grid, np.inf)
+    if not found:
+        return None
+    found.sort(key=lambda item: item[0])
+    best = found[0]
+    for _, start in found[: 6 * effort]:
+        centre = float(start[setting.turns][0])
+        at = int(np.searchsorted(grid, centre))
+        step = float(max(grid[min(at + 1, len(grid) - 1)] - centre, centre - grid[max(at - 1, 0)]))
+        local: tuple[float, Array] = (np.inf, start)
+        for _ in range(16):
+            near = values(np.clip(centre + step * np.linspace(-1, 1, 17), *span), np.inf if single else best[0] * 1.5)
+            local = min([local, *near], key=lambda item: item[0])
+            centre, step = float(local[1][setting.turns][0]), step / 5
+        best = min(best, local, key=lambda item: item[0])
+    return Found(best[1], best[0], False)
+
+
+def _several_angles(setting: Setting, motion: Inner, rng: np.random.Generator, effort: int) -> Found | None:
+    """Search two or three angles from several starts, by steps along random directions that shrink."""
+    turns = setting.turns
+    n = int(turns.sum())
+    best: Array | None = motion(np.zeros(n), np.inf)
+    amount = np.inf if best is None else setting.amount(best)
+    starts = [np.zeros(n)]
+    scales = np.geomspace(1e-3, 1.5, 4)
+    for scale in scales:
+        starts += [sign * scale * axis for axis in np.eye(n) for sign in (1.0, -1.0)]
+        starts += list(scale * rng.normal(size=(2 * effort, n)))
+    tried = []
+    for start in starts:
+        q = motion(start, amount * 1.2 if np.isfinite(amount) else np.inf)
+        if q is not None:
+            tried.append((setting.amount(q), start, q))
+            if tried[-1][0] < amount:
+                amount, best = tried[-1][0], q
+    tried.sort(key=lambda item: item[0])
+    for own, start, found in tried[: 2 + 2 * effort]:
+        at, value, q = start, own, found
+        step = max(0.3 * float(np.linalg.norm(start)), 0.02)
+        for _ in range(60 * effort):
+            u = rng.normal(size=n)
+            u *= step / np.linalg.norm(u)
+            for other in (at + u, at - u, at * (1 - step)):
+                tested = motion(other, value)
+                if tested is not None and setting.amount(tested) < value * (1 - 1e-12):
+                    at, value, q = other, setting.amount(tested), tested
+                    step *= 1.5
+                    break
+            else:
+                step *= 0.75
+            if step < 1e-9:
+                break
+        if value < amount:
+            amount, best = value, q
+    return None if best is None else Found(best, amount, False)
+
+
+def _scanned(setting: Setting) -> Found | None:
+    """Return the least of one parameter: a dense scan of the separation, roots by bisection."""
+    low, high = setting.limits[0]
+    turning = bool(setting.turns[0])
+    reach = np.pi if turning else 4.0 * setting.size
+    low, high = max(low, -reach), min(high, reach)
+    fine = np.geomspace(1e-9, 1.0, 200) * reach
+    grid = np.unique(np.clip(np.concatenate([-fine, [0.0], fine, np.linspace(-reach, reach, 3001)]), low, high))
+    own, every = setting.margins(grid[:, None])
+    eps = EPS * setting.size
+    candidates = [float(s) for s in grid[setting.valid(grid[:, None])]]
+    for k in range(len(grid) - 1):
+        for values in (own, every):
+            if (values[k] >= 0) != (values[k + 1] >= 0):
+                which = values is every
+                candidates += _root(setting, grid[k], grid[k + 1], which)
+    for k in range(1, len(grid) - 1):  # a window, or a graze, between the points of the scan
+        for sign, values in ((1.0, every), (-1.0, own)):
+            middle = sign * values[k]
+            if middle < 0 and middle >= max(sign * values[k - 1], sign * values[k + 1]) > -0.05 * setting.size:
+                peak = _peak(setting, grid[k - 1], grid[k + 1], sign)
+                top = setting.margins([[peak]])[sign < 0 and 0 or 1][0]
+                if sign * top >= -eps:
+                    candidates.append(peak)
+                    for end in (grid[k - 1], grid[k + 1]):
+                        candidates += _root(setting, min(end, peak), max(end, peak), sign > 0)
+    if not candidates:
+        return None
+    found = np.array(sorted(candidates, key=abs))
+    own, every = setting.margins(found[:, None])
+    fine = every >= -10 * eps
+    if setting.touch:
+        fine &= own <= 10 * eps
+    if not fine.any():
+        return None
+    amounts = [(setting.amount([s]), float(s)) for s in found[fine]]
+    amount, s = min(amounts)
+    return Found(np.array([s]), amount, False)
+
+
+def _value(setting: Setting, s: float, every: bool) -> float:
+    return float(setting.margins([[s]])[1 if every else 0][0])
+
+
+def _root(setting: Setting, low: float, high: float, every: bool) -> list[float]:
+    """Return both ends of the last bracket of a change of sign."""
+    first = _value(setting, low, every) >= 0
+    for _ in range(70):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        if (_value(setting, middle, every) >= 0) == first:
+            low = middle
+        else:
+            high = middle
+    return [low, high]
+
+
+def _peak(setting: Setting, low: float, high: float, sign: float) -> float:
+    """Return where the separation is largest (or, sign -1, least) in an interval, by golden section."""
+    ratio = (5**0.5 - 1) / 2
+    for _ in range(60):
+        one, two = high - ratio * (high - low), low + ratio * (high - low)
+        if sign * _value(setting, one, sign > 0) < sign * _value(setting, two, sign > 0):
+            low = one
+        else:
+            high = two
+    return 0.5 * (low + high)
+
+
+def _along_rays(setting: Setting, rng: np.random.Generator, effort: int) -> Found | None:
+    """Return the shortest valid motion on many rays from rest, the best of them turned little by little."""
+    k = len(setting.turns)
+    scale = 1.0 / setting.weights
+    reach = 2.0 * setting.size
+    radii = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 60) * reach])
+
+    def shortest(u: Array, most: float) -> tuple[float, Array]:
+        u = u / np.linalg.norm(u)
+        own = radii[radii < 1.2 * most] if np.isfinite(most) else radii
+        Q = own[:, None] * u * scale
+        allowed = ((Q >= setting.limits[:, 0]) & (Q <= setting.limits[:, 1])).all(axis=1)
+        separated, every = setting.margins(Q)
+        signs = every >= 0 if not setting.touch else separated >= 0
+        for j in range(len(own)):
+            if setting.valid(Q[j : j + 1])[0] and allowed[j]:
+                return setting.amount(Q[j]), Q[j]
+            if j + 1 < len(own) and signs[j] != signs[j + 1]:
+                low, high = own[j], own[j + 1]
+                for _ in range(50):
+                    middle = 0.5 * (low + high)
+                    value = setting.margins([middle * u * scale])[0 if setting.touch else 1][0] >= 0
+                    low, high = (middle, high) if value == signs[j] else (low, middle)
+                for radius in (low, high):
+                    q = radius * u * scale
+                    inside = (q >= setting.limits[:, 0]).all() and (q <= setting.limits[:, 1]).all()
+                    if inside and not setting.faults(q, 0.1 * setting.slack):
+                        return setting.amount(q), q
+        return np.inf, np.zeros(k)
+
+    if k == 2:
+        angles = np.linspace(0, 2 * np.pi, 72 * effort, endpoint=False)
+        rays = list(np.column_stack([np.cos(angles), np.sin(angles)]))
+    else:
+        rays = [*np.eye(k), *-np.eye(k), *rng.normal(size=(40 * effort, k))]
+    best, q = np.inf, np.zeros(k)
+    tried = []
+    for u in rays:
+        found = shortest(u, best)
+        if np.isfinite(found[0]):
+            tried.append((found[0], u / np.linalg.norm(u)))
+            best, q = min((best, q), found, key=lambda item: item[0])
+    for value, start in sorted(tried, key=lambda item: item[0])[:3]:
+        at, own, step = start, value, 0.1
+        for _ in range(30 * effort):
+            u = at + step * rng.normal(size=k)
+            found = shortest(u, own)
+            if found[0] < own:
+                at, own = u / np.linalg.norm(u), found[0]
+                best, q = min((best, q), found, key=lambda item: item[0])
+            else:
+                step *= 0.8
+    return Found(q, best, False) if np.isfinite(best) else None
