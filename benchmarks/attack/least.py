@@ -23,6 +23,7 @@ from attack.separation import Array, Hull, axes, distance, reaches, separations
 
 EPS = 1e-11  # of the size: rounding of a scene's own coordinates
 SLACK = 1e-8  # of the size: what a valid motion may miss; far above rounding, far below every size in a scene
+FLAT = 1e-10  # slope of a row below which no shift frees the pair along it
 MOST_NODES = 4000
 
 
@@ -169,7 +170,7 @@ class Setting:
         """Yield, pair by pair, the rows g (N, m, k), h (N, m) for poses R, t and shifts B."""
         for pair in self.pairs:
             n = axes(pair.one, pair.two, R)
-            if pair.clearance > 0 and B.shape[2] > 1:  # corners keep their distance along no axis of a face
+            if pair.clearance > 0:  # corners keep their distance along no axis of a face
                 n = np.concatenate([n, _between(n)], axis=1)
             above, below = reaches(pair.one, pair.two, R, n)
             along, slope = np.einsum("nmi,ni->nm", n, t), n @ B
@@ -203,15 +204,24 @@ def nearest(G: Array, h: Array) -> Array | None:
     if not len(h) or (h <= 0).all():
         return np.zeros(G.shape[1])
     norms = np.linalg.norm(G, axis=1)
-    if (h[norms == 0] > 0).any():
+    steep = norms >= FLAT
+    if (h[~steep] > FLAT).any():
         return None
-    G, h = G[norms > 0] / norms[norms > 0, None], h[norms > 0] / norms[norms > 0]
+    G, h = G[steep] / norms[steep, None], h[steep] / norms[steep]
+    if G.shape[1] == 1:
+        low, high = (max(h[side * G[:, 0] > 0], default=-np.inf) for side in (1, -1))
+        x = np.clip(0.0, low, max(low, -high))
+        return np.array([x]) if low <= -high + FLAT else None
     unit = float(np.abs(h).max())
     E, f = np.vstack([G.T, h / unit]), np.append(np.zeros(G.shape[1]), 1.0)
     u, residual = nnls(E, f)
     r = E @ u - f
     if residual < 1e-9:
         return None
+    held = u > 0
+    x = np.linalg.lstsq(G[held], h[held], rcond=1e-10)[0]  # the same point, to rounding
+    if (G @ x >= h - 1e-12 * unit).all():
+        return x
     x = -r[:-1] / r[-1] * unit
     return x if (G @ x >= h - 1e-9 * unit).all() else None
 
@@ -260,11 +270,12 @@ def least_shift(pairs: list[Rows], touch: bool, bounds: tuple[Array, Array], mos
         useful = ~_flat(pair) & (pair.h < (most if np.isfinite(most) else 1e30) * norms)
         for k in np.flatnonzero(useful):
             push(np.vstack([G, pair.g[k]]), np.append(h, pair.h[k]))
+            G, h = np.vstack([G, -pair.g[k]]), np.append(h, -pair.h[k])  # what the next ways out need not look at again
     return None, False
 
 
 def _flat(pair: Rows) -> Any:
-    return np.linalg.norm(pair.g, axis=1) < 1e-10
+    return np.linalg.norm(pair.g, axis=1) < FLAT
 
 
 def _ease(pair: Rows, eps: float) -> Any:
@@ -282,7 +293,7 @@ def _thinned(pair: Rows, eps: float) -> Rows:
 def intervals(rows: Rows, eps: float) -> tuple[Array, Array, Array, Array]:
     """Return (low, high) of the blocked interval and whether (it is blocked, it may touch), each (N,), for one length."""
     g, h = rows.g[:, :, 0], rows.h
-    flat = np.abs(g) < 1e-10
+    flat = np.abs(g) < FLAT
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = h / g
     high = np.where((g > 0) & ~flat, ends, np.inf).min(axis=1)
@@ -327,7 +338,7 @@ def least(setting: Setting, rng: np.random.Generator, effort: int = 1) -> Found 
     plain = not setting.displacement and setting.shifts_plainly and not setting.turns.all()
     if count == 0:
         found = _translated(setting)
-    elif plain and (count > 1 or (~setting.turns).sum() > 1 or not any(pair.clearance for pair in setting.pairs)):
+    elif plain:
         found = _turned_and_shifted(setting, rng, effort)
     elif len(setting.turns) == 1:
         found = _scanned(setting)
@@ -347,7 +358,7 @@ def _translated(setting: Setting) -> Found | None:
         S = np.diag(setting.weights)
     clearances = any(pair.clearance for pair in setting.pairs)
     if clearances and len(setting.turns) == 1:
-        return _scanned(setting)
+        return _on_line(setting)
     inverse = np.linalg.inv(S)
     pairs = [Rows(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
     y, certain = least_shift(pairs, setting.touch, _bounds(setting, inverse), np.inf, EPS * setting.size)
@@ -355,6 +366,47 @@ def _translated(setting: Setting) -> Found | None:
         return None
     q = inverse @ y
     return Found(q, setting.amount(q), certain and not clearances)
+
+
+def _on_line(setting: Setting) -> Found | None:
+    """Return the least single translation with clearances: the distance of two convex solids is convex along it."""
+    eps, reach = EPS * setting.size, 8.0 * setting.size
+    direction = setting.affine(np.zeros((1, 0)))[2][0][:, 0]
+    spans = []
+    for pair in setting.pairs:
+
+        def away(s: float, pair: Pair = pair) -> float:
+            return setting._apart(pair, np.eye(3)[None], s * direction[None]) - pair.clearance
+
+        low, high = -reach, reach
+        for _ in range(80):  # golden section would be no shorter
+            one, two = low + (high - low) / 3, high - (high - low) / 3
+            low, high = (low, two) if away(one) < away(two) else (one, high)
+            if away(0.5 * (low + high)) < -0.5 * pair.clearance - eps:
+                break
+        middle = 0.5 * (low + high)
+        if away(middle) > eps:
+            continue
+        ends = []
+        for far in (-reach, reach):
+            near = middle
+            for _ in range(70):
+                half = 0.5 * (near + far)
+                near, far = (half, far) if away(half) < 0 else (near, half)
+            ends.append(far)
+        spans.append((*ends, pair.own))
+    candidates = [float(np.clip(0.0, *setting.limits[0])), *(end for span in spans for end in span[:2])]
+    fine = [
+        s
+        for s in candidates
+        if setting.limits[0, 0] <= s <= setting.limits[0, 1]
+        and not any(low + 2 * eps < s < high - 2 * eps for low, high, _ in spans)
+        and (not setting.touch or any(own and low - eps <= s <= high + eps for low, high, own in spans))
+    ]
+    if not fine:
+        return None
+    best = min(fine, key=abs)
+    return Found(np.array([best]), setting.amount([best]), True)
 
 
 def _bounds(setting: Setting, inverse: Array) -> tuple[Array, Array]:
@@ -497,8 +549,10 @@ def _scanned(setting: Setting) -> Found | None:
     turning = bool(setting.turns[0])
     reach = np.pi if turning else 4.0 * setting.size
     low, high = max(low, -reach), min(high, reach)
-    fine = np.geomspace(1e-9, 1.0, 200) * reach
-    grid = np.unique(np.clip(np.concatenate([-fine, [0.0], fine, np.linspace(-reach, reach, 3001)]), low, high))
+    slow = any(pair.clearance for pair in setting.pairs)
+    fine = np.geomspace(1e-9, 1.0, 60 if slow else 200) * reach
+    even = np.linspace(-reach, reach, 361 if slow else 3001)
+    grid = np.unique(np.clip(np.concatenate([-fine, [0.0], fine, even]), low, high))
     own, every = setting.margins(grid[:, None])
     eps = EPS * setting.size
     candidates = [float(s) for s in grid[setting.valid(grid[:, None])]]
