@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 import time
+import traceback
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -50,10 +51,14 @@ def run(chosen: list[str], effort: int = 1) -> list[Line]:
             continue
         answer = asked(scene)
         start = time.perf_counter()
-        found = scene.least(effort)
-        told = verdicts(scene, answer, found)
-        spent = time.perf_counter() - start
-        lines.append(Line(name, scene.family, scene.describe(), answer.status, told, (answer.seconds, spent), found is not None))
+        found, told = None, []
+        try:
+            found = scene.least(effort)
+            told = verdicts(scene, answer, found)
+        except Exception:  # the run goes on, and ends with an error
+            told = [("oracle failed", traceback.format_exc(limit=-3))]
+        seconds = answer.seconds, time.perf_counter() - start
+        lines.append(Line(name, scene.family, scene.describe(), answer.status, told, seconds, found is not None))
     return lines
 
 
@@ -96,8 +101,9 @@ def report(lines: list[Line], seconds: float) -> str:
     total = sum(counts.values(), Counter())
     rows = [[family, *(str(own[head]) for head in heads)] for family, own in sorted(counts.items())]
     rows.append(["all", *(str(total[head]) for head in heads)])
-    widths = [max(len(row[k]) for row in [["family", *heads], *rows]) for k in range(len(heads) + 1)]
-    table = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in [["family", *heads], *rows]]
+    rows.insert(0, ["family", *heads])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    table = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
     text = [f"{len(lines)} scenes in {seconds:.0f} s; package {sum(line.seconds[0] for line in lines):.0f} s, "
             f"oracles {sum(line.seconds[1] for line in lines):.0f} s", *table]  # fmt: skip
     for line in lines:
@@ -129,12 +135,12 @@ def main(arguments: list[str] | None = None) -> int:
         jobs: list[Any] = [pool.submit(run, chunk, given.effort) for chunk in chunks]
         for done, job in enumerate(as_completed(jobs), 1):
             lines += job.result()
+            if given.json is not None:
+                given.json.write_text(json.dumps([line._asdict() for line in lines], indent=1) + "\n")
             if sys.stderr.isatty():
                 print(f"\r{done} of {len(jobs)}", end="", file=sys.stderr, flush=True)
     lines.sort(key=lambda line: chosen.index(line.name))
     print(report(lines, time.perf_counter() - start))
-    if given.json is not None:
-        given.json.write_text(json.dumps([line._asdict() for line in lines], indent=1) + "\n")
     return 3 if any(failed(line.told) for line in lines) else 0
 
 

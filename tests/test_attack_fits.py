@@ -25,14 +25,14 @@ X, Y, Z = (Step("T", tuple(axis)) for axis in np.eye(3).tolist())
 NOWHERE = np.zeros(3)
 
 
-def setting(movable, static, steps, touch=False, *, clearance=0.0, limits=None, keep_out=(), length=1.0, displacement=False):
+def setting(movable, static, steps, touch=False, *, clearance=0.0, limits=None, keep_out=(), length=1.0, **more):
     """Bodies as drawn, seeds at the origin."""
     ones = [Hull.of(piece) for piece in movable]
     pairs = [Pair(one, Hull.of(piece), clearance, True) for one in ones for piece in static]
     pairs += [Pair(one, Hull.of(piece), 0.0, False) for one in ones for piece in keep_out]
     heavy = weights(steps, length)
     allowed = np.array([[-np.inf, np.inf]] * len(heavy)) if limits is None else np.array(limits)
-    return Setting(steps, NOWHERE, NOWHERE, tuple(pairs), touch, heavy, allowed, 4.0, displacement)
+    return Setting(steps, NOWHERE, NOWHERE, tuple(pairs), touch, heavy, allowed, 4.0, **more)
 
 
 def least_amount(*arguments, **options):
@@ -80,7 +80,7 @@ def test_poses_are_those_of_steps_done_one_after_the_other():
     assert R[0] @ [1.0, 0, 0] + t[0] == pytest.approx([0, 1, np.pi / 4])
 
 
-# -------------------------------------------------------------------------------------------------- nearest, least shifts
+# ------------------------------------------------------------------------------------------------ nearest, least shifts
 
 
 def test_the_nearest_point_is_that_of_all_corners_sides_and_faces():
@@ -145,9 +145,9 @@ def test_least_shifts_agree_with_a_lattice():
     rng = np.random.default_rng(7)
     moved = 0
     for _ in range(25):
-        movable, static = (
-            [box(low, low + rng.integers(1, 4, size=3)) for low in rng.integers(-3, 1, size=(count, 3))] for count in (2, 3)
-        )
+        lows = rng.integers(-3, 1, size=(5, 3))
+        boxes = [box(low, low + rng.integers(1, 4, size=3)) for low in lows]
+        movable, static = boxes[:2], boxes[2:]
         spans = [(q.min(0) - p.max(0), q.max(0) - p.min(0)) for p in movable for q in static]
         axes = [sorted({0.0, *(float(end[k]) for span in spans for end in span)}) for k in range(3)]
         free = [
@@ -161,7 +161,7 @@ def test_least_shifts_agree_with_a_lattice():
     assert moved > 15
 
 
-# ---------------------------------------------------------------------------------------------------- turns and searches
+# --------------------------------------------------------------------------------------------------- turns and searches
 
 BAR = box((-2, -0.5, -1), (2, 0.5, 1))
 RAILS = [box((-9, 1, -3), (9, 2, 3)), box((-9, -2, -3), (9, -1, 3))]
@@ -182,11 +182,12 @@ def test_a_bar_turns_until_its_corners_meet_the_rails():
 
 def test_a_screw_lifts_by_its_pitch():
     rises = (Step("S", (0, 0, 1), (0.0, 0.0, 0.0), 0.5),)
-    assert least_amount([prism(circle(8, 1.0), -1, 1)], [SLAB], rises) == pytest.approx(np.hypot(0.5, 1.0) * 0.2, abs=1e-9)
+    found = least_amount([prism(circle(8, 1.0), -1, 1)], [SLAB], rises)
+    assert found == pytest.approx(np.hypot(0.5, 1.0) * 0.2, abs=1e-9)
 
 
 def test_a_turn_is_taken_where_it_is_shorter_than_the_shift():
-    """A bar between rails that sides with neither: lifted out it goes 4, slid it goes 11, turned a little it touches."""
+    """A bar between rails, which touches after a small turn, or a slide, or some of both."""
     steps = (Z, Step("R", (0, 0, 1), "seed"))
     assert least_amount([BAR], RAILS, steps, True) == pytest.approx(TURNED, rel=1e-6)
     sideways = (Y, Step("R", (0, 0, 1), "seed"))
@@ -214,27 +215,27 @@ def test_rays_find_what_two_turns_can_do():
     assert found == pytest.approx(TURNED / np.sqrt(2), rel=1e-3)
 
 
-# ------------------------------------------------------------------------------------------------------- tracked contacts
+# ----------------------------------------------------------------------------------------------------- tracked contacts
 
 
 def test_tracked_points_move_as_their_lines_say():
     """The exact translation against a scan of the tracked point itself, and both ends of it."""
     compared = 0
-    for number in range(60):
+    for number in range(25):
         scene = drawn(f"tracked:hulls/{5 * number}")
         if scene is None or scene.path != "coherent":
             continue
         own, found = scene.setting, scene.least()
         signs = np.sign(scene.target - scene.tracked.rho)
-        grid = np.linspace(-1, 1, 20001)[:, None]
+        grid = np.linspace(-1, 1, 4001)[:, None]
         x, real = scene.tracked.real(*own.poses(grid))
         fine = np.abs(grid[reached("beyond", x, scene.target, signs) & real, 0])
-        if found is None or found.amount > 0.99:
+        if found is None or found.amount > 0.999:
             assert not fine.size
             continue
         compared += 1
-        assert fine.min() == pytest.approx(found.amount, abs=1.1e-4)
-    assert compared >= 5
+        assert fine.min() == pytest.approx(found.amount, abs=5.1e-4)
+    assert compared >= 4
 
 
 def test_switching_points_are_on_two_lines_and_where_the_bodies_touch():
@@ -249,7 +250,7 @@ def test_switching_points_are_on_two_lines_and_where_the_bodies_touch():
         assert separations(*scaled, np.eye(3)[None], np.zeros((1, 3)))[0] == pytest.approx(0, abs=1e-9)
 
 
-# ------------------------------------------------------------------------------------------------------- planted answers
+# ------------------------------------------------------------------------------------------------------ planted answers
 
 
 def on_slab(goal="touch", **more):
@@ -262,12 +263,13 @@ def on_slab(goal="touch", **more):
     return replace(scene, **more)
 
 
-def answer(scene, q=(0.0, 0.02), **more):
-    amount = scene.setting.amount(np.array(q))
+def answer(scene, at=(0.0, 0.02), **more):
+    q = np.array(at)
+    amount = scene.setting.amount(q)
     R, t = scene.setting.poses(q)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R[0], t[0]
-    given = Answer("SOLVED", np.array(q), amount, amount, T, scene.target, scene.target, scene.setting.gap(np.array(q)))
+    given = Answer("SOLVED", q, amount, amount, T, scene.target, scene.target, scene.setting.gap(q))
     return replace(given, **more)
 
 
@@ -310,8 +312,8 @@ def test_a_planted_wrong_answer_is_reported(goal, q, more, expected):
 def test_a_limit_that_is_broken_and_a_keep_out_that_is_met_are_reported():
     scene = on_slab("clear", limits={1: (-1.0, 0.01)})
     assert kinds(scene, answer(scene, bound=0.0)) >= {"wrong motion"}
-    roof = Block(box((-1.2, -1.2, 1.02), (1.2, 1.2, 2)), 0.0)  # the box as made is up to 1.01 high
-    scene = on_slab("clear", keep_out=(roof,))
+    roof = Block(box((-1.2, -1.2, 1.02), (1.2, 1.2, 4)), 0.0)  # the box as made is up to 1.01 high
+    scene = on_slab("clear", keep_out=(roof,), limits={1: (0.0, 3.0)})
     assert "wrong motion" in kinds(scene, answer(scene))
     assert kinds(scene, answer(scene, (2.22, 0.02))) == set()
 
@@ -336,7 +338,7 @@ def test_a_tracked_point_that_ends_elsewhere_is_reported():
     assert "wrong motion" in kinds(scene, answer(scene, 0.9 * found.q, **overlap))
 
 
-# ------------------------------------------------------------------------------------------------------------ the harness
+# ---------------------------------------------------------------------------------------------------------- the harness
 
 
 def test_a_scene_is_drawn_from_its_name_alone():
@@ -376,4 +378,5 @@ def test_a_wrong_answer_ends_the_run_with_3_and_its_name(monkeypatch, capsys):
 
 
 def test_the_walls_leave_the_hole_they_are_asked_for():
-    assert least_amount([box((-0.9, -0.9, 0), (0.9, 0.9, 1))], walls(1.0, 2.0, 0, 1), (X, Y), True) == pytest.approx(0.1)
+    peg = box((-0.9, -0.9, 0), (0.9, 0.9, 1))
+    assert least_amount([peg], walls(1.0, 2.0, 0, 1), (X, Y), True) == pytest.approx(0.1)

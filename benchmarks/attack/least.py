@@ -1,9 +1,9 @@
 """Least motions for "touch" and "clear", by means that share nothing with the package.
 
-With the rotation fixed, two convex solids overlap for the shifts inside one convex polyhedron, whose faces are among the
-separating axes. So pure translations are exact: branch over the faces by which to leave each polyhedron, nearest point
-first. Turns are scanned, with the shift exact for each (`Scan`), and what is found is refined: such motions are valid, and
-an upper bound of the least.
+With the rotation fixed, two convex solids overlap for the shifts inside one convex polyhedron, whose faces are among
+the separating axes. So pure translations are exact: branch over the faces by which to leave each polyhedron, nearest
+point first. Turns are scanned, with the shift exact for each, and what is found is refined: such motions are valid,
+and an upper bound of the least.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ class Found(NamedTuple):
     exact: bool
 
 
-# ------------------------------------------------------------------------------------------------- lengths, angles fixed
+# ------------------------------------------------------------------------------------------------ lengths, angles fixed
 
 
 def nearest(G: Array, h: Array) -> Array | None:
@@ -291,7 +291,7 @@ def _thinned(pair: Rows, eps: float) -> Rows:
 
 
 def intervals(rows: Rows, eps: float) -> tuple[Array, Array, Array, Array]:
-    """Return (low, high) of the blocked interval and whether (it is blocked, it may touch), each (N,), for one length."""
+    """Return, for one length, (low, high) of the blocked interval, whether it is blocked and may touch, each (N,)."""
     g, h = rows.g[:, :, 0], rows.h
     flat = np.abs(g) < FLAT
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -329,11 +329,14 @@ def least_lengths(setting: Setting, angles: Array, most: float = np.inf) -> Arra
     return np.where(np.isfinite(sizes[rows_, best]), candidates[rows_, best], np.nan)
 
 
-# ------------------------------------------------------------------------------------------------------------ the search
+# ----------------------------------------------------------------------------------------------------------- the search
 
 
 def least(setting: Setting, rng: np.random.Generator, effort: int = 1) -> Found | None:
-    """Return the least motion known: exact for translations, refined from a scan elsewhere; None where none is known."""
+    """Return the least motion known, None where none is: exact for translations, refined from a scan elsewhere."""
+    rest = np.zeros(len(setting.turns))
+    if not setting.faults(rest, EPS * setting.size):
+        return Found(rest, 0.0, True)
     count = int(setting.turns.sum())
     plain = not setting.displacement and setting.shifts_plainly and not setting.turns.all()
     if count == 0:
@@ -352,10 +355,8 @@ def least(setting: Setting, rng: np.random.Generator, effort: int = 1) -> Found 
 def _translated(setting: Setting) -> Found | None:
     """Return the least pure translation."""
     R, t, B = setting.affine(np.zeros((1, 0)))
-    if setting.displacement:  # |B q| is the amount: in coordinates y = S q with B = O S
-        S = np.linalg.qr(B[0])[1]
-    else:
-        S = np.diag(setting.weights)
+    # coordinates y = S q have the amount for their norm: for the displacement |B q|, with B = O S
+    S = np.linalg.qr(B[0])[1] if setting.displacement else np.diag(setting.weights)
     clearances = any(pair.clearance for pair in setting.pairs)
     if clearances and len(setting.turns) == 1:
         return _on_line(setting)
@@ -371,15 +372,17 @@ def _translated(setting: Setting) -> Found | None:
 def _on_line(setting: Setting) -> Found | None:
     """Return the least single translation with clearances: the distance of two convex solids is convex along it."""
     eps, reach = EPS * setting.size, 8.0 * setting.size
-    direction = setting.affine(np.zeros((1, 0)))[2][0][:, 0]
-    spans = []
-    for pair in setting.pairs:
+    R, t, B = setting.affine(np.zeros((1, 0)))
+    direction, spans = B[0][:, 0], []
+    for pair, rows in zip(setting.pairs, setting.rows(R, t, B), strict=True):
+        if ((np.abs(rows.g[0, :, 0]) < FLAT) & (rows.h[0] < -eps)).any():
+            continue  # it passes by
 
         def away(s: float, pair: Pair = pair) -> float:
             return setting._apart(pair, np.eye(3)[None], s * direction[None]) - pair.clearance
 
         low, high = -reach, reach
-        for _ in range(80):  # golden section would be no shorter
+        for _ in range(80):
             one, two = low + (high - low) / 3, high - (high - low) / 3
             low, high = (low, two) if away(one) < away(two) else (one, high)
             if away(0.5 * (low + high)) < -0.5 * pair.clearance - eps:
@@ -390,7 +393,7 @@ def _on_line(setting: Setting) -> Found | None:
         ends = []
         for far in (-reach, reach):
             near = middle
-            for _ in range(70):
+            for _ in range(50):
                 half = 0.5 * (near + far)
                 near, far = (half, far) if away(half) < 0 else (near, half)
             ends.append(far)
@@ -566,7 +569,7 @@ def _scanned(setting: Setting) -> Found | None:
             middle = sign * values[k]
             if middle < 0 and middle >= max(sign * values[k - 1], sign * values[k + 1]) > -0.05 * setting.size:
                 peak = _peak(setting, grid[k - 1], grid[k + 1], sign)
-                top = setting.margins([[peak]])[sign < 0 and 0 or 1][0]
+                top = _value(setting, peak, sign > 0)
                 if sign * top >= -eps:
                     candidates.append(peak)
                     for end in (grid[k - 1], grid[k + 1]):
@@ -622,49 +625,47 @@ def _along_rays(setting: Setting, rng: np.random.Generator, effort: int) -> Foun
     reach = 2.0 * setting.size
     radii = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 60) * reach])
 
-    def shortest(u: Array, most: float) -> tuple[float, Array]:
-        u = u / np.linalg.norm(u)
-        own = radii[radii < 1.2 * most] if np.isfinite(most) else radii
-        Q = own[:, None] * u * scale
-        allowed = ((Q >= setting.limits[:, 0]) & (Q <= setting.limits[:, 1])).all(axis=1)
-        separated, every = setting.margins(Q)
-        signs = every >= 0 if not setting.touch else separated >= 0
-        for j in range(len(own)):
-            if setting.valid(Q[j : j + 1])[0] and allowed[j]:
-                return setting.amount(Q[j]), Q[j]
-            if j + 1 < len(own) and signs[j] != signs[j + 1]:
-                low, high = own[j], own[j + 1]
-                for _ in range(50):
+    def shortest(rays: Array, most: float) -> list[tuple[float, Array]]:
+        """Return the first valid motion on each ray, as far as it is shorter than `most`."""
+        rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        own = radii[(radii < 1.2 * most) | (radii == 0.0)]
+        Q = rays[:, None, :] * own[:, None] * scale
+        separated, every = (found.reshape(Q.shape[:2]) for found in setting.margins(Q.reshape(-1, k)))
+        signs = (separated if setting.touch else every) >= 0
+        found = []
+        for j, u in enumerate(rays):
+            changed = np.flatnonzero(signs[j, 1:] != signs[j, :-1])
+            for at in changed[own[changed] < most]:
+                low, high = own[at], own[at + 1]
+                for _ in range(45):
                     middle = 0.5 * (low + high)
                     value = setting.margins([middle * u * scale])[0 if setting.touch else 1][0] >= 0
-                    low, high = (middle, high) if value == signs[j] else (low, middle)
-                for radius in (low, high):
-                    q = radius * u * scale
-                    inside = (q >= setting.limits[:, 0]).all() and (q <= setting.limits[:, 1]).all()
-                    if inside and not setting.faults(q, 0.1 * setting.slack):
-                        return setting.amount(q), q
-        return np.inf, np.zeros(k)
+                    low, high = (middle, high) if value == signs[j, at] else (low, middle)
+                valid = [r * u * scale for r in (low, high) if not setting.faults(r * u * scale, 0.1 * setting.slack)]
+                if valid:
+                    found.append((setting.amount(valid[0]), valid[0]))
+                    most = min(most, found[-1][0] * 1.1)
+                    break
+        return found
 
     if k == 2:
-        angles = np.linspace(0, 2 * np.pi, 72 * effort, endpoint=False)
-        rays = list(np.column_stack([np.cos(angles), np.sin(angles)]))
+        angles = np.linspace(0, 2 * np.pi, 48 * effort, endpoint=False)
+        rays = np.column_stack([np.cos(angles), np.sin(angles)])
     else:
-        rays = [*np.eye(k), *-np.eye(k), *rng.normal(size=(40 * effort, k))]
-    best, q = np.inf, np.zeros(k)
-    tried = []
-    for u in rays:
-        found = shortest(u, best)
-        if np.isfinite(found[0]):
-            tried.append((found[0], u / np.linalg.norm(u)))
-            best, q = min((best, q), found, key=lambda item: item[0])
-    for value, start in sorted(tried, key=lambda item: item[0])[:3]:
-        at, own, step = start, value, 0.1
-        for _ in range(30 * effort):
-            u = at + step * rng.normal(size=k)
-            found = shortest(u, own)
-            if found[0] < own:
-                at, own = u / np.linalg.norm(u), found[0]
-                best, q = min((best, q), found, key=lambda item: item[0])
+        rays = np.vstack([np.eye(k), -np.eye(k), rng.normal(size=(40 * effort, k))])
+    tried = sorted(shortest(rays, np.inf), key=lambda item: item[0])
+    if not tried:
+        return None
+    best = tried[0]
+    for start in tried[:3]:
+        near, step = start, 0.1
+        for _ in range(12 * effort):
+            u = near[1] * setting.weights
+            found = shortest(u + step * np.linalg.norm(u) * rng.normal(size=(6, k)), near[0])
+            better = min(found, key=lambda item: item[0], default=near)
+            if better[0] < near[0]:
+                near = better
             else:
-                step *= 0.8
-    return Found(q, best, False) if np.isfinite(best) else None
+                step *= 0.5
+        best = min(best, near, key=lambda item: item[0])
+    return Found(best[1], best[0], False)

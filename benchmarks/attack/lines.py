@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy.spatial import HalfspaceIntersection
 
 from attack.least import Found, Setting, nearest
-from attack.separation import Array, Hull
-
-TIGHT = 1e-10
+from attack.separation import Array, Hull, axes
 
 
 @dataclass(frozen=True)
@@ -69,19 +67,19 @@ class Tracked:
         with np.errstate(all="ignore"):
             x = np.linalg.solve(rows[:, :, :2], rows[:, :, 2:])[:, :, 0]
         fine = (x > 0).all(axis=1)
-        for k in np.flatnonzero(fine):
-            fine[k] = all(self._supports(line, R[k], moved[k]) for line in self.lines) and not self.cut(R[k], moved[k], x[k])
+        arms, rest = self.one.points - self.s1, self.two.points - self.s2
+        for line in self.lines:  # its own corners are still the outermost along its normal
+            n = line.normal(R)
+            local = np.einsum("nij,ni->nj", R, n)
+            fine &= (arms @ local.T).max(axis=0) - local @ line.v1 < 1e-9
+            fine &= (rest @ n.T).min(axis=0) - n @ line.v2 > -1e-9
+        n = axes(self.one, self.two, R)  # and no other features hold the bodies apart
+        local = np.einsum("nij,nmi->nmj", R, n) @ arms.T
+        fixed, c = n @ rest.T, np.einsum("nmi,ni->nm", n, self.s2 - moved)
+        one, two = x[:, :1], x[:, 1:]
+        fine &= (local.max(axis=2) * one - fixed.min(axis=2) * two >= c - 1e-9).all(axis=1)
+        fine &= (fixed.max(axis=2) * two - local.min(axis=2) * one >= -c - 1e-9).all(axis=1)
         return x, fine
-
-    def _supports(self, line: Line, R: Array, seed: Array) -> bool:
-        n = line.normal(R[None])[0]
-        a = ((self.one.points - self.s1) @ R.T @ n).max()
-        b = -((self.two.points - self.s2) @ n).min()
-        return bool(a - n @ R @ line.v1 < 1e-9 and b + n @ line.v2 < 1e-9)
-
-    def cut(self, R: Array, seed: Array, x: Array) -> bool:
-        """Tell whether the bodies at the tracked scales are apart: other features took over."""
-        return any(a * x[0] + b * x[1] < c - 1e-9 for a, b, c in table(self.one, self.two, self.s1, self.s2, R, seed)[0])
 
 
 def table(one: Hull, two: Hull, s1: Array, s2: Array, R: Array, seed: Array) -> tuple[Array, list[Line]]:
@@ -107,19 +105,22 @@ def table(one: Hull, two: Hull, s1: Array, s2: Array, R: Array, seed: Array) -> 
 
 
 def switching_points(one: Hull, two: Hull, s1: Array, s2: Array, box: tuple[float, float]) -> list[Tracked]:
-    """Return the switching points at rest, both scales inside `box`, where exactly two lines meet."""
+    """Return the switching points at rest, both scales inside `box`, where exactly two lines meet.
+
+    The seeds must be inside, so that bodies much larger than drawn overlap.
+    """
     rows, lines = table(one, two, s1, s2, np.eye(3), s1)
+    inside = np.full(2, 100.0)
+    if (rows[:, :2] @ inside <= rows[:, 2]).any():
+        return []
+    corners = HalfspaceIntersection(np.column_stack([-rows[:, :2], rows[:, 2]]), inside).intersections
     found = []
-    for i, j in combinations(range(len(rows)), 2):
-        M = rows[[i, j], :2]
-        if abs(np.linalg.det(M)) < 1e-3:
-            continue
-        x = np.linalg.solve(M, rows[[i, j], 2])
-        off = rows[:, :2] @ x - rows[:, 2]
-        alone = (np.abs(off) < 1e-6).sum() == 2
-        if (off > -TIGHT).all() and alone and (x > box[0]).all() and (x < box[1]).all():
-            found.append(Tracked(one, two, s1, s2, x, (lines[i], lines[j])))
-    return found
+    for x in corners[((corners > box[0]) & (corners < box[1])).all(axis=1)]:
+        tight = np.flatnonzero(np.abs(rows[:, :2] @ x - rows[:, 2]) < 1e-6)
+        if len(tight) == 2 and abs(np.linalg.det(rows[tight, :2])) > 1e-3:
+            x = np.linalg.solve(rows[tight, :2], rows[tight, 2])
+            found.append(Tracked(one, two, s1, s2, x, (lines[tight[0]], lines[tight[1]])))
+    return sorted(found, key=lambda point: float(point.rho[0]))
 
 
 def reached(goal: str, x: Array, target: Array, signs: Array) -> Any:

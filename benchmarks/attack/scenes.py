@@ -120,7 +120,7 @@ class Scene:
         return ", ".join(words)
 
 
-# --------------------------------------------------------------------------------------------------------------- motions
+# -------------------------------------------------------------------------------------------------------------- motions
 
 
 def _axis(rng: np.random.Generator) -> Any:
@@ -171,7 +171,7 @@ CHEAP = ("T", "R", "TT", "screw", "T>>R", "TTT", "R>>T", "free screw", "R>>R")
 MOST_FREE = 16  # part pairs with which six parameters are asked
 
 
-# ---------------------------------------------------------------------------------------------------------------- drawing
+# -------------------------------------------------------------------------------------------------------------- drawing
 
 
 def drawn(name: str) -> Scene | None:
@@ -309,7 +309,9 @@ def _seat(name: str, family: str, number: int, rng: np.random.Generator) -> Scen
     scene = Scene(name, fit, s1, s2, steps, label, _length(fit.movable), **_sizes(rng), path="free")
     rise = (1 - scene.target[1]) * s2[2] - (1 - scene.target[0]) * s1[2]
     along = slant[2] if label == "slanted" else 1.0
-    scene = replace(scene, goal=str(rng.choice(["seat", "at"])) if len(steps) == 1 else "seat", closed=abs(rise / along))
+    scene = replace(
+        scene, goal=str(rng.choice(["seat", "at"])) if len(steps) == 1 else "seat", closed=abs(rise / along)
+    )
     q = np.zeros(scene.count)
     q[{"T": 0, "T>>R": 0, "TT": 1, "R>>T": 1, "slanted": 0, "TTT": 2, "Free": 2}[label]] = rise / along
     if scene.setting.faults(q):  # the sizes made do not go into each other: what is flush is not free

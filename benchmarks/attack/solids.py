@@ -91,7 +91,9 @@ def _ell(rng: np.random.Generator) -> Fit:
 def _you(rng: np.random.Generator) -> Fit:
     p = _play(rng)
     rail = box((-1, -4, -1.5), (1, 4, 0))
-    return Fit([box((-2, -1, 0), (2, 1, 1)), box((-2, -1, -1), (-1 - p, 1, 0)), box((1 + p, -1, -1), (2, 1, 0))], [rail], 0.0)
+    return Fit(
+        [box((-2, -1, 0), (2, 1, 1)), box((-2, -1, -1), (-1 - p, 1, 0)), box((1 + p, -1, -1), (2, 1, 0))], [rail], 0.0
+    )
 
 
 def _tee(rng: np.random.Generator) -> Fit:
@@ -168,7 +170,13 @@ def _comb(rng: np.random.Generator) -> Fit:
 
 def _plate(rng: np.random.Generator) -> Fit:
     p = float(rng.choice([0.02, 0.05, 0.12]))
-    bars = [((-3, -1.5), (3, -0.5)), ((-3, 0.5), (3, 1.5)), ((-3, -0.5), (-2, 0.5)), ((-1, -0.5), (1, 0.5)), ((2, -0.5), (3, 0.5))]
+    bars = [
+        ((-3, -1.5), (3, -0.5)),
+        ((-3, 0.5), (3, 1.5)),
+        ((-3, -0.5), (-2, 0.5)),
+        ((-1, -0.5), (1, 0.5)),
+        ((2, -0.5), (3, 0.5)),
+    ]
     plate = [box((*low, 0), (*high, 0.75)) for low, high in bars]
     h = 0.5 - p
     pins = [box((x - h, -h, 0), (x + h, h, 1.5)) for x in (-1.5, 1.5)]

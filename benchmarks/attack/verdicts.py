@@ -31,6 +31,7 @@ FAILURES = (
     "wrong motion refused",
     "impossibility refuted",
     "not found",
+    "oracle failed",
 )
 NOTES = ("weak bound", "smaller known", "not found by search", "outside the fit", "nothing to compare")
 
@@ -90,7 +91,7 @@ def _sizes(scene: Scene, answer: Answer) -> list[tuple[str, str]]:
     told = []
     for what, pair in (("problem.target", answer.target), ("solution.pair", answer.pair)):
         if pair is None or not np.allclose(pair, scene.target, rtol=1.01 * SNAP, atol=0):
-            told.append(("wrong sizes", f"{what} {None if pair is None else pair.tolist()}, asked {scene.target.tolist()}"))
+            told.append(("wrong sizes", f"{what} {pair}, asked {scene.target.tolist()}"))
     return told
 
 
@@ -100,9 +101,8 @@ def _motion(scene: Scene, answer: Answer) -> list[tuple[str, str]]:
     setting, told = scene.setting, []
     R, t = setting.poses(answer.q)
     far = 1.0 + float(np.abs(setting.corners).max())
-    if answer.transform is None or not (
-        np.allclose(answer.transform[:3, :3], R[0], atol=1e-9) and np.allclose(answer.transform[:3, 3], t[0], atol=1e-9 * far)
-    ):
+    T = np.full((4, 4), np.nan) if answer.transform is None else answer.transform
+    if not (np.allclose(T[:3, :3], R[0], atol=1e-9) and np.allclose(T[:3, 3], t[0], atol=1e-9 * far)):
         told.append(("wrong pose", "the transform is not that of the parameters"))
     own = setting.amount(answer.q)
     if not abs(own - answer.amount) <= 1e-8 * (own + 1e-3 * setting.size):
@@ -134,7 +134,7 @@ def _amount(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[str
     if found is None:
         return [("nothing to compare", "no motion known to the oracle")]
     told, tolerance = [], 1e-7 * scene.setting.size
-    words = f"{answer.amount:.8g}, but {found.amount:.8g} is known at {found.q.round(9).tolist()}, bound {answer.bound:.8g}"
+    words = f"{answer.amount:.8g}, bound {answer.bound:.8g}, but {found.amount:.8g} at {found.q.round(9).tolist()}"
     if answer.amount > found.amount * (1 + _exactness(scene, found)) + tolerance:
         told.append(("not least" if scene.count <= 2 or found.exact else "smaller known", words))
     if scene.count <= 2 and answer.bound < answer.amount * (1 - 1.01 * PROVED) - tolerance:
