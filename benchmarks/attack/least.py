@@ -558,34 +558,36 @@ def _scanned(setting: Setting) -> Found | None:
     grid = np.unique(np.clip(np.concatenate([-fine, [0.0], fine, even]), low, high))
     own, every = setting.margins(grid[:, None])
     eps = EPS * setting.size
-    candidates = [float(s) for s in grid[setting.valid(grid[:, None])]]
-    for k in range(len(grid) - 1):
-        for values in (own, every):
-            if (values[k] >= 0) != (values[k + 1] >= 0):
-                which = values is every
-                candidates += _root(setting, grid[k], grid[k + 1], which)
-    for k in range(1, len(grid) - 1):  # a window, or a graze, between the points of the scan
-        for sign, values in ((1.0, every), (-1.0, own)):
-            middle = sign * values[k]
-            if middle < 0 and middle >= max(sign * values[k - 1], sign * values[k + 1]) > -0.05 * setting.size:
-                peak = _peak(setting, grid[k - 1], grid[k + 1], sign)
-                top = _value(setting, peak, sign > 0)
-                if sign * top >= -eps:
-                    candidates.append(peak)
-                    for end in (grid[k - 1], grid[k + 1]):
-                        candidates += _root(setting, min(end, peak), max(end, peak), sign > 0)
-    if not candidates:
-        return None
-    found = np.array(sorted(candidates, key=abs))
-    own, every = setting.margins(found[:, None])
-    fine = every >= -10 * eps
-    if setting.touch:
-        fine &= own <= 10 * eps
-    if not fine.any():
-        return None
-    amounts = [(setting.amount([s]), float(s)) for s in found[fine]]
-    amount, s = min(amounts)
-    return Found(np.array([s]), amount, False)
+    at_once = grid[setting.valid(grid[:, None])].tolist()
+    events: list[tuple[float, Callable[[], list[float]]]] = [(abs(s), lambda s=s: [s]) for s in at_once]
+    radius = 2.0 * setting.size + float(np.linalg.norm(setting.corners - setting.movable, axis=1).max())
+    for sign, values in ((1.0, every), (-1.0, own)):
+        for k in np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0)):
+            ends = grid[k], grid[k + 1]
+            events.append((min(map(abs, ends)), lambda ends=ends, sign=sign: _root(setting, *ends, sign > 0)))
+        middle, high = sign * values[1:-1], np.maximum(sign * values[:-2], sign * values[2:])
+        near = -middle <= (grid[2:] - grid[:-2]) * radius  # a window, or a graze, between the points of the scan
+        for k in 1 + np.flatnonzero((middle < 0) & (middle >= high) & near):
+            ends = grid[k - 1], grid[k + 1]
+            events.append((min(map(abs, ends)), lambda ends=ends, sign=sign: _window(setting, *ends, sign)))
+    best: Found | None = None
+    for nearest_, candidates in sorted(events, key=lambda event: event[0]):
+        if best is not None and nearest_ > abs(best.q[0]):
+            break  # what follows is further from rest
+        for s in candidates():
+            found, others = setting.margins([[s]])
+            fine = others[0] >= -10 * eps and (not setting.touch or found[0] <= 10 * eps)
+            if fine and (best is None or abs(s) < abs(best.q[0])):
+                best = Found(np.array([s]), setting.amount([s]), False)
+    return best
+
+
+def _window(setting: Setting, low: float, high: float, sign: float) -> list[float]:
+    """Return the ends of a short interval round the peak where the sign changes, none where it does not."""
+    peak = _peak(setting, low, high, sign)
+    if sign * _value(setting, peak, sign > 0) < -EPS * setting.size:
+        return []
+    return [peak, *_root(setting, low, peak, sign > 0), *_root(setting, peak, high, sign > 0)]
 
 
 def _value(setting: Setting, s: float, every: bool) -> float:
@@ -632,20 +634,23 @@ def _along_rays(setting: Setting, rng: np.random.Generator, effort: int) -> Foun
         Q = rays[:, None, :] * own[:, None] * scale
         separated, every = (found.reshape(Q.shape[:2]) for found in setting.margins(Q.reshape(-1, k)))
         signs = (separated if setting.touch else every) >= 0
-        found = []
-        for j, u in enumerate(rays):
-            changed = np.flatnonzero(signs[j, 1:] != signs[j, :-1])
-            for at in changed[own[changed] < most]:
-                low, high = own[at], own[at + 1]
-                for _ in range(45):
-                    middle = 0.5 * (low + high)
-                    value = setting.margins([middle * u * scale])[0 if setting.touch else 1][0] >= 0
-                    low, high = (middle, high) if value == signs[j, at] else (low, middle)
-                valid = [r * u * scale for r in (low, high) if not setting.faults(r * u * scale, 0.1 * setting.slack)]
+        crossings = signs[:, 1:] != signs[:, :-1]
+        found: list[tuple[float, Array]] = []
+        for _ in range(4):  # the first place where the sign changes, then the next
+            left = np.flatnonzero(crossings.any(axis=1))
+            at = crossings[left].argmax(axis=1)
+            crossings[left, at] = False
+            low, high, before = own[at], own[at + 1], signs[left, at]
+            for _ in range(45 if len(left) else 0):
+                middle = 0.5 * (low + high)
+                value = setting.margins(middle[:, None] * rays[left] * scale)[0 if setting.touch else 1] >= 0
+                low, high = np.where(value == before, middle, low), np.where(value == before, high, middle)
+            for j, *ends in zip(left, low, high, strict=True):
+                motions_ = [radius * rays[j] * scale for radius in ends if radius < most]
+                valid = [q for q in motions_ if not setting.faults(q, 0.1 * setting.slack)]
                 if valid:
                     found.append((setting.amount(valid[0]), valid[0]))
-                    most = min(most, found[-1][0] * 1.1)
-                    break
+                    crossings[j] = False
         return found
 
     if k == 2:
