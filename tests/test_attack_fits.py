@@ -309,6 +309,14 @@ def test_a_planted_wrong_answer_is_reported(goal, q, more, expected):
     assert kinds(scene, answer(scene, q, **more)) == expected
 
 
+def test_a_refusal_without_a_goal_of_its_own_is_a_note():
+    """What the default goal became is the package's own word: the motion cannot be told right or wrong by it."""
+    scene = on_slab(None)
+    told = verdicts(scene, answer(scene, status="NOT_VERIFIED"), None)
+    assert ("refused, not judged", "") in told
+    assert not failed(told)
+
+
 def test_a_limit_that_is_broken_and_a_keep_out_that_is_met_are_reported():
     scene = on_slab("clear", limits={1: (-1.0, 0.01)})
     assert kinds(scene, answer(scene, bound=0.0)) >= {"wrong motion"}

@@ -33,7 +33,14 @@ FAILURES = (
     "not found",
     "oracle failed",
 )
-NOTES = ("weak bound", "smaller known", "not found by search", "outside the fit", "nothing to compare")
+NOTES = (
+    "refused, not judged",
+    "weak bound",
+    "smaller known",
+    "not found by search",
+    "outside the fit",
+    "nothing to compare",
+)
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,8 @@ def verdicts(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[st
         if answer.status == REFUSED:
             wrong = any(kind == "wrong motion" for kind, _ in faults)
             told = [item for item in told if item[0] != "wrong motion"]
-            told.append(("wrong motion refused" if wrong else "right motion refused", answer.advice))
+            kind = "wrong motion refused" if wrong else "right motion refused"
+            told.append(("refused, not judged" if scene.goal is None else kind, answer.advice))
         elif answer.status not in DONE:
             told.append(("outside the fit", answer.status))
         told += _amount(scene, answer, found)
