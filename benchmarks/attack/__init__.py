@@ -1,0 +1,1 @@
+"""Oracles, scenes and verdicts of `attack_fits.py`; only `asking` knows the package under attack."""
