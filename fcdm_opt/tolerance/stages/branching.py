@@ -107,7 +107,9 @@ def proved(
     share : float
         Of the cells that are looked at for three parameters and more, which seldom end by themselves.
     """
-    if not np.isfinite(answer.lower_bound) or (answer.q is not None and not answer.q.any()):
+    if not np.isfinite(answer.lower_bound) and (share < 1.0 or answer.stage != STAGE):
+        return answer, None  # without a motion; cells show it where they have shown it
+    if answer.q is not None and not answer.q.any():
         return answer, None
     if answer.q is not None and _closed(task, answer, FINE_GAP):
         return answer, None
