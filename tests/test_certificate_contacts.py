@@ -138,7 +138,7 @@ def test_contacts_of_parts_drawn_far_away_share_a_point(number: int) -> None:
     peg, hole = placed(blocks, -0.3, "peg"), placed([*ring(1.02, -2, 0), *ring(2.02, 0, 1)], -1.0, "hole")
     problem = Problem(peg, hole, target=(1.05, 0.95), motion=Translation("z"), goal="clear")
     solution = solve(problem)
-    assert solution.usable, solution.certificate and solution.certificate.failed
+    assert solution.verified, solution.certificate and solution.certificate.failed
     assert solution.features
     for feature in solution.features:
         assert common_point(problem, feature, solution) <= problem.contact_slack, str(feature)

@@ -20,7 +20,7 @@ from fcdm_opt.tolerance.solution import Status, kept_clear
 from fcdm_opt.tolerances import Tolerances
 
 ROOT = Path(__file__).parents[1]
-MAKERS = ("Check", "_at_most", "_at_least")
+MAKERS = ("Check", "_at_most", "_at_least", "_worst", "self._worst")
 
 
 def _hook(name: str) -> ModuleType:

@@ -127,7 +127,16 @@ def test_plain_data_tell_status_advice_and_motion(question):
     assert data["features"] == [feature.label for feature in solution(question).features]
     attributes = {item.name for item in fields(Solution)}
     assert attributes <= set(data)
-    assert set(data) - attributes == {"advice", "usable", "motion", "keep_out_gaps", "snapped", "gap", "sensitivity"}
+    assert set(data) - attributes == {
+        "advice",
+        "doubt",
+        "usable",
+        "motion",
+        "keep_out_gaps",
+        "snapped",
+        "gap",
+        "sensitivity",
+    }
 
 
 def test_the_motion_is_told_in_lengths_and_degrees():

@@ -141,7 +141,7 @@ def test_an_unexpected_error_is_a_row_with_its_text(monkeypatch: pytest.MonkeyPa
 def _payload(points: list[Any], time_limit: float | None = None) -> Payload:
     scenes = {point.question.scene.key: point.question.scene.text for point in points}
     asked = [[point.key, point.question.scene.key, point.question.case] for point in points]
-    return {"certify": False, "time_limit": time_limit, "scenes": scenes, "points": asked}
+    return {"certify": False, "effort": "proved", "time_limit": time_limit, "scenes": scenes, "points": asked}
 
 
 # ------------------------------------------------------------------------------------------------- stopped and resumed
@@ -235,7 +235,7 @@ def test_a_lost_worker_costs_the_one_point_that_loses_it_twice(
 ) -> None:
     names = ["", "", "segfault", "", "once", "exit", "", "endless", *[""] * 12]
     asked = [[f"{k}", "scene", {"name": name, "file": str(tmp_path / "mark")}] for k, name in enumerate(names)]
-    common = {"certify": False, "time_limit": 0.3, "scenes": {}}
+    common = {"certify": False, "effort": "proved", "time_limit": 0.3, "scenes": {}}
     store = Store(tmp_path / "out", OWNER)
     with store, LocalEngine(2, work=fragile, load=nothing) as engine:
         plan = Plan(_Listed(asked), store, lambda: 2)
@@ -269,7 +269,7 @@ def test_no_more_processes_are_started_than_there_are_chunks() -> None:
 class _Listed:
     """A study of points that are no questions."""
 
-    certify, time_limit = False, None
+    certify, effort, time_limit = False, "proved", None
 
     def __init__(self, points: list[Any]) -> None:
         self._points = points

@@ -95,6 +95,7 @@ class Store:
             if not self.path.exists():  # what SQLite left beside a store that was taken away would spoil a new one
                 for rest in ("-wal", "-shm"):
                     self.path.with_name(FILE + rest).unlink(missing_ok=True)
+            self._writing = False
             self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             self._own[self.path] = _identity(self.path)
             stack.callback(self._base.close)
@@ -128,13 +129,23 @@ class Store:
         rows : iterable of dict
             Of keys that have no row yet.
         """
-        met = [(number, key, _encoded(values)) for number, key, values in points]
+        met = [(number, key, _encoded(values)) for number, key, values in points if self._fresh or self._is_new(number)]
         made = [(row["key"], row["status"], row["usable"], row["amount"], _encoded(row)) for row in rows]
+        if not (met or made):
+            return
+        with _refusals(self.path):
+            if not self._writing:  # a run with nothing to write leaves the store as it is
+                self._base.execute("PRAGMA journal_mode = WAL")
+                self._base.execute("PRAGMA synchronous = NORMAL")
+                self._writing = True
         with _refusals(self.path), self._transaction():
             self._check_place()
             self._base.executemany("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", met)
             self._base.executemany("INSERT INTO results VALUES (?, ?, ?, ?, ?)", made)
         self._written.update(hash(key) for key, *_ in made)
+
+    def _is_new(self, number: int) -> bool:
+        return self._base.execute("SELECT 1 FROM points WHERE number = ?", (number,)).fetchone() is None
 
     def _check_place(self) -> None:
         """Refuse to go on where the files were taken away: what is written to them then is lost, or another run's."""
@@ -170,8 +181,6 @@ class Store:
         tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if tables:
             self._check(tables, owner)
-        self._base.execute("PRAGMA journal_mode = WAL")
-        self._base.execute("PRAGMA synchronous = NORMAL")
         if tables:
             return
         meta = {

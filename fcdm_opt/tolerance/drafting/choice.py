@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion import Free, Motion, Translation
 from fcdm_opt.tolerance.drafting.situation import DRAWN, Situation
 from fcdm_opt.tolerance.problem import SIGNS, Problem
-from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.tolerance.solution import Solution, Status
 from fcdm_opt.tolerance.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -48,6 +48,14 @@ class Choice:
         """How many requirements are solved and verified."""
         return sum(own is not None and own.usable for own in self.solutions.values())
 
+    @property
+    def answered(self) -> int:
+        """How many requirements are solved, or told not to fit together: that is an answer of another goal's too."""
+        kinds = (
+            own is not None and (own.usable or own.status is Status.OUTSIDE_FIT) for own in self.solutions.values()
+        )
+        return sum(kinds)
+
     @cached_property
     def tied(self) -> tuple[str, ...]:
         """Requirements that another motion answers as well, some way off; of bodies with many parts it is not asked."""
@@ -75,7 +83,7 @@ class Choice:
 
 
 def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) -> Choice:
-    """Return the first goal, of those that make sense for the state, that some motion solves in all four cases.
+    """Return the first goal, of those that make sense for the state, that some motion answers in all four cases.
 
     Translations along one axis come before those along three wherever they are as small, and rotations after both.
     `at` is told what is tried.
@@ -90,9 +98,9 @@ def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) 
             found = _tried(situation, goal, motion)
             if found is None:
                 continue
-            if found.solved == len(SIGNS):
+            if found.answered == len(SIGNS):
                 return _simpler(situation, found)
-            if best is None or found.solved > best.solved:
+            if best is None or found.answered > best.answered:
                 best = found
     assert best is not None  # "touch" and "clear" can be asked of any parts
     return best
@@ -130,7 +138,7 @@ def _simpler(situation: Situation, found: Choice) -> Choice:
         return found
     along = situation.normal if axis is None else axis
     less = _tried(situation, found.goal, Translation(named(along)))
-    return less if less is not None and less.solved == len(SIGNS) else found
+    return less if less is not None and less.solved == found.solved else found
 
 
 def _tried(situation: Situation, goal: str, motion: Motion) -> Choice | None:

@@ -97,6 +97,7 @@ def draft(
         *([f"practically face on face: {remarks.tilt(situation.tilt)}"] if situation.tilt is not None else []),
         *(f"warning: {remark}" for remark in warned),
         f"{asked}: {choice.solved} of {len(SIGNS)} cases solved and verified",
+        *(f"{letter}: {own.advice}" for letter, own in choice.solutions.items() if own is not None and not own.usable),
         *([f"{TIE} in {', '.join(choice.tied)}"] if choice.tied else []),
     )
     return Draft("\n\n".join(sections) + "\n", summary)

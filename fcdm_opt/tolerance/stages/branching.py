@@ -112,7 +112,9 @@ def proved(
     if answer.q is not None and not answer.q.any():
         return answer, None
     if answer.q is not None and _closed(task, answer, FINE_GAP):
-        return answer, None
+        few = len(task.weights) <= MOST_PARAMETERS or task.tested_vertices * CELLS[MOST_CHECKED] <= CONFIRMING
+        if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price
+            return answer, None
     until = np.inf if seconds is None else perf_counter() + seconds
     if len(task.weights) <= MOST_PARAMETERS:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon

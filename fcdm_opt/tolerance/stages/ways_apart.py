@@ -235,7 +235,11 @@ class _Scene(NamedTuple):
             a, b, n = one.edges[sites[some, 1], :2], two.edges[sites[some, 2], :2], lines[some, :3]
             own, other = x[a[:, 1]] - x[a[:, 0]], p[b[:, 1]] - p[b[:, 0]]
             across = np.cross(own @ self.R.T, other)
-            signs = np.copysign(1.0 / np.linalg.norm(across, axis=1), (across * n).sum(axis=1))
+            sines = np.linalg.norm(across, axis=1)
+            steep = sines > DEFAULT.tie * np.linalg.norm(own, axis=1) * np.linalg.norm(other, axis=1)  # not parallel
+            some[some] = steep
+            a, b, n, own, other = a[steep], b[steep], n[steep], own[steep], other[steep]
+            signs = np.copysign(1.0 / sines[steep], (across[steep] * n).sum(axis=1))
             change = signs[:, None] * np.cross(np.einsum("kab,eb->kea", self.turns, own), other)
             change -= (change * n).sum(axis=2)[..., None] * n
             rates = (change * (p[b[:, 0]] - moved[a[:, 0]])).sum(axis=2) - (speeds[:, a[:, 0]] * n).sum(axis=2)
