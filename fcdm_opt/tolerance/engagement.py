@@ -45,6 +45,8 @@ def leaves_fit(solution: Solution) -> bool:
     if not solution.status.found or solution.transform is None or not solution.amount > 0.0:
         return False
     motion, problem = _Motion(solution), solution.problem
+    if len(problem.movable.parts) == len(problem.static.parts) == 1:
+        return False  # of two convex bodies neither holds the other
     return (motion.goes_through or motion.comes_off) and _held(problem)
 
 

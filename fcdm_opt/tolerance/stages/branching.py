@@ -121,7 +121,7 @@ def proved(
         return bounded(
             task, answer, aims=[*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)], until=until
         )
-    answer, closed = _turned(task, spread(task, answer, _unturned(task)), gap, share, until)
+    answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
         answer = spread(task, answer, _beside(task, answer.q))
         closed = _closed(task, answer, gap)
@@ -133,7 +133,7 @@ def proved(
 def least_apart(task: Task) -> Answer | None:
     """Stage 4, where rows of one choice at a time do not do: descent over all ways apart; None where it finds none."""
     answer = Answer(Status.NOT_FOUND, None, STAGE_APART, displacement_bound(task))
-    answer = spread(task, answer, _unturned(task) or [task.start])
+    answer = spread(task, answer, [*_unturned(task), task.start])
     return None if answer.q is None else answer
 
 
