@@ -341,7 +341,9 @@ class _Judge:
         # vertices and parallel edges meet along more lines than the one claimed; others are nearer than the step
         for slack in (float(np.abs(step) @ own.reaches), self.limit):
             more = own.gradients(self.rho, self.transform, slack)
-            more = more[np.hypot(more[:, 0], more[:, 1]) > flat]
+            steep = np.hypot(more[:, 0], more[:, 1]) > flat
+            if not steep.all():
+                return _Side(step, before, after, least, snug=True)  # beside a plane that no change of the scales moves
             upward = _across(more) if len(more) else np.zeros(2)
             if len(more) and (more @ upward).min() > flat:
                 wider = self._step(more, upward)

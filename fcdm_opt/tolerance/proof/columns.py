@@ -153,6 +153,7 @@ def prove(
     aims: Sequence[tuple[float, int]],
     until: float = np.inf,
     search: Callable[[Array], Array | None] | None = None,
+    checked: bool = True,
 ) -> Proof:
     """Bound the amount of every motion that does what a task asks.
 
@@ -168,9 +169,11 @@ def prove(
         `perf_counter` at which to stop besides.
     search : callable, optional
         Takes a motion q near which nothing can be excluded, and returns one there that does, if it finds one.
+    checked : bool
+        Whether the evidence is to be what its checker knows; else clearances are proved by swollen parts.
     """
     search_ = _Search(task, upper, search)
-    scene, record = Scene(task, upper), Record()
+    scene, record = Scene(task, upper, swollen=not checked), Record()
     columns, total = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0), 0
     for _ in range(TURNS):
         looked = 0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fcdm_opt.curve.tight import edge_and_corner
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.kinematics import interpreted
 from fcdm_opt.motion import Rotation, Screw, Translation
 from fcdm_opt.tolerance.amounts import OwnAmount
@@ -23,6 +23,7 @@ from fcdm_opt.tolerance.proof.enclosure import Enclosure
 from fcdm_opt.tolerance.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
+BETWEEN = (0.25, 0.5, 0.75)  # of two faces, the directions in which their edge is moved out
 LEAST_SCALE = 1e-3  # of the target pair: tracked scales below are taken as these
 
 
@@ -90,11 +91,37 @@ class Solid:
         return self.vertices, self.normals, self.levels, self.edges
 
 
-class Scene:
-    """A task in the terms of the tests: everything about the seeds, body 1 moving."""
+def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
+    """Return a polytope within what is nearer to a part than a length: its faces, edges and corners moved out by that.
 
-    def __init__(self, task: Task, upper: float = np.inf) -> None:
-        self.task, self.upper = task, upper
+    Parameters
+    ----------
+    part : ConvexPart
+    placed : (n, 3) array
+        Its vertices, where they are.
+    by : float
+    """
+    middles = np.zeros_like(placed)
+    for loop, normal in zip(part.loops, part.normals, strict=True):
+        middles[list(loop)] += normal
+    middles /= np.linalg.norm(middles, axis=1)[:, None]
+    faces = [placed[list(loop)] + by * n for loop, n in zip(part.loops, part.normals, strict=True)]
+    ends, sides = part.edges[:, :2], part.normals[part.edges[:, 2:]]
+    turns = [share * sides[:, 0] + (1.0 - share) * sides[:, 1] for share in BETWEEN]
+    edges = [placed[ends[:, k]] + by * n / np.linalg.norm(n, axis=1)[:, None] for n in turns for k in (0, 1)]
+    points = np.vstack([*faces, placed + by * middles, *edges])
+    return Body.convex(points, seed=np.zeros(3), name="swollen").parts[0]
+
+
+class Scene:
+    """A task in the terms of the tests: everything about the seeds, body 1 moving.
+
+    With `swollen`, opponents that ask for a clearance are larger by as much, and nothing may overlap them: no witness
+    that the checker of evidence knows, but parts that slide along each other need no small cells then.
+    """
+
+    def __init__(self, task: Task, upper: float = np.inf, *, swollen: bool = False) -> None:
+        self.task, self.upper, self.swollen = task, upper, swollen
         self.motion = task.motion.seen_from(task.movable.seed)
         self.offset = task.static.seed - task.movable.seed
         self.margin = DEFAULT.line * task.size
@@ -158,10 +185,15 @@ class Scene:
     @cached_property
     def opponents(self) -> list[Solid]:
         """The opponents as placed, about s_2."""
-        return [
-            Solid.of(o.part, o.part.seed - self.task.static.seed + o.scale * (o.part.vertices - o.part.seed))
-            for o in self.task.opponents
-        ]
+        made = []
+        for own in self.task.opponents:
+            part = own.part
+            placed = part.seed - self.task.static.seed + own.scale * (part.vertices - part.seed)
+            if self.swollen and own.need > 0.0:
+                part = _swollen(part, placed, own.need)
+                placed = part.vertices
+            made.append(Solid.of(part, placed))
+        return made
 
     @cached_property
     def drawn(self) -> tuple[Array, Array, Array, Array]:
@@ -388,7 +420,7 @@ class Scene:
                 tests.meet_cells(T, codes, *solids[0], *solids[1], self.margin, flags, rows)
                 rows[:, :2] = i, j
                 codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
-            if task.needs[j] > 0:
+            if task.needs[j] > 0 and not self.swollen:
                 flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
                 tests.near_cells(T, codes, *solids[0], *solids[1], float(task.needs[j]), self.margin, flags, rows)
                 rows[:, :2] = i, j

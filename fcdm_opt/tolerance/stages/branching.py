@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import operator
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.motion import Free, Translation
 from fcdm_opt.tolerance.bounds import displacement_bound, search_rate
 from fcdm_opt.tolerance.evidence import Evidence
 from fcdm_opt.tolerance.proof.columns import farthest, prove
@@ -18,10 +22,13 @@ from fcdm_opt.tolerance.stages import polar, ways_apart
 from fcdm_opt.tolerance.stages.descent import STAGE as DESCENT
 from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.relaxation import Found, choices
+from fcdm_opt.tolerance.stages.seat import tilts
+from fcdm_opt.tolerance.stages.translations import translations
 from fcdm_opt.tolerance.stages.turns import least_over_turns
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
 
+AXES = tuple(map(Translation, "xyz"))  # what a free motion shifts along
 STAGE_APART = "4: descent over the ways apart"
 STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound over rotations"
 MOST_PARAMETERS = 2  # for which the search is complete in a moment
@@ -87,7 +94,7 @@ def confirmed(task: Task, answer: Answer) -> Answer:
         return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 and pairs <= LARGEST else answer
     if not _doubtful(task, answer):
         return answer
-    return bounded(task, answer, aims=[(CONFIRMED_GAP, CONFIRMING)])[0]
+    return bounded(task, answer, aims=[(CONFIRMED_GAP, CONFIRMING)], checked=False)[0]
 
 
 def proved(
@@ -116,18 +123,41 @@ def proved(
         if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price
             return answer, None
     until = np.inf if seconds is None else perf_counter() + seconds
+    checked = share == 1.0
+    if (turned := _turned_back(task)) is not None:
+        still = replace(task, limits=frozen(np.where(turned[:, None], 0.0, task.limits)))
+        bound = bounded(still, answer, aims=[(gap, PROVING)], until=until, checked=False)[0].lower_bound
+        bound = min(bound, np.pi * float(task.weights[turned].sum()), _amount(task, answer))
+        answer = replace(answer, lower_bound=max(bound, answer.lower_bound))
+        if not checked and _closed(task, answer, gap * (1.0 + DEFAULT.nominal)):
+            return answer, None
+    if checked and task.needs.max() > 0.0:  # what the checker of evidence knows of clearances shows less
+        answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
     if len(task.weights) <= MOST_PARAMETERS:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
-        return bounded(
-            task, answer, aims=[*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)], until=until
-        )
+        aims = [*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)]
+        return bounded(task, answer, aims=aims, until=until, checked=checked)
     answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
         answer = spread(task, answer, _beside(task, answer.q))
         closed = _closed(task, answer, gap)
     if closed or perf_counter() > until:
         return answer, None
-    return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until)
+    return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until, checked=checked)
+
+
+def _turned_back(task: Task) -> NDArray[np.bool_] | None:
+    """Return which parameter of a task turns, (k,), if only one does and it tilts a face that must be flush in the end.
+
+    Such a face is flush again after half a revolution at the soonest. None elsewhere; what must stay flush on the way
+    has limits that say so.
+    """
+    turning = np.asarray(task.spins.any(axis=1))
+    faces = [seat for seat in task.seats if seat.whole]
+    if task.coherent or turning.sum() != 1 or turning.all() or not faces:
+        return None
+    tilted = np.abs(tilts(faces, task.spins)[:, turning]).max(initial=0.0) > DEFAULT.nominal
+    return turning if tilted and task.allows(task.rest) else None
 
 
 def least_apart(task: Task) -> Answer | None:
@@ -159,6 +189,15 @@ def _unturned(task: Task) -> list[Array]:
     if not ways_apart.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
         return []
     still = replace(task, limits=frozen(np.where(turning[:, None], 0.0, task.limits)))
+    steps = [own for step in task.motion.steps for own in (AXES if isinstance(step, Free) else (step,))]
+    shifts = [step for step in steps if isinstance(step, Translation)]
+    if len(shifts) == (~turning).sum() > 1:  # exact
+        motion = reduce(operator.rshift, shifts)
+        least = translations(replace(task, motion=motion, weights=task.weights[~turning], limits=task.limits[~turning]))
+        if least is not None and least.q is not None:
+            q = task.rest
+            q[~turning] = least.q
+            return [q]
     found = ways_apart.descended(still, task.start, LARGE * task.size)
     return [] if found is None else [found.q]
 
@@ -204,7 +243,13 @@ def _amount(task: Task, answer: Answer) -> float:
 
 
 def bounded(
-    task: Task, answer: Answer, *, aims: Sequence[tuple[float, float]], share: float = 1.0, until: float = np.inf
+    task: Task,
+    answer: Answer,
+    *,
+    aims: Sequence[tuple[float, float]],
+    share: float = 1.0,
+    until: float = np.inf,
+    checked: bool = True,
 ) -> tuple[Answer, Evidence | None]:
     """Return an answer with a bound by `prove`, better or settled where that is so.
 
@@ -220,6 +265,8 @@ def bounded(
         Of the efforts, and of `CELLS`.
     until : float
         `perf_counter` at which to stop in place of an effort.
+    checked : bool
+        As of `prove`.
     """
     known, upper = answer.q, _amount(task, answer)
     better: Found | None = None
@@ -237,7 +284,8 @@ def bounded(
     try:
         timed = np.isfinite(until)
         cells = [(gap, sys.maxsize if timed else _most(task, effort, share)) for gap, effort in aims]
-        proof = prove(task, upper, aims=cells[-1:] if timed else cells, until=until, search=search)
+        aimed = cells[-1:] if timed else cells
+        proof = prove(task, upper, aims=aimed, until=until, search=search, checked=checked)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)
