@@ -14,7 +14,10 @@ import pytest
 from scipy.spatial.transform import Rotation as Turn
 
 import fcdm_opt as fo
+from fcdm_opt.tolerance.proof.exclusion import _swollen
 from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.tolerance.stages.translations import _bound_below
+from fcdm_opt.tolerance.task import Task
 
 Boxes = list[tuple[tuple[float, ...], tuple[float, ...]]]
 
@@ -190,6 +193,8 @@ def test_a_clearance_from_a_cube_has_a_bound(way: tuple[float, ...]) -> None:
     assert solution.amount <= least * (1.0 + 1e-9)
     assert solution.lower_bound <= solution.amount
     assert solution.gap <= 0.1
+    task = Task.of(problem)  # what is said is cut off at the amount; what is worked out must not exceed it either
+    assert 0.8 * solution.amount <= _bound_below(task, solution.amount) <= solution.amount * (1.0 + 1e-9)
     if max(way) < 1.0:  # over the middle of a face
         assert solution.amount == pytest.approx(2.0 + need - max(way), rel=1e-9)
         assert solution.gap <= 1e-9
@@ -212,6 +217,7 @@ def test_quick_is_said_and_proves_nothing_it_does_not_know() -> None:
         ("seconds", {"seconds": 0.0}),
         ("seconds", {"seconds": float("nan")}),
         ("seconds", {"seconds": "1"}),
+        ("seconds", {"seconds": True}),
     ],
 )
 def test_efforts_that_are_none_are_refused(key: str, how: dict[str, Any]) -> None:
@@ -227,3 +233,45 @@ def test_a_proof_ends_with_its_time() -> None:
     solution = fo.solve(problem, certify=True, seconds=0.5)
     assert solution.seconds["prove"] < 60.0
     assert solution.lower_bound > 0.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_swollen_parts_stay_within_what_is_nearer_than_the_clearance(seed: int) -> None:
+    """Every vertex of a swollen hull is within the length of the hull: by the judge's library of distances."""
+    import coal
+
+    rng = np.random.default_rng(seed)
+    (part,) = fo.Body.convex(rng.normal(size=(9, 3))).parts
+    by = float(rng.uniform(0.01, 2.0))
+    swollen = _swollen(part, part.vertices, by)
+    points = coal.StdVec_Vec3s()
+    for vertex in part.vertices:
+        points.append(vertex)
+    hull = coal.Convex.convexHull(points, True, "Qt")
+    result, here = coal.DistanceResult(), coal.Transform3s()
+    for vertex in swollen.vertices:
+        away = coal.distance(
+            hull, here, coal.Sphere(1e-9), coal.Transform3s(np.eye(3), vertex), coal.DistanceRequest(), result
+        )
+        assert away <= by * (1.0 + 1e-6)
+        result.clear()
+    assert len(swollen.vertices) > len(part.vertices)
+
+
+@pytest.mark.parametrize("off", [0.02, 0.04])
+def test_a_key_that_another_slot_grew_past_was_called_solved(off: float) -> None:
+    """Slots that grow about a far seed move past the key: it would end in the next one."""
+    fins: Boxes = [((x, -5, 0), (x + 1, 5, 10)) for x in range(0, 100, 4)]
+    fins.append(((0, -5, -1), (97, 5, 0)))
+    key: Boxes = [((85.5, -2.0, 1.0), (87.5, 2.0, 12.0))]
+    problem = fo.Problem(
+        body(key, "box"),
+        body(fins, (0.0, 0.0, 0.0)),
+        tolerance=(0.0, off),
+        requirement="A",
+        motion=fo.Translation("x"),
+        goal="touch",
+    )
+    solution = fo.solve(problem)
+    left = abs(solution.parameters["TX"] - 86.5 * off) > 1.0  # of where the slot went
+    assert (solution.status is Status.OUTSIDE_FIT) == left

@@ -41,7 +41,8 @@ def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, sha
         region_of[piece_starts[region] : piece_starts[region + 1]] = region
     found, used = np.empty((64, 3)), 0
     points, marked = np.empty((16, 2)), 0
-    left, room = np.empty((len(members) + 2, 2)), np.empty((len(members) + 2, 2))
+    most = 2 * len(members) + 2  # one that grazes leaves a point besides
+    left, room = np.empty((most, 2)), np.empty((most, 2))
     for cell in range(len(cells)):
         for m in range(shares[cell], shares[cell + 1]):
             own = members[m]

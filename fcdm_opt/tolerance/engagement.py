@@ -84,7 +84,10 @@ class _Motion:
         return False
 
     def _on_the_way(self) -> Iterator[tuple[ConvexPart, ConvexPart, Array]]:
-        """Yield the part pairs whose boxes meet on the motion, with the displacement of the first part's centre."""
+        """Yield the part pairs whose boxes meet on the motion, with the displacement of the first part's centre.
+
+        Against the other's, which moves as its size changes.
+        """
         problem, T, sizes = self.problem, self.transform, np.array([self.problem.nominal_pair, self.solution.pair])
         obstacles = [np.vstack([_placed(two, rho) for rho in sizes[:, 1]]) for two in problem.static.parts]
         low, high = (np.array([end(points, axis=0) for points in obstacles]) for end in (np.min, np.max))
@@ -96,7 +99,10 @@ class _Motion:
                 continue
             swept = np.vstack([rest, end])
             for j in np.nonzero(((low < swept.max(axis=0)) & (high > swept.min(axis=0))).all(axis=1))[0]:
-                yield one, problem.static.parts[j], way
+                two = problem.static.parts[j]
+                past = way - (_placed(two, sizes[1, 1]) - _placed(two, sizes[0, 1])).mean(axis=0)
+                if np.linalg.norm(past) > DEFAULT.side * problem.size:
+                    yield one, two, past
 
     @property
     def comes_off(self) -> bool:
@@ -232,6 +238,8 @@ def misfit(problem: Problem) -> Misfit | None:
             continue
         width = (lines[k, :2] + lines[j, :2]) * problem.target
         inside = 0 if width[0] > 0.0 else 1
+        if not width[inside] > -width[1 - inside]:
+            continue  # walls that are a little aslant, seen from far away
         play = float(max(drawn[k] + drawn[j], 0.0))
         least = float(gaps[k] + gaps[j])
         found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), play / (play - least))

@@ -79,7 +79,7 @@ class Problem:
         The family of motions to choose from.
     goal : "beyond", "at", "seat", "touch" or "clear", optional
         Default: "beyond" at a switching point between two segments with a requirement, "seat" where the nominal contact
-        is flush, else "touch".
+        is flush (at such a point too where it leaves no play), else "touch".
     pair : "any", "clear" or "touch"
         State of the target pair that is required besides the goal.
     clearance : float
@@ -306,7 +306,10 @@ class Problem:
         from fcdm_opt.curve.segments import SwitchingPoint
 
         contact = self.nominal_contact
-        if self.requirement and isinstance(contact, SwitchingPoint) and not contact.alone:
+        at_point = self.requirement is not None and isinstance(contact, SwitchingPoint) and not contact.alone
+        normals = np.array([seat.normal for seat in self.nominal_seats]).reshape(-1, 3)
+        no_play = (normals @ normals.T <= DEFAULT.nominal - 1.0).any()  # held from two sides
+        if at_point and not no_play:
             return "beyond"
         if self.nominal_seats:
             return "seat"

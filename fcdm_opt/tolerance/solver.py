@@ -12,6 +12,7 @@ from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.tolerance.arguments import is_real
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.engagement import inside_fit
 from fcdm_opt.tolerance.evidence import Evidence
@@ -93,7 +94,8 @@ def solve(
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
     if pairs := problem.feature_pairs:
-        return _least_of([problem.changed(features=pair) for pair in pairs], how, throw)
+        share = None if seconds is None else seconds / len(pairs)
+        return _least_of([problem.changed(features=pair) for pair in pairs], how._replace(seconds=share), throw)
     start = perf_counter()
     task = Task.of(problem)
     answer = _answered(task, model)
@@ -155,7 +157,7 @@ def _check(problem: Problem, how: _How) -> None:
         raise InputError("not a truth value", key="certify", found=how.certify, allowed="True or False")
     if how.certify and how.effort == "quick":
         raise InputError("a quick search proves nothing", key="effort", found="quick", allowed='"proved" with certify')
-    if how.seconds is not None and not (isinstance(how.seconds, int | float) and 0.0 < how.seconds < math.inf):
+    if how.seconds is not None and not (is_real(how.seconds) and 0.0 < how.seconds < math.inf):
         raise InputError("not a time", key="seconds", found=how.seconds, allowed="a number > 0, or None")
 
 

@@ -5,6 +5,8 @@ shift, seat      contacts brought to the target pair while nothing tilts
 translations     several translations: best first over the ways apart
 turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`, `tape`)
+ways_apart       descent over all ways in which part pairs may come apart
+polar            tracked contacts direction by direction (`fan`)
 program          the nonlinear program; `relaxation` grows it by what its solutions violate, `sequential` solves it for
                  other amounts
 rays             first contact along a ray by safe steps (`along`: of second order, for one parameter)
