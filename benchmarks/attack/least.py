@@ -630,7 +630,7 @@ def _along_rays(setting: Setting, rng: np.random.Generator, effort: int) -> Foun
     def shortest(rays: Array, most: float) -> list[tuple[float, Array]]:
         """Return the first valid motion on each ray, as far as it is shorter than `most`."""
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-        own = radii[(radii < 1.2 * most) | (radii == 0.0)]
+        own = radii[: max(int((radii < 1.2 * most).sum()), 2)]
         Q = rays[:, None, :] * own[:, None] * scale
         separated, every = (found.reshape(Q.shape[:2]) for found in setting.margins(Q.reshape(-1, k)))
         signs = (separated if setting.touch else every) >= 0
