@@ -48,6 +48,7 @@ BESIDE = 1e-3  # relative: motions this near to the best known one are not searc
 NEAR = (1e-3, 3e-2, 0.3)  # relative: radius of the descent from a motion that is held back, until one finds a motion
 FEW_PAIRS = 100  # part pairs up to which more motions are descended from
 SPREAD = 0.3  # the same, from motions that are not the least for certain
+GAINED = 1e-5  # relative: smaller gains may come from what counts as met, where a gap opens with the square of a turn
 NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
 
@@ -174,7 +175,7 @@ def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
     best, slack = _amount(task, answer), DEFAULT.cut * task.size / search_rate(task)  # what counts as met may gain that
     for start in starts if answer.q is None else (answer.q, *starts):
         found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
-        if found is not None and found.amount < best * (1.0 - DEFAULT.nominal) - slack:
+        if found is not None and found.amount < best * (1.0 - GAINED) - slack:
             bound = min(answer.lower_bound, found.amount)
             answer, best = (
                 Answer(Status.SOLVED, found.q, STAGE_APART, bound, found.active, found.modelled),
@@ -276,7 +277,7 @@ def bounded(
         if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
             return None  # the bound is held back by the motion known
         found = near(task, q)
-        if found is None:
+        if found is None or not found.amount < upper * (1.0 - GAINED):
             return None
         better = found if better is None or found.amount < better.amount else better
         return found.q
