@@ -25,7 +25,7 @@ from attack.scenes import CHEAP, drawn, names
 from attack.verdicts import FAILURES, NOTES, failed, verdicts
 
 CHUNK = 6
-ROUNDS, QUICK = 60, 7
+ROUNDS, QUICK = 60, 5
 
 
 class Line(NamedTuple):
