@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation as Turn
 import fcdm_opt as fo
 from fcdm_opt.tolerance.proof.exclusion import _swollen
 from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.stages.translations import _bound_below
+from fcdm_opt.tolerance.stages.translations import bound_below
 from fcdm_opt.tolerance.task import Task
 
 Boxes = list[tuple[tuple[float, ...], tuple[float, ...]]]
@@ -193,7 +193,7 @@ def test_a_clearance_from_a_cube_has_a_bound(way: tuple[float, ...]) -> None:
     assert solution.lower_bound <= solution.amount
     assert solution.gap <= 0.1
     task = Task.of(problem)  # what is said is cut off at the amount; what is worked out must not exceed it either
-    assert 0.8 * solution.amount <= _bound_below(task, solution.amount) <= solution.amount * (1.0 + 1e-9)
+    assert 0.8 * solution.amount <= bound_below(task, solution.amount) <= solution.amount * (1.0 + 1e-9)
     if max(way) < 1.0:  # over the middle of a face
         assert solution.amount == pytest.approx(2.0 + need - max(way), rel=1e-9)
         assert solution.gap <= 1e-9

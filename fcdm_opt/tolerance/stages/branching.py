@@ -23,7 +23,7 @@ from fcdm_opt.tolerance.stages.descent import STAGE as DESCENT
 from fcdm_opt.tolerance.stages.descent import descent
 from fcdm_opt.tolerance.stages.relaxation import Found, choices
 from fcdm_opt.tolerance.stages.seat import tilts
-from fcdm_opt.tolerance.stages.translations import translations
+from fcdm_opt.tolerance.stages.translations import bound_below, translations
 from fcdm_opt.tolerance.stages.turns import least_over_turns
 from fcdm_opt.tolerance.task import Answer, Task
 from fcdm_opt.tolerances import DEFAULT
@@ -95,7 +95,7 @@ def confirmed(task: Task, answer: Answer) -> Answer:
         return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 and pairs <= LARGEST else answer
     if not _doubtful(task, answer):
         return answer
-    return bounded(task, answer, aims=[(CONFIRMED_GAP, CONFIRMING)], checked=False)[0]
+    return bounded(task, answer, aims=[(CONFIRMED_GAP, CONFIRMING)])[0]
 
 
 def proved(
@@ -119,6 +119,9 @@ def proved(
         return answer, None  # without a motion; cells show it where they have shown it
     if answer.q is not None and not answer.q.any():
         return answer, None
+    if answer.q is not None and task.motion.shifts and task.weighted and not task.tracked and task.needs.max() > 0.0:
+        amount = _amount(task, answer)
+        answer = replace(answer, lower_bound=max(answer.lower_bound, min(bound_below(task, amount), amount)))
     if answer.q is not None and _closed(task, answer, FINE_GAP):
         few = len(task.weights) <= MOST_PARAMETERS or task.tested_vertices * CELLS[MOST_CHECKED] <= CONFIRMING
         if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price

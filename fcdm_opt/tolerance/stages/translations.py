@@ -94,18 +94,18 @@ def translations(task: Task) -> Answer | None:
 
 
 def _improved(task: Task, answer: Answer) -> Answer:
-    """Return an answer that keeps clearances as distances, not only along facet directions, with a bound of it."""
+    """Return an answer that keeps clearances as distances, not only along facet directions."""
     assert answer.q is not None
     best, active, modelled = answer.q, answer.active, answer.modelled
     for relaxation in choices(task, answer.q, near=True):
         found = relaxation.smallest([best], "sqpmethod", task.amount(best))
         if found is not None and found.amount < task.amount(best) * (1.0 - DEFAULT.nominal):
             best, active, modelled = found.q, found.active, found.modelled
-    bound = min(max(displacement_bound(task), _bound_below(task, task.amount(best))), task.amount(best))
+    bound = min(displacement_bound(task), task.amount(best))
     return Answer(Status.SOLVED, best, answer.stage + ", nonlinear program", bound, active, modelled)
 
 
-def _bound_below(task: Task, most: float) -> float:
+def bound_below(task: Task, most: float) -> float:
     """Return an amount that no shift stays below which keeps clearances as distances.
 
     The shifts that bring two parts nearer than c fill their Minkowski difference and what is nearer to it than c. A
