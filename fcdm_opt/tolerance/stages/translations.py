@@ -27,6 +27,7 @@ from fcdm_opt.tolerances import DEFAULT
 MOST_NODES, MOST_WAYS = 2000, 200
 MOST_DIFFERENCES = 4000  # pairs of vertices of two parts that are kept apart by a distance, for a bound
 SPACE = 3  # dimensions
+SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
 
@@ -108,32 +109,51 @@ def _improved(task: Task, answer: Answer) -> Answer:
 def bound_below(task: Task, most: float) -> float:
     """Return an amount that no shift stays below which keeps clearances as distances.
 
-    The shifts that bring two parts nearer than c fill their Minkowski difference and what is nearer to it than c. A
-    polytope within that, which holds each facet and each corner moved out by c, forbids no more than it does: exact
-    where the least shift ends over a facet, and a little below it over an edge or corner.
+    The shifts that bring two parts nearer than c fill their Minkowski difference and what is nearer to it than c: a
+    convex set. A polytope within it forbids no more than it does; where the least shift outside all polytopes still
+    brings parts nearer than c, the point of the set's border ahead of it joins the polytope, and it is sought anew.
     """
-    reach, walls = most * displacement_rate(task), _walls(task)
-    gaps = task.pair_gaps(task.rest)
+    reach, walls, forbidden = most * displacement_rate(task), _walls(task), dict[Parts, Array]()
+    gaps, shifts, closings = task.pair_gaps(task.rest), _shifts(task), _closings(task)
     for parts in list(walls):
-        need = task.opponents[parts[1]].need
-        if need <= 0:
-            continue
-        polytope = _polytope(task, parts) if gaps[parts] < need + reach else None
-        if polytope is None:
-            del walls[parts]
-        else:
-            walls[parts] = polytope
-    found = _least(task, walls, _closings(task))
-    return 0.0 if found is None or found[0] is None else float(np.linalg.norm(found[0])) * task.size
+        if (need := task.opponents[parts[1]].need) > 0:
+            points = _nearer(task, parts) if gaps[parts] < need + reach else None
+            wall = None if points is None else _outside(task, points, shifts)
+            if points is None or wall is None:
+                del walls[parts]
+            else:
+                forbidden[parts], walls[parts] = points, wall
+    bound, slack = 0.0, DEFAULT.nominal * most
+    for _ in range(SHARPENED):
+        found = _least(task, walls, closings)
+        if found is None or found[0] is None:
+            break
+        bound, q = float(np.linalg.norm(found[0])) * task.size, found[0] * task.size / task.weights
+        gaps, sharper = task.pair_gaps(q), []
+        for parts in walls.keys() & forbidden.keys() if bound < most - slack else ():
+            need = task.opponents[parts[1]].need
+            if not 0.0 < gaps[parts] < need:
+                continue
+            way = task.way_between(parts, q)
+            miss = need - task.pair_gaps(q, {parts: way})[parts]
+            if miss > slack:
+                ahead = q @ shifts - miss * way / np.linalg.norm(way)
+                forbidden[parts] = np.vstack([forbidden[parts], ahead])
+                sharper.append(parts)
+        if not sharper:
+            break
+        for parts in sharper:
+            wall = _outside(task, forbidden[parts], shifts)
+            assert wall is not None  # as before: the polytope has only grown
+            walls[parts] = wall
+    return bound
 
 
-def _polytope(task: Task, parts: Parts) -> Wall | None:
-    """Return the half-spaces outside a polytope of shifts that bring two parts nearer than they may be.
+def _nearer(task: Task, parts: Parts) -> Array | None:
+    """Return shifts that bring two parts nearer than they may be, or just: facets and corners moved out, (n, 3).
 
-    None where the parts are too large, or no shift of the task crosses it.
+    None where the parts are too large.
     """
-    from scipy.spatial import ConvexHull
-
     one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
     if len(one.vertices) * len(opponent.part.vertices) > MOST_DIFFERENCES:
         return None
@@ -147,11 +167,17 @@ def _polytope(task: Task, parts: Parts) -> Wall | None:
     middles = on[corners] @ outward
     middles /= np.linalg.norm(middles, axis=1)[:, None]
     facets, points = np.nonzero(on.T)
-    held = np.vstack(
+    return np.vstack(
         [differences[points] + opponent.need * outward[facets], differences[corners] + opponent.need * middles]
     )
-    planes = ConvexHull(held).equations
-    lines = -planes[:, :3] @ _shifts(task).T / task.weights
+
+
+def _outside(task: Task, points: Array, shifts: Array) -> Wall | None:
+    """Return the half-spaces outside the hull of points, (n, 3); None where no shift of the task crosses it."""
+    from scipy.spatial import ConvexHull
+
+    planes = ConvexHull(points).equations
+    lines = -planes[:, :3] @ shifts.T / task.weights
     flat = np.linalg.norm(lines, axis=1) <= DEFAULT.tie
     if (planes[flat, 3] >= -DEFAULT.cut * task.size).any():
         return None
