@@ -16,7 +16,7 @@ from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.motion import Translation
+from fcdm_opt.motion import Free, Motion, Rotation, Translation
 from fcdm_opt.tolerance.certificate import verify
 from fcdm_opt.tolerance.problem import Problem
 from fcdm_opt.tolerance.solution import Certificate, Solution, Status
@@ -214,3 +214,42 @@ def test_contacts_name_the_solids_own_corners(goal: str, requirement: str) -> No
 def bore_row(body: Body, point: np.ndarray) -> int:
     """The label of a vertex."""
     return int(np.flatnonzero((body.vertices == point).all(axis=1))[0]) + 1
+
+
+# ---------------------------------------------------------------------------------- walls that stand against each other
+
+
+def frame(bottom: float) -> Body:
+    """Four walls of height 1 about a square hole of width 2; two of them end at the sides of the others."""
+    walls = [((1, -3), (3, 3)), ((-3, -3), (-1, 3)), ((-1, 1), (1, 3)), ((-1, -3), (1, -1))]
+    parts = [box((*low, bottom), (*high, bottom + 1)) for low, high in walls]
+    return Body.from_parts(parts, seed=(0, 0, bottom + 0.5), name="frame")
+
+
+def test_a_side_of_a_wall_that_another_wall_covers_is_no_face_of_the_solid() -> None:
+    """The frame's inner sides end at the corners of its hole; what stands against the other walls is inside."""
+    body, looked = frame(0), 0
+    bottom, top = body.faces[:2]
+    for part in body.parts[:2]:
+        for k, (a, b) in enumerate(part.edges[:, :2].tolist()):
+            span = part.elements.spans.get(("E", k))
+            if span is None or not np.ptp(part.vertices[[a, b], 1]) > 5.0:
+                continue  # the long edges beside the hole: true where the hole is, inside top or bottom elsewhere
+            named = {element.vertices for element in span.elements if element.kind == "F"}
+            assert named == {top if part.vertices[a, 2] > 0.5 else bottom}
+            looked += 1
+    assert looked == 4
+
+
+@pytest.mark.parametrize("requirement", "AD")
+@pytest.mark.parametrize("motion", [Translation("z"), Translation("z") >> Rotation("x"), Free()])
+def test_a_frame_on_its_copy_touches_with_one_face(motion: Motion, requirement: str) -> None:
+    """Parts that meet along the edge of a wall inside the face were said to touch with the wall's covered side."""
+    sign = {"A": 1.0, "D": -1.0}[requirement]
+    problem = Problem(frame(1), frame(0), tolerance=0.02, requirement=requirement, motion=motion, goal="touch")
+    solution = solve(problem, effort="quick")
+    assert solution.usable, solution.certificate
+    assert solution.amount <= 0.02 * (1.0 + 1e-9)  # both half as much higher about their middles: a lift does
+    if motion == Translation("z"):
+        assert solution.parameters["TZ"] == pytest.approx(sign * 0.02)
+        assert [feature.kind for feature in solution.features] == ["F1F2"]

@@ -33,19 +33,20 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     else:
         known = np.unique(np.concatenate([*(hull.used for hull in hulls), *given]).astype(np.int64))
         edges, hidden = _true_edges(points, hulls, rows, planes, owner, known, size)
-    triangles, owners = [], []
+    triangles, owners, corners = [], [], list(points)
     sides = {pair for face in given for pair in zip(face, face[1:] + face[:1], strict=True)}
+    shown = _Cover(points, rows, planes, slack)
     for k, face in enumerate(given):
         fans = _fans_of_outline(points, face, edges, sides, slack) if drawn else None
         if fans is None:
-            loops = [rows[part][own] for (part, own), one in owner.items() if one == k]
+            loops = [loop for place, one in owner.items() if one == k for loop in shown.loops(place, corners)]
             fans = [(loop[0], *pair) for loop in loops for pair in pairwise(loop[1:])]
         elif _is_clockwise(points, fans, rows, planes, slack):
             fans = [own[::-1] for own in fans]
         triangles += fans
         owners += [k] * len(fans)
-    corners, faces = np.array(triangles, np.int64).reshape(-1, 3), tuple(map(tuple, given))
-    return Surface(points, corners, np.array(owners, np.int64), faces, edges, hidden, faces)
+    faces, fans = tuple(map(tuple, given)), np.array(triangles, np.int64).reshape(-1, 3)
+    return Surface(np.array(corners), fans, np.array(owners, np.int64), faces, edges, hidden, faces)
 
 
 def _is_clockwise(points: Array, fans: list[tuple[int, ...]], rows: Any, planes: Any, slack: float) -> bool:
@@ -240,8 +241,8 @@ def _faces_from_parts(points: Array, rows: Any, planes: Any, size: float) -> lis
     places = [
         (part, face) for part, loops in enumerate(rows) for face in range(len(loops)) if (part, face) not in seams
     ]
-    hidden = _hidden(points, rows, planes, places, slack)
-    places = [place for place in places if place not in hidden]
+    cover = _Cover(points, rows, planes, slack)
+    places = [place for place in places if not cover.hides(place)]
     keys = np.array([(*planes[part][face][0], planes[part][face][1] / size) for part, face in places])
     pairs = cKDTree(keys).query_pairs(DEFAULT.nominal, p=np.inf, output_type="ndarray")
     loops = [rows[part][face] for part, face in places]
@@ -261,57 +262,96 @@ def _faces_from_parts(points: Array, rows: Any, planes: Any, size: float) -> lis
     return list(groups.values())
 
 
-def _hidden(points: Array, rows: Any, planes: Any, places: list[tuple[int, int]], slack: float) -> set[tuple[int, int]]:
-    """Return the part faces that other parts cover from outside, wherever one looks."""
-    normals = [np.array([normal for normal, _ in own]) for own in planes]
-    levels = [np.array([level for _, level in own]) for own in planes]
-    corners = [points[sorted({v for loop in loops for v in loop})] for loops in rows]
-    lows, highs = (np.array([f(own, axis=0) for own in corners]) for f in (np.min, np.max))
-    hidden = set()
-    for part, face in places:
-        outline = points[list(rows[part][face])]
-        low, high, normal = outline.min(axis=0), outline.max(axis=0), planes[part][face][0]
-        near = ((lows <= high + slack) & (highs >= low - slack)).all(axis=1)
-        near[part] = False
+class _Cover:
+    """What parts cover of each other's faces from outside.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    rows : per part, per face, the rows of its loop
+    planes : per part, per face, (outward unit normal, level)
+    slack : float
+        Length.
+    """
+
+    def __init__(self, points: Array, rows: Any, planes: Any, slack: float) -> None:
+        self._points, self._rows, self._slack = points, rows, slack
+        self._normals = [np.array([normal for normal, _ in own]) for own in planes]
+        self._levels = [np.array([level for _, level in own]) for own in planes]
+        corners = [points[sorted({v for loop in loops for v in loop})] for loops in rows]
+        self._lows, self._highs = (np.array([f(own, axis=0) for own in corners]) for f in (np.min, np.max))
+
+    def hides(self, place: tuple[int, int]) -> bool:
+        """Tell whether other parts cover a part's face, (part, face), wherever one looks."""
+        part, face = place
+        outline, normal = self._points[list(self._rows[part][face])], self._normals[part][face]
         middle = outline.mean(axis=0)
         samples = (middle + FRACTIONS[:, None, None] * (outline - middle)).reshape(-1, 3)
-        for other in np.flatnonzero(near).tolist():
-            heights = samples @ normals[other].T - levels[other]
-            inwards = normals[other] @ normal < DEFAULT.nominal
-            samples = samples[((heights > slack) | ((heights > -slack) & ~inwards)).any(axis=1)]
+        for other in self._near(place).tolist():
+            heights = samples @ self._normals[other].T - self._levels[other]
+            inwards = self._normals[other] @ normal < DEFAULT.nominal
+            samples = samples[((heights > self._slack) | ((heights > -self._slack) & ~inwards)).any(axis=1)]
             if not len(samples):
                 break
-        others = [(normals[other], levels[other]) for other in np.flatnonzero(near).tolist()]
-        if not len(samples) and _covered(outline, normal, others, slack):
-            hidden.add((part, face))
-    return hidden
+        return not len(samples) and not self._left(place)
+
+    def loops(self, place: tuple[int, int], corners: list[Array]) -> list[tuple[int, ...]]:
+        """Return what is not covered of a part's face as convex polygons: rows of `corners`, which it may add to."""
+        part, face = place
+        whole: tuple[int, ...] = self._rows[part][face]
+        pieces = self._left(place)
+        if sum(map(_area, pieces)) >= (1.0 - DEFAULT.nominal) * _area(self._points[list(whole)]):
+            return [whole]
+        loops = []
+        for piece in pieces:
+            apart = np.linalg.norm(piece - np.roll(piece, 1, axis=0), axis=1) > self._slack
+            if apart.sum() > 2:  # no sliver
+                loops.append(tuple(range(len(corners), len(corners) + int(apart.sum()))))
+                corners += list(piece[apart])
+        return loops
+
+    def _near(self, place: tuple[int, int]) -> Ints:
+        part, face = place
+        outline = self._points[list(self._rows[part][face])]
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        near = ((self._lows <= high + self._slack) & (self._highs >= low - self._slack)).all(axis=1)
+        near[part] = False
+        return np.flatnonzero(near)
+
+    def _left(self, place: tuple[int, int]) -> list[Array]:
+        """Return the convex polygons, (m, 3), that stay of a part's face where others are taken away one by one.
+
+        A part with a face in its plane, turned the same way, covers nothing of it.
+        """
+        part, face = place
+        normal, slack = self._normals[part][face], self._slack
+        pieces = [self._points[list(self._rows[part][face])]]
+        for other in self._near(place).tolist():
+            normals, levels, left = self._normals[other], self._levels[other], []
+            for whole in pieces:
+                piece, heights = whole, whole @ normals.T - levels
+                beside = heights.min(axis=0) > slack
+                level = (np.abs(heights).max(axis=0) <= slack) & (normals @ normal >= DEFAULT.nominal)
+                if (beside | level).any():
+                    left.append(whole)
+                    continue
+                for k in np.flatnonzero(heights.max(axis=0) > slack).tolist():
+                    above = piece @ normals[k] - levels[k]
+                    if above.max() > slack:
+                        left.append(_clipped(piece, above))
+                        piece = _clipped(piece, -above)
+                    if len(piece) < 3:
+                        break
+            pieces = [piece for piece in left if len(piece) > 2]
+            if not pieces:
+                break
+        return pieces
 
 
-def _covered(outline: Array, normal: Array, others: list[tuple[Array, Array]], slack: float) -> bool:
-    """Tell whether parts cover a convex polygon from outside altogether: they are taken away from it one by one.
-
-    Parts are (normals, levels) of their planes; one with a face in the polygon's plane, turned the same way, covers
-    nothing of it.
-    """
-    pieces = [outline]
-    for normals, levels in others:
-        left = []
-        for whole in pieces:
-            piece, heights = whole, whole @ normals.T - levels
-            beside = heights.min(axis=0) > slack
-            level = (np.abs(heights).max(axis=0) <= slack) & (normals @ normal >= DEFAULT.nominal)
-            if (beside | level).any():
-                left.append(whole)
-                continue
-            for k in np.flatnonzero(heights.max(axis=0) > slack).tolist():
-                above = piece @ normals[k] - levels[k]
-                if above.max() > slack:
-                    left.append(_clipped(piece, above))
-                    piece = _clipped(piece, -above)
-                if len(piece) < 3:
-                    break
-        pieces = [piece for piece in left if len(piece) > 2]
-    return not pieces
+def _area(polygon: Array) -> float:
+    """Return the area of a convex polygon, (m, 3)."""
+    spokes = polygon[1:] - polygon[0]
+    return float(np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0))) / 2.0
 
 
 def _clipped(polygon: Array, heights: Array) -> Array:
