@@ -35,18 +35,18 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
         edges, hidden = _true_edges(points, hulls, rows, planes, owner, known, size)
     triangles, owners, corners = [], [], list(points)
     sides = {pair for face in given for pair in zip(face, face[1:] + face[:1], strict=True)}
-    shown = _Cover(points, rows, planes, slack)
+    cover = _Cover(points, rows, planes, slack)
     for k, face in enumerate(given):
         fans = _fans_of_outline(points, face, edges, sides, slack) if drawn else None
         if fans is None:
-            loops = [loop for place, one in owner.items() if one == k for loop in shown.loops(place, corners)]
+            loops = [loop for place, one in owner.items() if one == k for loop in cover.loops(place, corners)]
             fans = [(loop[0], *pair) for loop in loops for pair in pairwise(loop[1:])]
         elif _is_clockwise(points, fans, rows, planes, slack):
             fans = [own[::-1] for own in fans]
         triangles += fans
         owners += [k] * len(fans)
-    faces, fans = tuple(map(tuple, given)), np.array(triangles, np.int64).reshape(-1, 3)
-    return Surface(np.array(corners), fans, np.array(owners, np.int64), faces, edges, hidden, faces)
+    faces, rows_of_corners = tuple(map(tuple, given)), np.array(triangles, np.int64).reshape(-1, 3)
+    return Surface(np.array(corners), rows_of_corners, np.array(owners, np.int64), faces, edges, hidden, faces)
 
 
 def _is_clockwise(points: Array, fans: list[tuple[int, ...]], rows: Any, planes: Any, slack: float) -> bool:
