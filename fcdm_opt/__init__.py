@@ -9,6 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fcdm_opt.along.coherent_range import CoherentRange, coherent_range
+    from fcdm_opt.along.contact_times import ContactTimes, contact_times
     from fcdm_opt.curve.batch import DecisionCurves, decision_curves
     from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
     from fcdm_opt.curve.features import Feature
@@ -29,16 +31,14 @@ if TYPE_CHECKING:
     from fcdm_opt.errors import FcdmError, InputError, UnsolvedError
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.geometry.conversion import as_body
-    from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
-    from fcdm_opt.own_motion import OwnMotion
-    from fcdm_opt.tolerance.certificate import verify
-    from fcdm_opt.tolerance.files import load_problems
-    from fcdm_opt.tolerance.keep_out import KeepOut
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange, coherent_range
-    from fcdm_opt.tolerance.ranges.contact_times import ContactTimes, contact_times
-    from fcdm_opt.tolerance.solution import Certificate, Solution, Status
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.judge.certificate import verify
+    from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+    from fcdm_opt.motion.own_motion import OwnMotion
+    from fcdm_opt.problem.files import load_problems
+    from fcdm_opt.problem.keep_out import KeepOut
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Certificate, Solution, Status
+    from fcdm_opt.solver import solve
 
     __version__: str
 

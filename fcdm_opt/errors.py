@@ -1,6 +1,6 @@
 """One base class for everything the toolkit raises.
 
-Bad input raises; a numerical failure is a status of the result (see `fcdm_opt.tolerance.solution.Status`).
+Bad input raises; a numerical failure is a status of the result (see `fcdm_opt.problem.solution.Status`).
 """
 
 from __future__ import annotations

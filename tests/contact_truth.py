@@ -14,7 +14,7 @@ from oracles import ExactCurve, cross, dot, exact_curve, minus, rational
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.problem.problem import Problem
 
 Line = tuple[Fraction, Fraction, Fraction]
 

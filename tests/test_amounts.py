@@ -17,15 +17,15 @@ from cases import box_shape, shape
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.judge.certificate import verify
 from fcdm_opt.measure.motions import answered, judged
-from fcdm_opt.motion import Free, Rotation, Screw, Translation
-from fcdm_opt.own_motion import OwnMotion
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.proof.exclusion import Scene
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.motions import Free, Rotation, Screw, Translation
+from fcdm_opt.motion.own_motion import OwnMotion
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.proof.exclusion import Scene
+from fcdm_opt.solver import solve
 
 X, Y, Z = (Translation(axis) for axis in "xyz")
 HALF = box_shape(("-0.5", "-0.5", "-0.5"), ("0.5", "0.5", "0.5")).body("cube")

@@ -14,11 +14,11 @@ from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, budget
 from fcdm_opt.design.whatif.nested import Order, order
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Rotation, Translation
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 NEAR = 3e-9  # of closed forms: the bracket is 1e-9 wide, and amounts are known to 1e-10

@@ -16,8 +16,8 @@ import pytest
 
 import fcdm_opt as fo
 from fcdm_opt import cards
-from fcdm_opt.curve.drawn import curve_card
-from fcdm_opt.tolerance.solution import Check
+from fcdm_opt.problem.solution import Check
+from fcdm_opt.show.notebook.curve_card import curve_card
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 TAGS = frozenset(re.findall(r"\w+", "div span strong b table tbody tr th td ul li svg g title path rect circle text"))

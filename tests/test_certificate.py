@@ -17,12 +17,12 @@ from oracles import cross, dot, exact_curve, minus, rational
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.motion import Rotation, Translation
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Certificate, Solution, Status
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Certificate, Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

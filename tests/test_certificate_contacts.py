@@ -16,11 +16,11 @@ from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.motion import Free, Motion, Rotation, Translation
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Certificate, Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.motion.motions import Free, Motion, Rotation, Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Certificate, Solution, Status
+from fcdm_opt.solver import solve
 
 
 def failed(certificate: Certificate) -> set[str]:

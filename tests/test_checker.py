@@ -15,13 +15,13 @@ from strategies import generators, random_pair, random_union, runs
 
 import fcdm_opt as fo
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
-from fcdm_opt.tolerance.evidence import Evidence, Reason
-from fcdm_opt.tolerance.proof import conditions
-from fcdm_opt.tolerance.proof.checker import check_evidence
-from fcdm_opt.tolerance.proof.columns import Proof, prove
-from fcdm_opt.tolerance.proof.intervals import Interval, Program
-from fcdm_opt.tolerance.proof.mean_value import Kinematics, Pieces
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.evidence import Evidence, Reason
+from fcdm_opt.proof import conditions
+from fcdm_opt.proof.checker import check_evidence
+from fcdm_opt.proof.columns import Proof, prove
+from fcdm_opt.proof.intervals import Interval, Program
+from fcdm_opt.proof.mean_value import Kinematics, Pieces
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 BOX = ((0.2, 5.0), (0.2, 5.0))

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 import fcdm_opt
 from fcdm_opt.cli import app
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Certificate, Check, Solution, Status
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Certificate, Check, Solution, Status
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 HELP = "import sys; from fcdm_opt.cli import main; sys.argv = ['fcdm-opt', '--help']"

@@ -13,10 +13,10 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import contact_faults
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.stages import compiled, fan, polar
-from fcdm_opt.tolerance.stages.descent import descent
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.stages import compiled, fan, polar
+from fcdm_opt.stages.descent import descent
 from fcdm_opt.tolerances import DEFAULT
 
 EXAMPLE = Path(__file__).parents[1] / "problems" / "example1.toml"

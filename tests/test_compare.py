@@ -14,10 +14,10 @@ import pytest
 from fcdm_opt.design.whatif.compare import Comparison, Row, _checked, compare, contained, families
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Free, Rotation, Translation
+from fcdm_opt.motion.motions import Free, Rotation, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.design_tables import print_comparison
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.problem import Problem
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 SLACK = 1e-7  # relative: of amounts that stages find by different ways

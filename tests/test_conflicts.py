@@ -19,12 +19,12 @@ from fcdm_opt.design.whatif.constraints import constraints, excesses, named, rel
 from fcdm_opt.design.whatif.search import Search
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Rotation, Translation
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y = Translation("x"), Translation("y")

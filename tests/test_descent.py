@@ -14,14 +14,14 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.stages import compiled, rays
-from fcdm_opt.tolerance.stages.descent import descent
-from fcdm_opt.tolerance.stages.models import nonlinear, one_parameter, satisfied
-from fcdm_opt.tolerance.stages.tape import tape
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import solve
+from fcdm_opt.stages import compiled, rays
+from fcdm_opt.stages.descent import descent
+from fcdm_opt.stages.models import nonlinear, one_parameter, satisfied
+from fcdm_opt.stages.tape import tape
 
 X, Y, Z = (Translation(axis) for axis in "xyz")
 RX, RY, RZ = (Rotation(axis) for axis in "xyz")

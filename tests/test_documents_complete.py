@@ -13,10 +13,10 @@ import pytest
 
 import fcdm_opt as fo
 from fcdm_opt.cli import common
-from fcdm_opt.tolerance import certificate
-from fcdm_opt.tolerance.evidence import Reason
-from fcdm_opt.tolerance.proof import checker
-from fcdm_opt.tolerance.solution import Status, kept_clear
+from fcdm_opt.judge import certificate
+from fcdm_opt.problem.evidence import Reason
+from fcdm_opt.problem.solution import Status, kept_clear
+from fcdm_opt.proof import checker
 from fcdm_opt.tolerances import Tolerances
 
 ROOT = Path(__file__).parents[1]

@@ -15,13 +15,13 @@ from fcdm_opt.design.whatif.constraints import constraints, without
 from fcdm_opt.design.whatif.drop import Costs, Dropped, drop
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Translation
+from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.design_tables import print_costs
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y = Translation("x"), Translation("y")

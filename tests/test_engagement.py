@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.whatif.fitting import fits_up_to
+from fcdm_opt.problem.fit import misfit, verdict
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
-from fcdm_opt.tolerance.engagement import misfit, verdict
-from fcdm_opt.tolerance.solution import Solution, Status
 
 UP, ACROSS = fo.Translation("z"), fo.Translation("x") >> fo.Translation("z")
 NUT, RAIL = np.array([0.0, 0.0, 11.0]), np.array([0.0, 0.0, 10.0])  # seeds

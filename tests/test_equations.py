@@ -23,8 +23,8 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.equations import KINDS, FeaturePoints, contact_line, feature_points, switching_point
+from fcdm_opt.model.equations import KINDS, FeaturePoints, contact_line, feature_points, switching_point
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 
 LINE = ((0.4, -1.2, 0.7), (1.0, 2.0, -0.5))
 MOTIONS = {

@@ -10,11 +10,11 @@ import pytest
 
 import fcdm_opt as fo
 from fcdm_opt.curve.decision_curve import decision_curve
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.stages import polar
-from fcdm_opt.tolerance.stages.branching import branch_and_bound
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.stages import polar
+from fcdm_opt.stages.branching import branch_and_bound
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 EXAMPLE, PEG = PROBLEMS / "example1.toml", PROBLEMS / "peg_square.toml"

@@ -17,10 +17,10 @@ from strategies import random_rotation
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Translation
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.solver import solve
 
 POINTS = CUBE.array
 SEED = (1, "0.5", "0.5")

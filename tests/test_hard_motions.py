@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from cases import box_shape, shape, union
 
+from fcdm_opt.along.coherent_range import coherent_range
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.own_motion import OwnMotion
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.ranges.coherent_range import coherent_range
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.motion.own_motion import OwnMotion
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 
 X, Y, Z = (Translation(axis) for axis in "xyz")
 RX, RY, RZ = (Rotation(axis) for axis in "xyz")

@@ -18,13 +18,13 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, Z = Translation("x"), Translation("y"), Translation("z")

@@ -20,13 +20,13 @@ from typer.testing import CliRunner
 from fcdm_opt import load_problems, solve
 from fcdm_opt.cli import app, starting
 from fcdm_opt.design.schemas import DIALECT, KINDS, json_schema
+from fcdm_opt.drafting.choice import TOLERANCE
+from fcdm_opt.drafting.draft import draft
+from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.tolerance.drafting.choice import TOLERANCE
-from fcdm_opt.tolerance.drafting.draft import draft
-from fcdm_opt.tolerance.drafting.situation import Situation
-from fcdm_opt.tolerance.files import ProblemFile
-from fcdm_opt.tolerance.problem import GOALS, SIGNS
+from fcdm_opt.problem.files import ProblemFile
+from fcdm_opt.problem.problem import GOALS, SIGNS
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 MESHES = PROBLEMS / "meshes"

@@ -16,12 +16,12 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, _Frame, _gaps, scaled_pair
 from fcdm_opt.geometry.judging import FRAME, UNIT
-from fcdm_opt.motion import Translation
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.claim import Claim, carriers
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.judge.claimed_contact import Claim, carriers
+from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 HERE = np.eye(4)

@@ -15,13 +15,13 @@ import pytest
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.motion import Motion, Rotation, Translation
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.stages import models
-from fcdm_opt.tolerance.task import Answer, Task
+from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.motion.motions import Motion, Rotation, Translation
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
+from fcdm_opt.stages import models
 
 X, Y, Z = Translation("x"), Translation("y"), Translation("z")
 Point = tuple[float, float, float]

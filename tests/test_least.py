@@ -18,10 +18,10 @@ from fcdm_opt.measure.motions.cases import QUICK, chart_cases
 from fcdm_opt.measure.motions.held import Holding, holders
 from fcdm_opt.measure.motions.jets import BITS, Jet, series
 from fcdm_opt.measure.motions.least import Least, least_amount, refined
-from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import solve
 
 WIDE = ((0.5, 5.0), (0.5, 5.0))
 X = Translation("x")

@@ -14,7 +14,7 @@ from fcdm_opt.measure.cost import models
 from fcdm_opt.measure.cost.models_picture import models_figure
 from fcdm_opt.measure.cost.scenes import QUICK, names, overlapping, scene
 from fcdm_opt.measure.record import Load, Run
-from fcdm_opt.tolerance.solver import STAGES
+from fcdm_opt.solver import STAGES
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, RZ = Translation("x"), Translation("y"), Rotation("z")

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from strategies import generators
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.kinematics import CHUNK, interpreted
-from fcdm_opt.motion import AXES, Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.own_motion import OwnMotion
+from fcdm_opt.motion.kinematics import CHUNK, interpreted
+from fcdm_opt.motion.motions import AXES, Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.motion.own_motion import OwnMotion
 
 
 def helix(q):

@@ -11,10 +11,10 @@ import pytest
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import solve
 
 CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 MOVABLE = Body.convex(CUBE, seed=[0, 0, 0], name="cube")
@@ -422,7 +422,7 @@ def test_a_switching_point_within_snap_is_meant_by_goal_beyond() -> None:
 
 
 def test_a_problem_closed_to_the_curve_is_solved_and_says_so() -> None:
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.solver import solve
 
     shift = Translation("x") >> Translation("y")
     solution = solve(problem(plate_at(1e-7), goal="seat", requirement="A", motion=shift))

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.motion import Free, Rotation, Screw, Translation
-from fcdm_opt.tolerance.files import LARGEST_FILE, ProblemFile, load_problems
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.syntax import parsed
+from fcdm_opt.motion.motions import Free, Rotation, Screw, Translation
+from fcdm_opt.problem.files import LARGEST_FILE, ProblemFile, load_problems
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.syntax import parsed
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 BODIES = """

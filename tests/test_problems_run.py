@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.geometry.files import mesh_formats
-from fcdm_opt.tolerance.problem import GOALS, SIGNS, Problem
+from fcdm_opt.problem.problem import GOALS, SIGNS, Problem
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 SOLVED = ("peg_square", "peg_tapered", "peg_hexagon", "dovetail", "keyway", "lid", "gears", "nut", "bracket")

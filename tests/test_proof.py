@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.kinematics import interpreted
-from fcdm_opt.tolerance.evidence import Evidence, Reason
-from fcdm_opt.tolerance.proof.columns import prove
-from fcdm_opt.tolerance.proof.enclosure import Enclosure
-from fcdm_opt.tolerance.proof.exclusion import Cells, Scene
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.kinematics import interpreted
+from fcdm_opt.problem.evidence import Evidence, Reason
+from fcdm_opt.proof.columns import prove
+from fcdm_opt.proof.enclosure import Enclosure
+from fcdm_opt.proof.exclusion import Cells, Scene
 from fcdm_opt.tolerances import DEFAULT
 
 T, R, S = fo.Translation, fo.Rotation, fo.Screw

@@ -14,10 +14,10 @@ import pytest
 from scipy.spatial.transform import Rotation as Turn
 
 import fcdm_opt as fo
-from fcdm_opt.tolerance.proof.exclusion import _swollen
-from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.stages.translations import bound_below
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.exclusion import _swollen
+from fcdm_opt.stages.translations import bound_below
 
 Boxes = list[tuple[tuple[float, ...], tuple[float, ...]]]
 

@@ -15,11 +15,11 @@ from strategies import random_pair, random_pose, random_union
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt.along.coherent_range import KINDS
 from fcdm_opt.cli import app
 from fcdm_opt.curve.coherence import contact_faults
+from fcdm_opt.model.task import Task
 from fcdm_opt.show.family import family_figure
-from fcdm_opt.tolerance.ranges.coherent_range import KINDS
-from fcdm_opt.tolerance.task import Task
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 WIDE = ((0.05, 20.0), (0.05, 20.0))

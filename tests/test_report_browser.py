@@ -13,9 +13,9 @@ import pytest
 from test_report_study import TAUS, result
 
 from fcdm_opt.design.study.point import row
+from fcdm_opt.problem.files import ProblemFile
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.report.study_page import study_page
-from fcdm_opt.tolerance.files import ProblemFile
-from fcdm_opt.tolerance.problem import Problem
 
 CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -18,7 +18,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.design.schemas import json_schema
 from fcdm_opt.design.study.schema import StudyFile
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.files import ProblemFile, checked
+from fcdm_opt.problem.files import ProblemFile, checked
 
 HOME = Path(__file__).parent.parent
 PROBLEMS = sorted((HOME / "problems").glob("*.toml"))

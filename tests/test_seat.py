@@ -15,12 +15,12 @@ from strategies import random_pose
 from fcdm_opt.curve.flush import dimension, flush_contacts
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.certificate import Certificate, verify
-from fcdm_opt.tolerance.claim import extent
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.judge.certificate import Certificate, verify
+from fcdm_opt.judge.claimed_contact import extent
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 
 X, Y, Z = (Translation(axis) for axis in "xyz")
 RX, RY, RZ = (Rotation(axis) for axis in "xyz")

@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from scipy.spatial import HalfspaceIntersection
 
+from fcdm_opt import solver
+from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance import solver
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
-from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 BOX = ((0.5, 2.5), (0.5, 2.5))

@@ -16,13 +16,13 @@ from picture_checks import check_texts, shown
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
 from fcdm_opt.show.lettering import Sheet, crossed, fitted
 from fcdm_opt.show.plots import before_after_figure, clipped, decision_curve_figure
 from fcdm_opt.show.scene import scene_figure, true_edges
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 TITLE = "Example (reconstruction)"

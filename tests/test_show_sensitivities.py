@@ -13,9 +13,9 @@ from matplotlib.text import Text
 from picture_checks import check_texts, shown
 
 import fcdm_opt as fo
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.album import Album
 from fcdm_opt.show.sensitivities import STEP, Bar, bars, sensitivities_figure
-from fcdm_opt.tolerance.solution import Solution, Status
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 

@@ -12,11 +12,11 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Translation
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.solver import solve
 
 SHIFT = Translation("x") >> Translation("y") >> Translation("z")
 SIGN = {"A": 1.0, "D": -1.0}

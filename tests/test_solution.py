@@ -14,11 +14,11 @@ from cases import CUBE, box_shape
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.motion import Rotation, Translation
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import UNLIMITED, Certificate, Check, Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import UNLIMITED, Certificate, Check, Solution, Status
+from fcdm_opt.solver import solve
 
 CROSSING = box_shape((3, 3, -1), (5, 7, 1))  # lines rho_1 + rho_2 = 4 and rho_1 + 2 rho_2 = 5, crossing at (3, 1)
 

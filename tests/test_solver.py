@@ -21,11 +21,11 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.motion import Motion, Rotation, Screw, Step, Translation
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Step, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 BOX = ((0.5, 2.5), (0.5, 2.5))
@@ -231,8 +231,8 @@ def test_the_same_question_gets_the_same_answer_bit_for_bit(number):
 def test_a_fresh_process_gives_the_same_answer_bit_for_bit():
     code = (
         "import json, sys\n"
-        "from fcdm_opt.tolerance.files import load_problems\n"
-        "from fcdm_opt.tolerance.solver import solve\n"
+        "from fcdm_opt.problem.files import load_problems\n"
+        "from fcdm_opt.solver import solve\n"
         "answers = [solve(p).to_dict() | {'seconds': None} for f in sys.argv[1:] for p in load_problems(f)]\n"
         "print(json.dumps(answers))\n"
     )

@@ -14,11 +14,11 @@ from cases import CUBE, Shape, box_shape, shape, union
 from contact_truth import exact_gap
 
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 
 BOXES = load_problems(Path(__file__).parent.parent / "problems" / "boxes.toml")
 X, Y, Z = (Translation(axis) for axis in "xyz")

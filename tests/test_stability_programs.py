@@ -16,9 +16,9 @@ import pytest
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.measure.stability import motions, programs
 from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.stages.models import satisfied
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.stages.models import satisfied
 
 SEED = 0
 SAMPLES = 30

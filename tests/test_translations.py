@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from strategies import generators, runs
 
 import fcdm_opt as fo
-from fcdm_opt.tolerance.stages import translations
+from fcdm_opt.stages import translations
 
 AXES = "xyz"
 

@@ -10,10 +10,10 @@ from scipy.optimize import minimize, minimize_scalar, nnls
 from strategies import random_rotation
 
 import fcdm_opt as fo
-from fcdm_opt.tolerance.solution import Status
-from fcdm_opt.tolerance.stages import turns as turns_module
-from fcdm_opt.tolerance.stages.turns import least_over_turns, turns
-from fcdm_opt.tolerance.task import Answer, Task
+from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.stages import turns as turns_module
+from fcdm_opt.stages.turns import least_over_turns, turns
 
 X, Y, Z = (fo.Translation(axis) for axis in "xyz")
 MOTIONS = [

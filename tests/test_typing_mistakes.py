@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.problem import SIGNS
-from fcdm_opt.tolerance.schema import closest
-from fcdm_opt.tolerance.syntax import mistake
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.problem.schema import closest
+from fcdm_opt.problem.syntax import mistake
 
 FILE = """
 [bodies.movable]

@@ -16,6 +16,7 @@ from matplotlib.text import Text
 import fcdm_opt as fo
 from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
+from fcdm_opt.problem.files import ProblemFile
 from fcdm_opt.show import design_tables, tables
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure
@@ -27,7 +28,6 @@ from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.show.studies import study_figure
 from fcdm_opt.show.yields import yield_figure
-from fcdm_opt.tolerance.files import ProblemFile
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 CORNERS = [[x, y, z] for x in (0, 2) for y in (0, 2) for z in (0, 2)]

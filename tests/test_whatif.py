@@ -15,12 +15,12 @@ import pytest
 from fcdm_opt.design.whatif.whatif import WhatIf, whatif
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Rotation, Translation
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 EXACT = 1e-11  # of closed forms, relative to the size

@@ -8,7 +8,7 @@ from dataclasses import fields
 from inspect import getdoc
 from typing import Any
 
-from fcdm_opt.tolerance.solution import Status
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 

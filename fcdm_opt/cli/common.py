@@ -17,8 +17,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.show.plain import plain
 
 if TYPE_CHECKING:
+    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.album import Album
-    from fcdm_opt.tolerance.problem import Problem
 
 __all__ = ["BAD_INPUT", "NOT_VERIFIED", "NO_MOTION", "SOLVED", "say"]
 
@@ -85,7 +85,7 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFil
     InputError
         For a wanted case that no file has.
     """
-    from fcdm_opt.tolerance.files import ProblemFile
+    from fcdm_opt.problem.files import ProblemFile
 
     files = []
     for path in paths:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from fcdm_opt.tolerance.syntax import parsed
+from fcdm_opt.problem.syntax import parsed
 
 MOST_READ = 2**20  # bytes of a problem file, so that no key is slow
 

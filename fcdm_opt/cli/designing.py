@@ -27,12 +27,12 @@ from fcdm_opt.cli.common import (
     say,
 )
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.syntax import parsed
+from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solution import Solution
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
 
 Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="Write results and pictures there.")]
 Jobs = Annotated[int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; default: one a core.")]
@@ -125,7 +125,7 @@ def whatif_command(
     from fcdm_opt.design.whatif.drop import drop as costs
     from fcdm_opt.design.whatif.whatif import whatif
     from fcdm_opt.show import design_tables as tables
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.solver import solve
 
     values = dict(map(_change, changes or ()))
     limit = None if budget is None else _amount(budget)

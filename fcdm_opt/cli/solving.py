@@ -12,11 +12,11 @@ from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, 
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
+    from fcdm_opt.along.coherent_range import CoherentRange
+    from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.solved import SolvedCase
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
-    from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
 
 
 def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
@@ -122,7 +122,7 @@ def _default_direction(file: OpenedFile, problem: Problem) -> Any:
         return None
     if problem.published is not None and any(problem.published):
         return problem.published
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.solver import solve
 
     solution = solve(problem, effort="quick")
     if not solution.status.found or not solution.amount > 0:
@@ -137,8 +137,8 @@ def _default_direction(file: OpenedFile, problem: Problem) -> Any:
 
 def _ranged(problem: Problem, along: Any) -> tuple[CoherentRange, ContactTimes]:
     """Return the coherent range of a case, and when its pair made touches."""
-    from fcdm_opt.tolerance.ranges.coherent_range import coherent_range
-    from fcdm_opt.tolerance.ranges.contact_times import contact_times
+    from fcdm_opt.along.coherent_range import coherent_range
+    from fcdm_opt.along.contact_times import contact_times
 
     return coherent_range(problem, along), contact_times(problem, along)
 

@@ -46,8 +46,8 @@ def init_command(
     Looks at where the parts are (apart, touching, overlapping), chooses goal and motion, and solves each case once.
     """
     from fcdm_opt.design.moved_files import write
-    from fcdm_opt.tolerance.drafting.draft import draft
-    from fcdm_opt.tolerance.drafting.writing import quoted
+    from fcdm_opt.drafting.draft import draft
+    from fcdm_opt.drafting.writing import quoted
 
     path = Path(f"{movable.stem}-{static.stem}{SUFFIX}") if out is None else out
     _check_place(path, (movable, static), force)

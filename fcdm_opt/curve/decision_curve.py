@@ -16,6 +16,7 @@ from fcdm_opt.curve.envelope import Run, Union, boundary, inside
 from fcdm_opt.curve.flush import Flush, flush_contacts
 from fcdm_opt.curve.region import Region, pair_region, same_pair
 from fcdm_opt.curve.segments import Box, Branch, Segment, SwitchingPoint, clipped, in_box, is_point, shared
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body, rigid_transform
@@ -27,7 +28,7 @@ REMEMBERED = 64  # scale pairs whose place on a curve is kept
 
 
 @dataclass(frozen=True, eq=False)
-class DecisionCurve:
+class DecisionCurve(Shown):
     """The decision curve of two bodies; build it with `decision_curve`.
 
     Everything is computed for the whole quadrant; the box only clips what is listed and numbered.
@@ -157,12 +158,6 @@ class DecisionCurve:
         # parts that touch at all scales may overlap by rounding, and at a single scale pair parts may just fit
         slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._reach)
         return "overlapping" if (np.atleast_1d(self.gap(places)) < -slack).any() else "apart"
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook."""
-        from fcdm_opt.curve.drawn import curve_card
-
-        return curve_card(self)
 
     def _segment(self, run: Run, span: tuple[Array, Array], index: int) -> Segment:
         piece, (start, end) = run.whole, span

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
-from fcdm_opt.tolerance.arguments import positive, real
+from fcdm_opt.problem.arguments import positive, real
 
 _ONE_DOWN = 1.0 - np.finfo(np.float64).eps  # k / n times n may round to above k; this takes it back
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.schema import closest
+from fcdm_opt.problem.schema import closest
 
 Place = tuple[str | int, ...]  # keys of tables, and rows of lists from 0
 _SPELLED = re.compile(r"([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*)(\.([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*))*")

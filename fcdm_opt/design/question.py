@@ -16,11 +16,11 @@ from typing import Any
 from fcdm_opt.design.places import Place, look_up, parse, put, written
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion import Motion
-from fcdm_opt.tolerance.files import Case, Defaults, ProblemFile, Scene, checked, plain_body, same_unit
-from fcdm_opt.tolerance.keep_out import KeepOut, keep_outs
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.schema import STEPS, BodyEntry, Entry, KeepOutEntry, closest, plain
+from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.files import Case, Defaults, ProblemFile, Scene, checked, plain_body, same_unit
+from fcdm_opt.problem.keep_out import KeepOut, keep_outs
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.schema import STEPS, BodyEntry, Entry, KeepOutEntry, closest, plain
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process

@@ -11,8 +11,8 @@ import numpy as np
 from fcdm_opt.design.distributions import Measured, Normal, Uniform
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
-from fcdm_opt.tolerance import arguments
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.problem import arguments
+from fcdm_opt.problem.problem import Problem
 
 DISTRIBUTIONS = (Uniform, Normal, Measured)
 MOST = 10**7  # draws at most, all kept in memory: more tell nothing new

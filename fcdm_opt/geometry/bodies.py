@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, checked_corners, frozen, numbers
 from fcdm_opt.geometry.decomposition import Method, decompose
@@ -138,7 +139,7 @@ class ConvexPart(_Sealed):
 
 
 @dataclass(frozen=True, eq=False)
-class Body(_Sealed):
+class Body(_Sealed, Shown):
     """A solid made of convex parts, scaled as a whole about one seed: X -> s + rho (X - s).
 
     Build one with `Body.convex` or `Body.from_parts`; bodies never change.
@@ -383,12 +384,6 @@ class Body(_Sealed):
     def packed(self) -> tuple[Array, Ints, Ints]:
         """Arrays of all parts that the kernels take, see `packing.packed_together`."""
         return packed_together(self.parts)
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook."""
-        from fcdm_opt.geometry.drawn import body_card
-
-        return body_card(self)
 
     def _mapped(self, rows: Any) -> Body:
         seed = frozen(rows(self.seed[None])[0])

@@ -14,12 +14,12 @@ from fcdm_opt.show import save
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.compensation.compensation_map import CompensationMap
     from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
-    from fcdm_opt.tolerance.solution import Solution
+    from fcdm_opt.problem.solution import Solution
 
 LONGEST_NAME = 100
 """Characters of a picture's file name, before its number and ending."""

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fcdm_opt.design.whatif.conflicts import Conflicts
     from fcdm_opt.design.whatif.drop import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solution import Solution
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
 
 UNUSABLE = {
     "INFEASIBLE": "impossible",

@@ -16,7 +16,7 @@ from fcdm_opt.show.plots import ALONG, pieces, plane
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange, Event
+    from fcdm_opt.along.coherent_range import CoherentRange, Event
 
 CURVES = 5
 """Curves drawn on either side of the one at rest."""

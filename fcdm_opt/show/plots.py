@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, TEXT, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
-from fcdm_opt.tolerance.problem import TRACKING, Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.tolerance.solution import Solution
+    from fcdm_opt.problem.solution import Solution
 
 ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)
 """Where along a segment its name stands, the best place first."""

@@ -11,7 +11,7 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
-    from fcdm_opt.tolerance.solution import Solution
+    from fcdm_opt.problem.solution import Solution
 
 LARGE, GROWTH = 0.5, 2.0
 """A corner that moves farther than this share of the smaller body's shortest side, and than this times what the sizes

@@ -15,9 +15,9 @@ from fcdm_opt.show.lettering import Sheet, literal
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
-    from fcdm_opt.tolerance.solution import Solution
+    from fcdm_opt.along.sensitivity import Sensitivity
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
 
 STEP = 0.01
 """Relative step of every datum: 1 %."""

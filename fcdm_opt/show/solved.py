@@ -8,12 +8,12 @@ from time import perf_counter
 import numpy as np
 
 from fcdm_opt.design.whatif.fitting import fits_up_to
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.engagement import misfit
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.fit import misfit
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,18 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.cards import floored
+from fcdm_opt.geometry.units import floored
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 
 if TYPE_CHECKING:
+    from fcdm_opt.along.coherent_range import CoherentRange
+    from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.geometry.bodies import Body
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
     from fcdm_opt.show.solved import SolvedCase
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.ranges.coherent_range import CoherentRange
-    from fcdm_opt.tolerance.ranges.contact_times import ContactTimes
-    from fcdm_opt.tolerance.solution import Solution
 
 NUMBERS = ("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"')
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes

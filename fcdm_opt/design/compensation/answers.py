@@ -9,13 +9,13 @@ import numpy as np
 
 from fcdm_opt.design.compensation.ways import NOTHING, Way, way_of
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.engagement import inside_fit
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import STAGES, reported, solve
-from fcdm_opt.tolerance.stages.branching import near
-from fcdm_opt.tolerance.task import Answer, Task
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.judge.engagement import inside_fit
+from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import STAGES, reported, solve
+from fcdm_opt.stages.branching import near
 
 QUICK = ("satisfied", "shift", "straight", "one parameter", "rotations", "descent", "translations")  # dearest last
 CONTINUED = "continued from motions around"

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.cards import card, number, rows, table
 from fcdm_opt.design.compensation.histogram import Amounts
 from fcdm_opt.design.compensation.indices import SizeMap, SwappedPairs
 from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
 from fcdm_opt.design.proportion import proportion_interval
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, numbers
-from fcdm_opt.tolerance.arguments import by_parameter, interval, is_real, length
+from fcdm_opt.problem.arguments import by_parameter, interval, is_real, length
 
 BLOCK = 2**14
 """Pairs looked up at once, an even number: few enough to stay in the processor's cache."""
@@ -59,7 +59,7 @@ class Contribution:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssemblyYield:
+class AssemblyYield(Shown):
     """The share of part pairs whose motion stays within a budget.
 
     Attributes
@@ -125,22 +125,6 @@ class AssemblyYield:
         ]
         plain["amounts"], plain["counts"] = self.amounts.tolist(), self.counts.tolist()
         return plain
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook: the share with its interval, quantiles, and which body's tolerance matters."""
-        (low, high), sure = self.interval, f"{100.0 * self.confidence:.6g} % sure"
-        facts = rows(
-            [
-                ("pairs that pass", f"{self.share:.4%}", f"{sure}: {low:.4%} to {high:.4%}"),
-                ("pairs looked at", str(self.count)),
-                ("budget", number(self.budget) if math.isfinite(self.budget) else "", self.unit or "length"),
-                *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(self, what))),
-            ]
-        )
-        shares = table(("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in self.quantiles.items()])
-        lines = [(own.body, number(own.total, 3), f"{own.share_without:.2%}") for own in self.contributions]
-        bodies = table(("body", "share of the variance", "would pass at its median size"), lines)
-        return card("Assembly yield", facts, shares, bodies, state=f"{self.share:.2%} pass")
 
     def __str__(self) -> str:
         low, high = self.interval

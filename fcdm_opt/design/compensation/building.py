@@ -17,7 +17,7 @@ from fcdm_opt.design.compensation.mesh import STRIP, Edge, Ends, Mesh, Triangle,
 from fcdm_opt.design.compensation.nodes import Nodes
 from fcdm_opt.design.compensation.ways import MOTIONLESS, REJECTED, Way
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
 GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be

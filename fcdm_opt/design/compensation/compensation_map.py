@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt import cards
 from fcdm_opt.design.compensation.building import SHORTEST, Building
 from fcdm_opt.design.compensation.mesh import Mesh
 from fcdm_opt.design.compensation.nodes import Nodes, covered
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.compensation.ways import Way
 from fcdm_opt.design.moved_files import write
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.tolerance.arguments import is_real
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.problem import Problem
 
 BUDGET = 20_000
 SECONDS = 120.0
@@ -99,7 +99,7 @@ class Boundary:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CompensationMap:
+class CompensationMap(Shown):
     """The smallest motion as a function of the sizes made, over a box of sizes.
 
     Attributes
@@ -156,35 +156,6 @@ class CompensationMap:
             f"regions, {len(self.table)} triangles, error {reached} (asked for {self.error:.3g}), "
             f"{self.solved} solves in {self.seconds:.1f} s"
         )
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook: its regions, their boundaries over the box, and its error."""
-        length = self.unit or "length"
-        facts = cards.rows(
-            [
-                (
-                    "triangles",
-                    str(len(self.table)),
-                    f"from {cards.counted(self.solved, 'solve')} in {self.seconds:.1f} s",
-                ),
-                ("error at most", cards.number(self.reached, 3), f"{length}, asked for {cards.number(self.error, 3)}"),
-            ]
-        )
-        amounts = [" to ".join(map(cards.number, own.amounts)) for own in self.regions]
-        lines = [
-            (k, f"{own.share:.1%}", amount if own.kind == "motion" else "-", own)
-            for k, (own, amount) in enumerate(zip(self.regions, amounts, strict=True), 1)
-        ]
-        shown = cards.table(("region", "of the box", "amount", "held by"), lines)
-        looks = {False: ("before", "", "boundary"), True: ("after", "", "boundary with a jump")}
-        marks = [cards.Line(own.points, *looks[own.jumps]) for own in self.boundaries]
-        nominal = cards.Point(self.nominal, "nominal", "", "nominal pair")
-        told = f"{cards.counted(len(self.regions), 'region')} over the box of sizes"
-        picture = cards.plane([*marks, nominal], self.box, told=told)
-        state, mood = "as accurate as asked", "good"
-        if not self.reached <= self.error:
-            state, mood = "less accurate than asked", "mind"
-        return cards.card("Compensation map", facts, shown, state=state, mood=mood, picture=picture)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `from_dict` rebuilds the map; nan becomes None."""

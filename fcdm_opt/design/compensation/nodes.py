@@ -17,7 +17,7 @@ from fcdm_opt.design.compensation.ways import MOTIONLESS, NOTHING, Way
 from fcdm_opt.design.sizes import size_box, tolerance_box
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 AROUND = 2e-5  # of the box: a way that does not hold so far off a place is a strip between two regions

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.along.holding import Holding
+from fcdm_opt.along.variation import Layout
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Contact, located, supporting_contact, touching_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance.sensitivities.holding import Holding
-from fcdm_opt.tolerance.sensitivities.variation import Layout
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.task import Parts, Task
+from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.cards import card, counted, floored, number, rows
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, least_moved, smaller
@@ -16,12 +15,13 @@ from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes, worst_sizes
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.units import measured
-from fcdm_opt.tolerance import arguments
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Check
+from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.problem import arguments
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Check
 from fcdm_opt.tolerances import DEFAULT
 
 BEST, INSIDE, NONE, UNDECIDED = "least worst gap", "inside the window", "no pose", "undecided"
@@ -30,7 +30,7 @@ ASKED = 200  # size pairs at which the collision library confirms the range of t
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BestPose:
+class BestPose(Shown):
     """One pose for all pairs of parts.
 
     Attributes
@@ -117,22 +117,6 @@ class BestPose:
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
         ends = gaps_text(self.least.gap, self.most.gap, self.unit)
         return f"{self.status}: {self.motion}; {ends}; {what} {measured(f'{self.value:.6g}', self.unit)} ({known})"
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook: the pose, the range of its gaps, and what is proved."""
-        length = self.unit or "length"
-        facts = rows(
-            [
-                ("pose", self.motion, ""),
-                ("amount", number(self.amount), length),
-                ("gaps", gaps_text(self.least.gap, self.most.gap, self.unit), "of all sizes"),
-                ("worst gap", number(self.worst_gap), f"{length}, clearance or interference"),
-                ("what is made small", number(self.value), f"{length}, proved at least {number(self.lower_bound)}"),
-                ("confirmed", "yes" if self.passed else "no", counted(len(self.checks), "check")),
-            ]
-        )
-        mood = "bad" if self.status in (NONE, UNDECIDED) or not self.passed else "good" if self.certified else "mind"
-        return card("Best pose for all sizes", facts, state=self.status, mood=mood)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""

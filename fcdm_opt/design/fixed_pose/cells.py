@@ -16,7 +16,7 @@ from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.local_search import Found
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.tolerance.proof.enclosure import Enclosure
+from fcdm_opt.proof.enclosure import Enclosure
 
 BATCH = 64  # cells looked at together
 NEGLIGIBLE = 1e-9  # shares of a mixture that are left out

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.cards import card, number, numbers, rows, table
 from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
 from fcdm_opt.design.proportion import proportion_interval
 from fcdm_opt.design.sizes import Sizes, box_of, drawn_pairs
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.tolerance import arguments
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.problem import arguments
+from fcdm_opt.problem.problem import Problem
 
 QUANTILES = (0.0, 0.00135, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 0.99865, 1.0)  # with three deviations to each side
 BINS = 50
@@ -71,7 +71,7 @@ class EndOfRange:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Clearances:
+class Clearances(Shown):
     """The gap of all size pairs at one pose.
 
     The gap is the signed distance of the two bodies, what a gauge measures: the Euclidean distance where they are
@@ -128,25 +128,6 @@ class Clearances:
     def __str__(self) -> str:
         low, high = self.range
         return f"{gaps_text(low, high, self.unit)}; {self.interference:.3%} of {self.source} interfere"
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook: the range of the gap with what it is taken at, and the share that overlaps."""
-        low, high = self.interference_interval
-        facts = rows(
-            [
-                ("gap", f"{number(self.least.gap)} to {number(self.most.gap)}", self.unit or "length"),
-                ("interference", f"{self.interference:.3%}", f"of {self.source}; 95 % sure: {low:.3%} to {high:.3%}"),
-            ]
-        )
-        ends = [
-            (name, number(own.gap), numbers(own.rho), own.feature)
-            for name, own in (("least", self.least), ("largest", self.most))
-        ]
-        shown = table(("gap", self.unit or "length", "at the sizes", "between"), ends)
-        quantiles = [(f"{share:.5g}", number(gap)) for share, gap in self.quantiles.tolist()]
-        shares = table(("of all pairs", "gap at most"), quantiles)
-        state, mood = ("never overlapping", "good") if self.least.gap >= 0.0 else ("overlapping at some sizes", "mind")
-        return card("Clearances at one pose", facts, shown, shares, state=state, mood=mood)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the single size pairs and gaps."""

@@ -21,9 +21,9 @@ from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.proof.intervals import Interval, Program
-from fcdm_opt.tolerance.solution import Check
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Check
+from fcdm_opt.proof.intervals import Interval, Program
 from fcdm_opt.tolerances import DEFAULT
 
 HALVINGS = 6  # of a cell whose bound the mean value form, less tight than what made it, does not reach

@@ -9,8 +9,8 @@ import numpy as np
 
 from fcdm_opt.design.fixed_pose.scene import Extremes, Lines, Scene
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion import Free, Rotation, Screw, Step, Translation
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_ACTIVE = 12  # size pairs at which cells are looked at: the latest extremes

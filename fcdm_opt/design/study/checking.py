@@ -14,9 +14,9 @@ from fcdm_opt.design.question import canonical, excluded
 from fcdm_opt.design.study import sampling
 from fcdm_opt.design.study.variables import PARAMETERS
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.arguments import LARGEST, is_real, positive
-from fcdm_opt.tolerance.files import Defaults
-from fcdm_opt.tolerance.solution import EFFORTS
+from fcdm_opt.problem.arguments import LARGEST, is_real, positive
+from fcdm_opt.problem.files import Defaults
+from fcdm_opt.problem.solution import EFFORTS
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.study import Study

@@ -11,8 +11,8 @@ from typing import Any
 from fcdm_opt.design.places import written
 from fcdm_opt.design.study.expressions import CONSTANTS, FUNCTIONS, Expression
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.arguments import LARGEST, is_real
-from fcdm_opt.tolerance.schema import closest
+from fcdm_opt.problem.arguments import LARGEST, is_real
+from fcdm_opt.problem.schema import closest
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from functools import cache
 from typing import Any, NoReturn
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.arguments import LARGEST, is_real
-from fcdm_opt.tolerance.schema import closest
+from fcdm_opt.problem.arguments import LARGEST, is_real
+from fcdm_opt.problem.schema import closest
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     name: getattr(math, name)

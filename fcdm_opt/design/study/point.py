@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solution import Solution
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
 
 Payload = dict[str, Any]
 """A chunk of points, plain data: "certify", "effort", "time_limit" (seconds a point, or None), "scenes" (key to
@@ -68,9 +68,9 @@ def load(limited: bool) -> bool:
     from fcdm_opt.curve import kernels
     from fcdm_opt.design import question  # noqa: F401
     from fcdm_opt.geometry.bodies import Body
-    from fcdm_opt.motion import Rotation, Translation
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.motion.motions import Rotation, Translation
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.solver import solve
 
     if not (limited or _is_compiled(kernels.facet_rows)):
         return False
@@ -150,8 +150,8 @@ def _evaluated(key: str, scene: str, case: Mapping[str, Any], certify: bool, eff
 
 def _solved(problem: Problem, certify: bool, effort: str) -> tuple[Solution, dict[str, float]]:
     """Return the judged solution, and what it took; what a proof says is checked too."""
-    from fcdm_opt.tolerance.certificate import verify
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.judge.certificate import verify
+    from fcdm_opt.solver import solve
 
     start = perf_counter()
     solution = solve(problem, certify=certify, effort=effort)

@@ -17,11 +17,11 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fcdm_opt.cards import card, counted, number, rows, table
 from fcdm_opt.design.moved_files import moved
 from fcdm_opt.design.proportion import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.tolerances import DEFAULT
 
@@ -66,7 +66,7 @@ class Share(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StudyResult:
+class StudyResult(Shown):
     """The points of a study in order, with what was found for each of them.
 
     Attributes
@@ -136,7 +136,7 @@ class StudyResult:
     @cached_property
     def counts(self) -> dict[str, int]:
         """Points by status, the most frequent first; "PENDING" for those that are not worked out yet."""
-        return dict(Counter(self._answer(key).get("status", PENDING) for key, _ in self.points).most_common())
+        return dict(Counter(self.answer(key).get("status", PENDING) for key, _ in self.points).most_common())
 
     @property
     def complete(self) -> bool:
@@ -160,7 +160,7 @@ class StudyResult:
     def assembly_yield(self) -> Share | None:
         """Share of the points whose motion stays within the budget; None without a budget, or a point worked out."""
         budget = self.definition.get("budget")
-        found = [row for key, _ in self.points if (row := self._answer(key))]
+        found = [row for key, _ in self.points if (row := self.answer(key))]
         if budget is None or not found:
             return None
         within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
@@ -170,7 +170,7 @@ class StudyResult:
     def __str__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items()) or "none"
         lines = [f"{self.definition.get('title') or 'study'}: {len(self.points)} points: {counts}"]
-        amounts = sorted(row["amount"] for key, _ in self.points if (row := self._answer(key)) and row["usable"])
+        amounts = sorted(row["amount"] for key, _ in self.points if (row := self.answer(key)) and row["usable"])
         if amounts:
             middle = amounts[len(amounts) // 2]
             head = f"amount, {self.unit}" if self.unit else "amount"
@@ -188,26 +188,6 @@ class StudyResult:
     def __repr__(self) -> str:
         counts = ", ".join(f"{status}: {count}" for status, count in self.counts.items())
         return f"StudyResult({self.definition.get('title', '')!r}, {counts})"
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook: how many points have which status, amounts, yield and time."""
-        amounts = sorted(row["amount"] for key, _ in self.points if (row := self._answer(key)) and row["usable"])
-        length = self.unit or "length"
-        varied = "; ".join(f"{label}: {counted(len(values), 'value')}" for label, values in self.axes.items())
-        share = self.assembly_yield
-        facts = rows(
-            [
-                ("points", str(len(self.points)), varied),
-                ("least amount", number(amounts[0]) if amounts else "", length),
-                ("middle amount", number(amounts[len(amounts) // 2]) if amounts else "", length),
-                ("largest amount", number(amounts[-1]) if amounts else "", length),
-                *([] if share is None else [("yield", f"{share.share:.2%}", _yield_told(share))]),
-                ("working time", number(self.seconds.get("point"), 3) if self.seconds else "", "s"),
-            ]
-        )
-        counts = table(("status", "points"), [(status, count) for status, count in self.counts.items()])
-        state, mood = ("complete", "good") if self.complete else (f"{self.counts[PENDING]} not worked out yet", "mind")
-        return card(f"Study: {self.definition.get('title') or 'without title'}", facts, counts, state=state, mood=mood)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data; as JSON has no such numbers, infinity becomes "inf"."""
@@ -319,7 +299,7 @@ class StudyResult:
 
     @cached_property
     def _columns(self) -> dict[str, list[Any]]:
-        rows = [self._answer(key) for key, _ in self.points]
+        rows = [self.answer(key) for key, _ in self.points]
         columns: dict[str, Iterable[Any]] = {"number": range(len(self.points))}
         for label, (_, names) in self._names.items():
             given = [values.get(label) for _, values in self.points]
@@ -340,15 +320,9 @@ class StudyResult:
         columns["key"] = [key for key, _ in self.points]
         return {name: _column(values) for name, values in columns.items()}
 
-    def _answer(self, key: str | None) -> Row:
+    def answer(self, key: str | None) -> Row:
         """Return the row of a point, an empty one where there is none yet."""
         return {} if key is None else self.answers.get(key, {})
-
-
-def _yield_told(share: Share) -> str:
-    low, high = share.interval
-    sure = f"{share.confidence:.0%} interval {low:.2%} to {high:.2%}"
-    return f"within {number(share.budget)} ({share.within} of {share.of}; {sure})"
 
 
 # ------------------------------------------------------------------------------------------------------------ the store

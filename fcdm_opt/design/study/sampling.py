@@ -7,7 +7,7 @@ import numpy as np
 from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.tolerance.arguments import real
+from fcdm_opt.problem.arguments import real
 
 SAMPLINGS = ("latin hypercube", "random")
 MOST = 10_000_000  # draws, and numbers of a grid: they are held in memory, 8 bytes each

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from fcdm_opt.tolerance.schema import Entry, Label, Number, one_of, refusal
+from fcdm_opt.problem.schema import Entry, Label, Number, one_of, refusal
 
 Key = Annotated[str, Field(min_length=1)]
 WAYS = ("values", "grid", "uniform", "normal", "csv")

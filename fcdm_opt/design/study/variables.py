@@ -13,7 +13,7 @@ from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import canonical, located, plain_value
 from fcdm_opt.design.study import sampling
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.arguments import LARGEST, is_real, items
+from fcdm_opt.problem.arguments import LARGEST, is_real, items
 
 PARAMETERS = "parameters"  # head of the places that are names of a study's own
 _ONE_KEY = "one key; keys that follow from one number: a parameter and [derive]"

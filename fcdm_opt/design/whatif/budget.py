@@ -19,10 +19,10 @@ from fcdm_opt.design.whatif.nested import Order, order
 from fcdm_opt.design.whatif.prediction import by_tolerance
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.tolerance import arguments
-from fcdm_opt.tolerance.problem import SIGNS, Problem
-from fcdm_opt.tolerance.solution import Solution
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.problem import arguments
+from fcdm_opt.problem.problem import SIGNS, Problem
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 20 % off are no longer a tolerance

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from fcdm_opt.tolerance.solution import Solution, Status
+from fcdm_opt.problem.solution import Solution, Status
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,10 +11,10 @@ import numpy as np
 
 from fcdm_opt.design.whatif.clashes import plain
 from fcdm_opt.errors import InputError
-from fcdm_opt.motion import Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 BY_PARAMETER = ("limits", "weights", "resolution")  # arguments that name parameters

@@ -10,8 +10,8 @@ from fcdm_opt.design.whatif.clashes import Clash, Relaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint
 from fcdm_opt.design.whatif.search import Search
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import TRACKING, Problem
-from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
-from fcdm_opt.tolerance.solution import Certificate, Solution, kept_clear
+from fcdm_opt.judge.certificate import verify
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import TRACKING, Problem
+from fcdm_opt.problem.solution import Certificate, Solution, kept_clear
 from fcdm_opt.tolerances import DEFAULT
 
 

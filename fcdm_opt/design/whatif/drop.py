@@ -11,9 +11,9 @@ from typing import Any
 from fcdm_opt.design.whatif.clashes import motion_to_dict, plain
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.problem import GOALS, Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.problem.problem import GOALS, Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 

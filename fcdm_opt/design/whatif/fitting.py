@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.tolerance.engagement import misfit
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.problem.fit import misfit
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 

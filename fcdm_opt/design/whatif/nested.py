@@ -8,7 +8,7 @@ import numpy as np
 
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.problem.problem import Problem
 
 UNKNOWN = "the questions are not nested"
 

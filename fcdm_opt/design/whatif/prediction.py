@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.tolerance.problem import TRACKING, Problem
-from fcdm_opt.tolerance.sensitivities.sensitivity import Sensitivity
-from fcdm_opt.tolerance.solution import Solution
+from fcdm_opt.problem.problem import TRACKING, Problem
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
 
 NAN = float("nan")

@@ -17,10 +17,10 @@ from itertools import combinations, product
 
 from fcdm_opt.design.whatif.clashes import Clash, Relaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
-from fcdm_opt.motion import Free
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.motion.motions import Free
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 Names = frozenset[str]

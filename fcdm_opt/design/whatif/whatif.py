@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.cards import card, number, rows, sentence, table
 from fcdm_opt.design.whatif.clashes import plain
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
+from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 ARGUMENTS = tuple(item.name for item in fields(Problem) if item.init)
@@ -33,7 +33,7 @@ class Difference(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class WhatIf:
+class WhatIf(Shown):
     """A solved problem, a changed one, and what the change did.
 
     Attributes
@@ -81,26 +81,6 @@ class WhatIf:
             "differences": [difference._asdict() for difference in self.differences],
             "seconds": dict(self.seconds),
         }
-
-    def _repr_html_(self) -> str:
-        """Return a card for a notebook: the amounts, and what else of the answer changed."""
-        before, after = self.before, self.after
-        told = number(self.predicted_amount)
-        if np.isnan(self.predicted_amount):
-            told = "; ".join(self.prediction.reasons) or "no amount before"
-        facts = rows(
-            [
-                ("changed", ", ".join(self.changed) or "nothing"),
-                ("amount", f"{number(before.amount)} to {number(after.amount)}", after.problem.amount_unit or "length"),
-                ("foretold", told),
-                ("status before", before.status.name if before.status is not after.status else ""),
-            ]
-        )
-        kinds = {f"parameters.{name}": kind for own in (before, after) for name, kind in own.problem.motion.parameters}
-        lines = [(own.name, *(_shown(value, kinds.get(own.name, "")) for value in own[1:])) for own in self.differences]
-        shown = table(("of the answer", "before", "after"), lines)
-        mood = "bad" if not after.usable else "good" if after.status.name != "PAIR_OVERLAPS" else "mind"
-        return card("What if", sentence(after.advice), facts, shown, state=after.status.name, mood=mood)
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and foretold."""
@@ -175,15 +155,6 @@ def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
     if "motion" in changes:
         dropped |= {"published": None, "published_text": ""}
     return dropped
-
-
-def _shown(value: Any, kind: str = "") -> str:
-    """Return a plain value as a card shows it, rotations in degrees."""
-    if kind == "rotation" and value is not None:
-        return f"{number(np.degrees(value))} deg"
-    if isinstance(value, list):
-        return "; ".join(map(_shown, value))
-    return number(value) if value is None or type(value) is float else str(value)
 
 
 # ------------------------------------------------------------------------------------------------------- differences

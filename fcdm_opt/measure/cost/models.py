@@ -38,8 +38,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.measure.cost.scenes import names, scene
 from fcdm_opt.measure.record import Row
 from fcdm_opt.measure.stability.process import CrashedError, HungError, Process
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solver import STAGES, solve
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import STAGES, solve
 
 MODELS = ("auto", *STAGES)
 ANSWERED = ("settled", "no motion")

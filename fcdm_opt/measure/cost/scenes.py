@@ -13,10 +13,10 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.measure.pairs import SHAPES, random_rotation
 from fcdm_opt.measure.union_pairs import UnionPair
-from fcdm_opt.motion import Motion, Rotation, Translation
-from fcdm_opt.tolerance.files import load_problems
-from fcdm_opt.tolerance.keep_out import KeepOut
-from fcdm_opt.tolerance.problem import Problem
+from fcdm_opt.motion.motions import Motion, Rotation, Translation
+from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import Problem
 
 FILES = Path(__file__).parents[3] / "problems"
 """The repository's example problems: their scenes are left out where the package stands alone."""

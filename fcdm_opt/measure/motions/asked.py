@@ -18,8 +18,8 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.measure.library import coal_hull
-from fcdm_opt.tolerance.stages.seat import independent, tilts
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.seats import independent, tilts
+from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
 WAY = (0.25, 0.5, 0.75, 1.0)  # positions on the way at which a rival looks at the tracked contact

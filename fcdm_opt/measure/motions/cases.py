@@ -19,7 +19,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure.motions.least import Least, least_amount
 from fcdm_opt.measure.pairs import DrawnPair, random_hull, random_rotation
-from fcdm_opt.motion import Motion, Rotation, Screw, Translation
+from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 
 BOX = ((0.5, 2.5), (0.5, 2.5))
 VERTICES = 12

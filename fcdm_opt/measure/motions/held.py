@@ -16,7 +16,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.collision import face_corners
 from fcdm_opt.measure.motions.jets import Jet, certain, cross, dot, minus, value
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
 
 SLACK = 1e-7  # relative: a contact whose separation is smaller may hold the motion
 

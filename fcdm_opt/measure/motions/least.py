@@ -25,9 +25,9 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.measure.method import Failure
 from fcdm_opt.measure.motions.held import SLACK, Holding, Scene, crossing, holders
 from fcdm_opt.measure.motions.jets import BITS
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 NEWTON = 12  # steps: each doubles the digits, of which a solver leaves about eight

@@ -20,14 +20,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.judge.certificate import verify
 from fcdm_opt.measure.method import Ask, Failure, Method, MotionAnswer, anything, one_by_one
 from fcdm_opt.measure.motions.asked import Asked, AskedOfCoal
-from fcdm_opt.tolerance.certificate import verify
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.solution import Solution, Status
-from fcdm_opt.tolerance.solver import reported, solve
-from fcdm_opt.tolerance.stages.full import modelled_in_full
-from fcdm_opt.tolerance.task import Answer, Task
+from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.solver import reported, solve
+from fcdm_opt.stages.full import modelled_in_full
 from fcdm_opt.tolerances import DEFAULT
 
 # The paper prints one parameter of a pair as 0.25, 6 or 2 degrees, the other with four decimals: lengths and degrees.

@@ -51,9 +51,9 @@ def _truth(truth: Truth, source: str) -> dict[str, Any]:
 def _solved(data: Mapping[str, Any], **keywords: Any) -> Answer:
     """Return what our solver says; a motion that its judge rejects is flagged by the solver itself."""
     from fcdm_opt.errors import InputError
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solution import Status
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Status
+    from fcdm_opt.solver import solve
 
     try:
         problem = Problem.from_dict(data["problem"])
@@ -70,7 +70,7 @@ def _solved(data: Mapping[str, Any], **keywords: Any) -> Answer:
 def _rival(name: str, data: Mapping[str, Any]) -> Answer:
     """Return the motion that a rival believes in; its finding none is no claim that there is none."""
     from fcdm_opt.measure.method import MotionAnswer
-    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.problem.problem import Problem
 
     answer = measured.answered(name, Problem.from_dict(data["problem"]))
     return {"q": answer.q.tolist()} if isinstance(answer, MotionAnswer) else {"flag": answer.reason}
@@ -95,7 +95,7 @@ def applies(name: str, case: Case) -> bool:
 @cache
 def _refusals(text: str) -> dict[str, str | None]:
     """Return for each rival why it cannot express a problem, or None."""
-    from fcdm_opt.tolerance.problem import Problem
+    from fcdm_opt.problem.problem import Problem
 
     problem = Problem.from_dict(json.loads(text))
     return {method.name: method.refuses(problem) for method in measured.METHODS}
@@ -144,8 +144,8 @@ def _size(case: Case) -> float:
 
 def _motion(case: Case, q: list[float], least: float) -> Verdict:
     """Compare a motion with the least amount, and have the judge look at its conditions."""
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.task import Task
+    from fcdm_opt.model.task import Task
+    from fcdm_opt.problem.problem import Problem
 
     if not np.isfinite(q).all():
         return Verdict("wrong", reason=f"a motion of {q}")

@@ -48,8 +48,8 @@ class Program:
 
 def _solved(plain: scenes.Plain, **keywords: Any) -> tuple[Any, Vector]:
     """Return the solution of a problem, and all its parameters."""
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.solver import solve
 
     solution = solve(Problem.from_dict(plain), **keywords)
     return solution, list(solution.parameters.values())
@@ -75,9 +75,9 @@ def _turn(q: Any) -> Any:
 
 def _lever(data: Mapping[str, Any], body: scenes.Plain, wall: scenes.Plain, **keywords: Any) -> tuple[Any, Vector]:
     """Return the turn of a body against a wall, by `Rotation` or as a motion of the user's own."""
-    from fcdm_opt.own_motion import OwnMotion
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.motion.own_motion import OwnMotion
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.solver import solve
 
     asked = Problem.from_dict(scenes.problem(body, wall, [RZ], length=1.0, limits=_bounds(data, ["RZ"])))
     if data["numbers"].get("own"):
@@ -203,8 +203,8 @@ def blend_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
         return _solved(own, **keywords)
     import casadi
 
-    from fcdm_opt.tolerance.problem import Problem
-    from fcdm_opt.tolerance.solver import solve
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.solver import solve
 
     x, y = casadi.SX.sym("TX"), casadi.SX.sym("TY")
     amount = p / 2 * x * x + r / 2 * y * y + linear * x + linear * linear / p  # never negative
@@ -264,7 +264,7 @@ def _case(family: str, *, name: str, program: str, numbers: Numbers, source: str
 
 def _ours(data: Mapping[str, Any], **keywords: Any) -> dict[str, Any]:
     """Solve the program as a motion."""
-    from fcdm_opt.tolerance.solution import Status
+    from fcdm_opt.problem.solution import Status
 
     solution, x = PROGRAMS[data["program"]].solved(data, **keywords)
     if solution.usable:

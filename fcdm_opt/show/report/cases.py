@@ -12,6 +12,8 @@ import numpy as np
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.problem import TRACKING, Problem
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn, plain
 from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import remarks
@@ -22,8 +24,6 @@ from fcdm_opt.show.report.scenes import scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import advised, asked_text, bound_text, motion_text
-from fcdm_opt.tolerance.problem import TRACKING, Problem
-from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
 
 PROOF = "proof"

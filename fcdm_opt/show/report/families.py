@@ -11,12 +11,12 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.problem import TRACKING, Problem
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.report.frames import Frames, shown_parameters
 from fcdm_opt.show.tables import motion_text
-from fcdm_opt.tolerance.problem import TRACKING, Problem
-from fcdm_opt.tolerance.solution import Solution
-from fcdm_opt.tolerance.solver import solve
-from fcdm_opt.tolerance.task import Task
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 FACTORS = tuple(k / 10 for k in range(21))

@@ -20,12 +20,12 @@ from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.problem import TRACKING, Problem
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn
 from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.report.scenes import Shapes
 from fcdm_opt.show.tables import motion_text
-from fcdm_opt.tolerance.problem import TRACKING, Problem
-from fcdm_opt.tolerance.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
 
 NO_MOTION = "none"

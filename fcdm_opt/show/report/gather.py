@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import case_report
 from fcdm_opt.show.report.matrix import matrices
 from fcdm_opt.show.solved import SolvedCase, solved_case
-from fcdm_opt.tolerance.problem import Problem
-from fcdm_opt.tolerance.syntax import parsed
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.problem import TRACKING
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.tables import CLOSED, bound_text
-from fcdm_opt.tolerance.problem import TRACKING
-from fcdm_opt.tolerance.solution import Solution
 
 
 def left_out(solution: Solution) -> list[str]:

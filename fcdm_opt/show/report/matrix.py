@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.problem.problem import SIGNS, Problem
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import plain
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import bound_text, motion_text
-from fcdm_opt.tolerance.problem import SIGNS, Problem
-from fcdm_opt.tolerance.solution import Solution
-from fcdm_opt.tolerance.solver import solve
+from fcdm_opt.solver import solve
 
 
 @dataclass

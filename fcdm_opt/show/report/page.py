@@ -12,8 +12,8 @@ from html import escape
 from typing import Any
 
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show.report.markup import NONE, facts, folded, paragraphs, shown, table, whole_page, yes_no
-from fcdm_opt.tolerance.problem import SIGNS
 
 Data = Mapping[str, Any]
 

@@ -11,9 +11,9 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.plain import drawn
 from fcdm_opt.show.scene import face_polygons, own_polygons, true_edges
-from fcdm_opt.tolerance.problem import Problem
 
 MOST_NAMED = 8
 """Corners of a face that are named one by one."""

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.cards import floored
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.markup import facts, folded, shown, table, whole_page
 

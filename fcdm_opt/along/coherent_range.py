@@ -1,0 +1,296 @@
+"""Along a ray of motions: how far the tracked features stay the real contact, and what ends that on both sides."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.along.expansions import Ray
+from fcdm_opt.along.followed import Followed, followed
+from fcdm_opt.along.march import March
+from fcdm_opt.curve.contact import meetings
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.doors import Shown
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.problem.arguments import LARGEST
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+FAR = 1e6  # sizes of the scene that a mere translation is followed
+BESIDE = 1e-7  # of the natural step: how far beyond an event the contact is looked at
+WINDOW, ABOUT = 30.0, 1e-4  # of the tracked pair's change there, and of the pair: what of the curve is looked at
+LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a tracked pair that there is
+KINDS = {
+    "border": "the contact point reaches the end of its feature",
+    "neighbour": "a neighbouring feature of the same bodies takes over",
+    "overlap": "another part pair takes over",
+    "opens": "a flush contact does not stay flush",
+    "parallel edges": "the edges in contact become parallel",
+    "parallel lines": "the two contact lines become parallel: their scale pair leaves for infinity",
+    "scale": "a scale becomes zero",
+    "undefined": "the motion is not defined beyond",
+    "limit": "a limit of the motion, or the one asked for",
+    "whole turn": "nothing: the motion repeats itself",
+    "unbounded": "nothing, however far",
+    "search": "nothing as far as was looked",
+}
+"""What ends a coherent range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """What ends a coherent range on one side.
+
+    Attributes
+    ----------
+    x : float
+        Where, in multiples of the direction; infinite for "unbounded".
+    kind : str
+        A key of `KINDS`.
+    features : tuple of Feature
+        The tracked features that are not the contact beyond; all of them where the tracked pair itself is lost.
+    what : str
+        In words: which vertex or edge is reached, or which part pair.
+    grazing : bool
+        Whether the condition only touches zero there: beyond, the features may be the contact again.
+    error : float
+        How far x may be off: rounding where features cross, more where they graze.
+    merged : tuple of Feature
+        What touches just there.
+    successors : tuple of Feature
+        What the contact is just beyond, where that is not a tracked feature.
+    """
+
+    x: float
+    kind: str
+    features: tuple[Feature, ...] = ()
+    what: str = ""
+    grazing: bool = False
+    error: float = 0.0
+    merged: tuple[Feature, ...] = ()
+    successors: tuple[Feature, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; infinity as "inf"."""
+        labels = {name: [f.label for f in getattr(self, name)] for name in ("features", "merged", "successors")}
+        x = self.x if math.isfinite(self.x) else str(self.x)
+        head = {"x": x, "kind": self.kind, "what": self.what, "grazing": self.grazing, "error": self.error}
+        return head | labels
+
+
+@dataclass(frozen=True, eq=False)
+class CoherentRange(Shown):
+    """Interval low <= x <= high of motions q = x * direction over which the tracked features stay the real contact.
+
+    At a switching point its two features are tracked; inside a segment its one, at the point of its line nearest to
+    the nominal pair.
+
+    Attributes
+    ----------
+    problem : Problem
+    direction : (k,) array
+    features : tuple of Feature
+    first, last : Event
+        The events at low and high.
+    proved : bool
+        Whether every step was covered by bounds, which it is unless something touches zero where the march starts.
+    """
+
+    problem: Problem
+    direction: Array
+    features: tuple[Feature, ...]
+    first: Event
+    last: Event
+    proved: bool
+    _followed: tuple[Followed, ...] = field(repr=False, default=())
+
+    @property
+    def low(self) -> float:
+        """Lower end, at most 0."""
+        return self.first.x
+
+    @property
+    def high(self) -> float:
+        """Upper end, at least 0."""
+        return self.last.x
+
+    @property
+    def events(self) -> tuple[Event, Event]:
+        """The events at low and high."""
+        return self.first, self.last
+
+    def transform(self, x: float) -> Array:
+        """Return the 4x4 transform of body 1 at x."""
+        problem = self.problem
+        return problem.motion.transform(x * self.direction, problem.movable.seed, problem.static.seed)
+
+    def curve(self, x: float) -> DecisionCurve:
+        """Return the decision curve of the moved bodies, in the problem's box."""
+        return decision_curve(
+            self.problem.movable, self.problem.static, box=self.problem.box, transform=self.transform(x)
+        )
+
+    def rho(self, x: float) -> Array:
+        """Return the tracked scale pair at x, (2,), for x within the range."""
+        return self._march.rho(x)
+
+    @property
+    def natural_step(self) -> float:
+        """The x that turns or moves body 1 by about the size of the bodies."""
+        return self._march.unit
+
+    @cached_property
+    def _march(self) -> March:
+        return March(self.problem, self._followed, self._ray, math.inf, self.problem.nominal_pair)
+
+    @property
+    def _ray(self) -> Ray:
+        return ray_of(self.problem, self.direction)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        names = [parameter.name for parameter in self.problem.motion.parameters]
+        return {
+            "direction": dict(zip(names, self.direction.tolist(), strict=True)),
+            "features": [feature.label for feature in self.features],
+            "low": self.first.to_dict()["x"],
+            "high": self.last.to_dict()["x"],
+            "events": [event.to_dict() for event in self.events],
+            "proved": self.proved,
+        }
+
+
+def coherent_range(
+    problem: Problem, direction: Mapping[str, float] | Any = None, *, limit: float | None = None
+) -> CoherentRange:
+    """Return how far the tracked features stay the real contact along motions q = x * direction, both ways.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its goal, target and path do not matter: what its nominal pair touches with is followed.
+    direction : mapping of parameter name to value, (k,) array or number, optional
+        Length units and radians a unit of x; parameters that a mapping leaves out stay. Default for a motion of one
+        parameter: 1, so that x is the parameter.
+    limit : float, optional
+        Largest |x| to look at. The problem's limits of the motion hold besides. Default: a whole turn, or for a mere
+        translation as far as it matters.
+
+    Raises
+    ------
+    InputError
+        For a direction that is none, limits that exclude no motion, and a nominal pair that is not on the curve.
+    """
+    along = checked_direction(problem, direction)
+    found = followed(problem)
+    first, too = _ended(problem, found, along, -1.0, limit)
+    last, proved = _ended(problem, found, along, 1.0, limit)
+    return CoherentRange(problem, along, tuple(own.feature for own in found), first, last, proved and too, found)
+
+
+def _ended(
+    problem: Problem, found: tuple[Followed, ...], along: Array, sign: float, limit: float | None
+) -> tuple[Event, bool]:
+    """Return what ends the range on one side, and whether all of the way there is proved."""
+    end = reach(problem, sign * along, limit)
+    march = March(problem, found, ray_of(problem, sign * along), end.x, problem.nominal_pair)
+    stop = march.stop()
+    if stop is None:
+        x = math.inf if end.kind == "unbounded" else end.x
+        return Event(sign * x, end.kind, (), end.what or KINDS[end.kind]), march.proved
+    x, error, grazing = march.settled(stop)
+    lost = {cause.feature for cause in stop.causes}
+    tracked = tuple(own.feature for own in found)
+    features = tracked if -1 in lost else tuple(feature for k, feature in enumerate(tracked) if k in lost)
+    kind, what = stop.causes[0].kind, "; ".join(dict.fromkeys(cause.what for cause in stop.causes))
+    merged, beyond = _around(problem, march, sign * along, x) if kind in LOCAL else ((), ())
+    successors = tuple(feature for feature in beyond if feature not in tracked)
+    return Event(sign * x + 0.0, kind, features, what, grazing, error, merged, successors), march.proved
+
+
+def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tuple[Feature, ...], tuple[Feature, ...]]:
+    """Return the features that touch at x, and those of the curve about the tracked pair just beyond."""
+    before, after = x - BESIDE * march.unit, x + BESIDE * march.unit
+    was, moved = march.rho(before), march.rho(after)
+    rho = (was + moved) / 2.0  # also where edges are parallel just at x
+    if not (np.isfinite(rho).all() and rho.min() > 0):
+        return (), ()
+    movable, static = problem.movable, problem.static
+    here, beyond = (problem.motion.transform(at * along, movable.seed, static.seed) for at in (x, after))
+    met = meetings(movable, static, relative_pose(movable, static, here), rho, DEFAULT.nominal * problem.size)
+    wide = max(WINDOW * float(np.abs(moved - rho).max()), ABOUT * float(rho.max()))
+    (a, b), (c, d) = np.column_stack([np.maximum(moved - wide, 0.0), moved + wide]).tolist()
+    curve = decision_curve(movable, static, box=((a, b), (c, d)), transform=beyond)
+    merged = dict.fromkeys(meeting.contact.feature for meeting in met)
+    return tuple(merged), tuple(dict.fromkeys(segment.feature for segment in curve.segments))
+
+
+def checked_direction(problem: Problem, direction: Any) -> Array:
+    """Return a direction in the parameters, (k,); raises `InputError` where it is none."""
+    names = [parameter.name for parameter in problem.motion.parameters]
+    allowed = f"values for {', '.join(names)}, not all zero"
+    if direction is None and len(names) == 1:
+        return frozen([1.0])
+    if isinstance(direction, Mapping):
+        unknown = [key for key in direction if key not in names]
+        if unknown:
+            raise InputError("no such parameter", key="direction", found=unknown[0], allowed=", ".join(names))
+        direction = [direction.get(name, 0.0) for name in names]
+    try:
+        values = np.atleast_1d(np.asarray(direction, dtype=np.float64))
+    except (TypeError, ValueError) as reason:
+        raise InputError("not a direction", key="direction", found=direction, allowed=allowed) from reason
+    largest = float(np.abs(values).max(initial=0.0))
+    if values.shape != (len(names),) or not 1.0 / LARGEST <= largest <= LARGEST:
+        raise InputError("not a direction", key="direction", found=direction, allowed=allowed)
+    return frozen(values)
+
+
+def ray_of(problem: Problem, direction: Array) -> Ray:
+    """Return the ray of a problem's motion along a direction."""
+    return Ray.of(problem.motion, direction, problem.movable.seed, problem.static.seed)
+
+
+class Reach(NamedTuple):
+    """How far to look along a ray, and what ends it there."""
+
+    x: float
+    kind: str
+    what: str
+
+
+def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
+    """Return how far to look along a ray from no motion."""
+    if limit is not None and not (isinstance(limit, int | float) and limit > 0):
+        raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
+    ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []
+    parameters = problem.motion.parameters
+    for (name, _), slope, (low, high) in zip(parameters, direction, problem.limits, strict=True):
+        if not low <= 0 <= high:
+            raise InputError(
+                "ranges are about no motion, which the limits exclude",
+                key=f"limits.{name}",
+                found=(float(low), float(high)),
+                allowed="limits that 0 lies within",
+            )
+        if slope != 0:
+            ends.append(Reach(float((high if slope > 0 else low) / slope), "limit", f"the limit of {name}"))
+    turns = [abs(x) for x, (_, kind) in zip(direction, parameters, strict=True) if kind == "rotation" and x != 0]
+    steps = [step for step in problem.motion.steps for _ in step.parameters]
+    if turns:
+        moving = [step for step, x in zip(steps, direction, strict=True) if x != 0]
+        closed = len(moving) == 1 and moving[0].closed
+        ends.append(
+            Reach(2.0 * math.pi / float(max(turns)), "whole turn" if closed else "search", "after a whole turn")
+        )
+    elif limit is None:
+        extent = problem.size + float(np.linalg.norm(problem.static.seed - problem.movable.seed))
+        ends.append(Reach(FAR * extent / float(np.abs(direction).max()), "unbounded", ""))
+    return min(ends, key=lambda end: end.x)

@@ -1,0 +1,310 @@
+"""When two scaled bodies touch along a ray of motions: the range of motion without collision, for any motion.
+
+Where they are apart, the march of `march` finds the first contact. Where they overlap, no vertex moves faster than a
+rate, so from a depth g they cannot part within g / rate: steps of that size, down to a floor, then a bracketed root.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.along import expanding
+from fcdm_opt.along.coherent_range import Reach, checked_direction, ray_of, reach
+from fcdm_opt.along.expansions import Conditions, Scales, safe_steps
+from fcdm_opt.along.march import March
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import meetings
+from fcdm_opt.curve.decision_curve import relative_pose
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.problem import arguments
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS = 20_000  # along a ray, at most
+WIDEN = 4.0  # of the stretch beyond a touch, until the gap there tells
+TOUCHES = 1_000  # instants of touching on one side, at most
+
+
+@dataclass(frozen=True)
+class Touch:
+    """An instant at which the pair touches.
+
+    Attributes
+    ----------
+    x : float
+    features : tuple of Feature
+        What touches.
+    grazing : bool
+        Whether the state is the same on both sides.
+    """
+
+    x: float
+    features: tuple[Feature, ...]
+    grazing: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"x": self.x, "features": [own.label for own in self.features], "grazing": self.grazing}
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch low <= x <= high over which the pair is "apart" or "overlapping"."""
+
+    state: str
+    low: float
+    high: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; infinity as "inf"."""
+        ends = {name: x if math.isfinite(x) else str(x) for name, x in (("low", self.low), ("high", self.high))}
+        return {"state": self.state} | ends
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTimes:
+    """States of a scale pair along motions q = x * direction, from low to high.
+
+    Attributes
+    ----------
+    problem : Problem
+    direction : (k,) array
+    pair : (2,) array
+    spans : tuple of Span
+        Increasing in x, without gaps; a stretch of x on which the pair keeps touching counts as apart.
+    touches : tuple of Touch
+        Between spans, and where a span is only grazed.
+    proved : bool
+        Whether no touch can have been missed but grazes from within an overlap that are shallower than
+        `Tolerances.march` times what moves.
+    """
+
+    problem: Problem
+    direction: Array
+    pair: Array
+    spans: tuple[Span, ...]
+    touches: tuple[Touch, ...]
+    proved: bool
+
+    @property
+    def free(self) -> tuple[float, float] | None:
+        """The range about x = 0 of motion without collision, None where the pair overlaps there."""
+        return next(((s.low, s.high) for s in self.spans if s.state == "apart" and s.low <= 0 <= s.high), None)
+
+    def state(self, x: float) -> str:
+        """Return "apart" or "overlapping" at x, "unknown" beyond what was looked at."""
+        return next((span.state for span in self.spans if span.low <= x <= span.high), "unknown")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        names = [parameter.name for parameter in self.problem.motion.parameters]
+        return {
+            "direction": dict(zip(names, self.direction.tolist(), strict=True)),
+            "pair": self.pair.tolist(),
+            "free": None if self.free is None else [x if math.isfinite(x) else str(x) for x in self.free],
+            "spans": [span.to_dict() for span in self.spans],
+            "touches": [touch.to_dict() for touch in self.touches],
+            "proved": self.proved,
+        }
+
+
+def contact_times(
+    problem: Problem,
+    direction: Mapping[str, float] | Any = None,
+    *,
+    scale_pair: Any = None,
+    limit: float | None = None,
+) -> ContactTimes:
+    """Return over which motions q = x * direction a scale pair is apart or overlaps, and when it touches.
+
+    Parameters
+    ----------
+    problem : Problem
+        Bodies, motion and limits; goal and path do not matter, nor do keep-outs.
+    direction : mapping of parameter name to value, (k,) array or number, optional
+        As for `coherent_range`.
+    scale_pair : (rho_1, rho_2), optional
+        Default: the target pair, the parts made.
+    limit : float, optional
+        Largest |x| to look at. Default: half a turn both ways where the motion repeats itself after one, a whole turn
+        where it turns otherwise, and for a mere translation until the bodies are out of each other's way.
+
+    Raises
+    ------
+    InputError
+        For a direction, a pair or a limit that is none.
+    """
+    along = checked_direction(problem, direction)
+    pair = (
+        problem.target
+        if scale_pair is None
+        else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
+    )
+    pair = frozen(pair)
+    sides = [_Side(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
+    for side in sides:
+        side.run()
+    back, ahead = sides
+    spans = [Span(state, -high, -low) for state, low, high in reversed(back.spans)]
+    first, *rest = [Span(*own) for own in ahead.spans]
+    if spans and spans[-1].state == first.state:
+        first = Span(first.state, spans.pop().low, first.high)
+    touches = [Touch(0.0 - t.x, t.features, t.grazing) for t in reversed(back.touches)]
+    if touches and ahead.touches and touches[-1].x == ahead.touches[0].x == 0.0:
+        touches.pop()
+    proved = back.proved and ahead.proved
+    return ContactTimes(problem, along, pair, (*spans, first, *rest), (*touches, *ahead.touches), proved)
+
+
+class _Side:
+    """One way along a ray."""
+
+    def __init__(self, problem: Problem, along: Array, pair: Array, limit: float | None) -> None:
+        self._problem, self._along, self._pair = problem, along, pair
+        self._end: float = _span_of(problem, along, pair, reach(problem, along, limit))
+        self._ray = ray_of(problem, along)
+        self._march = March(problem, (), self._ray, self._end, pair)
+        self._floor = DEFAULT.march * self._march.unit
+        body = problem.movable
+        self._local = pair[0] * (np.concatenate([part.vertices for part in body.parts]) - body.seed)
+        self._slack = DEFAULT.tie * problem.size
+        self.spans: list[tuple[str, float, float]] = []
+        self.touches: list[Touch] = []
+        self.proved = True
+
+    def run(self) -> None:
+        """Go from contact to contact."""
+        x = start = 0.0
+        state = "overlapping" if self._gap(0.0) < -self._slack else "apart"
+        if abs(self._gap(0.0)) <= self._slack:
+            self._touch(0.0, False)
+            state = "apart" if self._gap(min(self._floor, self._end)) >= -self._slack * DEFAULT.march else "overlapping"
+        for _ in range(TOUCHES):
+            found = self._parts_at(x) if state == "overlapping" else self._meets_at(x)
+            if found is None:
+                break
+            at, grazing = found
+            self._touch(at, grazing)
+            if not grazing:
+                self.spans.append((state, start, at))
+                start, state = at, "apart" if state == "overlapping" else "overlapping"
+            x = self._beyond(at)
+            if x >= self._end:
+                break
+        else:
+            self.proved = False
+        self.spans.append((state, start, self._end))
+        self.proved = self.proved and self._march.proved
+
+    def _beyond(self, x: float) -> float:
+        """Return a little more than x, where it is clear which way a touch at x went, or the end."""
+        beyond = x + self._floor
+        while beyond < self._end and abs(self._gap(beyond)) <= self._slack:
+            beyond = x + WIDEN * (beyond - x)
+        return min(beyond, self._end)
+
+    def _touch(self, x: float, grazing: bool) -> None:
+        problem = self._problem
+        slack = DEFAULT.nominal * problem.size
+        pose = relative_pose(problem.movable, problem.static, self._transform(x))
+        met = meetings(problem.movable, problem.static, pose, self._pair, slack)
+        self.touches.append(Touch(x, tuple(dict.fromkeys(own.contact.feature for own in met)), grazing))
+
+    def _transform(self, x: float) -> Array:
+        problem = self._problem
+        return problem.motion.transform(x * self._along, problem.movable.seed, problem.static.seed)
+
+    def _gap(self, x: float) -> float:
+        """Return the signed gap of the pair, see `kernels.least_gaps`."""
+        one, two = self._problem.movable, self._problem.static
+        gaps, _ = kernels.least_gaps(*one.packed, *two.packed, self._transform(x), one.seed, two.seed, self._pair[None])
+        return float(gaps[0])
+
+    def _meets_at(self, x: float) -> tuple[float, bool] | None:
+        """Return where a pair that is apart at x first touches, and whether it stays apart."""
+        stop = self._march.advanced(x)
+        if stop is None or stop.condition is None:
+            self._end = self._end if stop is None else stop.x
+            return None
+        at, _, _ = self._march.settled(stop)
+        return at, self._gap(self._beyond(at)) >= 0
+
+    def _parts_at(self, x: float) -> tuple[float, bool] | None:
+        """Return where a pair that overlaps from x on first touches."""
+        from scipy.optimize import brentq
+
+        span = self._march.unit
+        here, depth = x, -min(self._gap(x), 0.0)
+        for _ in range(STEPS):
+            if here >= self._end:
+                return None
+            span = min(span, self._end - here)
+            step = self._safe(here, span, depth)
+            span = 2.0 * span if step >= span else max(4.0 * step, self._floor)
+            ahead = min(here + max(step, self._floor), self._end)
+            gap = self._gap(ahead)
+            if gap >= 0:
+                if gap == 0 or self._gap(here) >= 0:
+                    return ahead, False
+                at = brentq(self._gap, here, ahead, xtol=DEFAULT.point * ahead, rtol=4 * np.finfo(float).eps)
+                return float(at), False
+            here, depth = ahead, -gap
+        self.proved, self._end = False, here  # what comes after is not known
+        return None
+
+    def _safe(self, x: float, span: float, depth: float) -> float:
+        """Return a step within which no vertex moves further than a depth, at most the span."""
+        nothing = Conditions.of(expanding.DETERMINANT)
+        _, pose, _ = self._ray.expanded(x, span, Scales.fixed(self._pair), nothing)
+        rates = np.linalg.norm(self._local @ pose[:9, 1].reshape(3, 3).T - pose[9:, 1], axis=1).max()
+        bend = np.linalg.norm(self._local, axis=1).max() * np.linalg.norm(pose[:9, 2]) + np.linalg.norm(pose[9:, 2])
+        if not np.isfinite(bend):
+            return 0.0
+        root = math.sqrt(rates * rates + 2.0 * bend * depth)
+        slow = min(2.0 * depth / (rates + root), span) if root > 0 else span
+        return max(slow, self._inside(x, span, pose[:, 0]))
+
+    def _inside(self, x: float, span: float, pose: Array) -> float:
+        """Return how far a vertex of either part surely stays inside the other, of the pair that overlaps deepest.
+
+        However shallow: bodies that slide along each other stay so.
+        """
+        bodies, rho = (self._problem.movable, self._problem.static), self._pair
+        seeds = bodies[0].seed, bodies[1].seed
+        packed = (*bodies[0].packed, *bodies[1].packed)
+        (i, j) = kernels.least_gaps(*packed, self._transform(x), *seeds, rho[None])[1][0]
+        one, two = bodies[0].parts[i], bodies[1].parts[j]
+        X, Y = one.vertices - one.seed, two.vertices - two.seed
+        tops = np.array([loop[0] for loop in one.loops]), np.array([loop[0] for loop in two.loops])
+        R, d = pose[:9].reshape(3, 3), pose[9:]
+        own = (rho[1] * (Y[tops[1]] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
+        other = (rho[0] * (X[tops[0]] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
+        furthest, scales = 0.0, Scales.fixed(rho)
+        if own.min(axis=1).max() > 0:
+            v = X[int(own.min(axis=1).argmax())]
+            within = Conditions.of(expanding.ALONG, v=v, w=Y[tops[1]], m=two.normals)
+            furthest = float(safe_steps(self._ray.expanded(x, span, scales, within)[0], span).min())
+        if other.min(axis=1).max() > 0:
+            w = Y[int(other.min(axis=1).argmax())]
+            within = Conditions.of(expanding.ALONG_TURNED, v=X[tops[0]], w=w, m=one.normals, sign=-1.0)
+            furthest = max(furthest, float(safe_steps(self._ray.expanded(x, span, scales, within)[0], span).min()))
+        return furthest
+
+
+def _span_of(problem: Problem, along: Array, pair: Array, end: Reach) -> float:
+    """Return how far to look: half of what repeats itself, and no further than bodies can meet."""
+    if end.kind != "unbounded":
+        return end.x / 2.0 if end.kind == "whole turn" else end.x
+    extents = [
+        scale * max(float(np.linalg.norm(part.vertices - body.seed, axis=1).max()) for part in body.parts)
+        for body, scale in zip((problem.movable, problem.static), pair, strict=True)
+    ]
+    far = sum(extents) + float(np.linalg.norm(problem.static.seed - problem.movable.seed))
+    _, moving = ray_of(problem, along).natural_step
+    return far / moving if moving > 0 else 1.0

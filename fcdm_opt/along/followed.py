@@ -1,0 +1,320 @@
+"""The contact that a coherent range follows: its features, what they rest on, and the conditions that make it real.
+
+A feature of a part pair is the real contact as long as nothing of either part is beyond its plane (its neighbours are
+not), and the contact point lies within its elements. A flush contact also needs its elements aligned, and to share more
+than a point: no direction in the plane may part them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.along import expanding
+from fcdm_opt.along.expanding import CROSSED, FIXED, TURNED
+from fcdm_opt.along.expansions import Conditions
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.flush import Flush
+from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
+from fcdm_opt.curve.region import Piece
+from fcdm_opt.curve.segments import SwitchingPoint
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.model.seats import seat_of
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+Parts = tuple[int, int]
+Site = tuple[int, int, int]
+OPENS = "the flush contact opens"
+
+
+class Cause(NamedTuple):
+    """What a condition stands for: the kind of event where it fails, the tracked feature's number, and words."""
+
+    kind: str
+    feature: int
+    what: str
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A part pair on which a tracked feature rests, with the conditions that make it real there.
+
+    Attributes
+    ----------
+    parts : tuple of int
+    line : (13,) array
+        See `Scales`.
+    conditions : Conditions
+        Of each group one must hold.
+    groups : (n,) int array
+    causes : tuple of Cause
+        One a group.
+    """
+
+    parts: Parts
+    line: Array
+    conditions: Conditions
+    groups: Ints
+    causes: tuple[Cause, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """One tracked feature, and all part pairs on which it can rest: faces and edges may be spread over several.
+
+    Attributes
+    ----------
+    feature : Feature
+    flush : bool
+        Whether more than a point is in contact, and must stay so.
+    rests : tuple of Rest
+        The one at rest first.
+    """
+
+    feature: Feature
+    flush: bool
+    rests: tuple[Rest, ...]
+
+
+def followed(problem: Problem) -> tuple[Followed, ...]:
+    """Return the features of a problem's nominal contact: two at a switching point, one inside a segment.
+
+    Raises
+    ------
+    InputError
+        Where the nominal pair is not on the decision curve.
+    """
+    contact = problem.nominal_contact
+    if contact is None:
+        raise InputError(
+            "a coherent range follows the nominal contact, but the nominal pair is not on the decision curve",
+            key="nominal",
+            found=problem.nominal_pair.tolist(),
+            allowed="a switching point, or a pair on the curve",
+        )
+    pieces: tuple[Piece, ...] = (
+        contact.pieces if isinstance(contact, SwitchingPoint) else (contact.piece_at(problem.nominal_pair),)
+    )
+    seats = problem.nominal_seats if any(_is_flush(piece) for piece in pieces) else ()
+    return tuple(_followed(problem, piece, seats, k) for k, piece in enumerate(pieces))
+
+
+def _is_flush(piece: Piece) -> bool:
+    return piece.feature.is_flush or piece.contact.parallel
+
+
+def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
+    movable, static = problem.movable, problem.static
+    seat = seat_of(piece, seats) if _is_flush(piece) else None
+    if seat is not None:
+        hosts = [
+            (_place(movable.parts, one), _place(static.parts, two), contact.one, contact.two, contact.parallel)
+            for one, two, contact in seat.hosts
+        ]
+        rests = [_flush_rest(problem, seat, (i, j), own, other, along, k) for i, j, own, other, along in hosts]
+        rests.sort(key=lambda rest: rest.parts != seat.parts)
+        return Followed(seat.touching, True, tuple(rests))
+    feature = piece.feature
+    sites = [(piece.parts, piece.site)]
+    sites += [other for other in _sites(problem, feature, piece.site[0]) if other != sites[0]]
+    rests = [_rest(problem, feature, parts, site, piece.normal, k) for parts, site in sites]
+    return Followed(feature, False, tuple(rests))
+
+
+def _place(parts: Sequence[ConvexPart], part: ConvexPart) -> int:
+    return next(k for k, own in enumerate(parts) if own is part)
+
+
+def _sites(problem: Problem, feature: Feature, kind: int) -> Iterator[tuple[Parts, Site]]:
+    """Yield where the bodies' parts have the elements of a feature."""
+    if feature.kind != {F1V2: "F1V2", V1F2: "V1F2", E1E2: "E1E2"}[kind]:
+        return
+    for i, one in enumerate(problem.movable.parts):
+        for first in one.carriers(feature.one):
+            for j, two in enumerate(problem.static.parts):
+                for second in two.carriers(feature.two):
+                    yield (i, j), (kind, _index(one, first), _index(two, second))
+
+
+def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
+    if len(own) == 1:
+        return own[0]
+    if len(own) == 2:
+        return int(np.flatnonzero((np.sort(part.edges[:, :2], axis=1) == sorted(own)).all(axis=1))[0])
+    return part.loops.index(own)
+
+
+# ---------------------------------------------------------------------------------------------------- the conditions
+
+
+class _List:
+    """Collects conditions in groups, each with its cause."""
+
+    def __init__(self) -> None:
+        self._made: list[Conditions] = []
+        self._groups: list[int] = []
+        self._causes: list[Cause] = []
+
+    def add(self, conditions: Conditions, cause: Cause) -> None:
+        """Add a group of which one condition must hold."""
+        self._made.append(conditions)
+        self._groups += [len(self._causes)] * len(conditions.rows)
+        self._causes.append(cause)
+
+    def rest(self, parts: Parts, line: Array) -> Rest:
+        together = Conditions.joined(self._made)
+        return Rest(parts, line, together, np.array(self._groups), tuple(self._causes))
+
+
+def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
+    one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
+    X, Y = one.vertices - one.seed, two.vertices - two.seed
+    made = _List()
+    line = _supported(made, one, two, site, normal, k)
+    kind, i, j = site
+    if kind == V1F2:
+        for a, b in _sides(two.loops[j]):
+            out = _unit(np.cross(Y[b] - Y[a], two.normals[j]))
+            made.add(Conditions.of(expanding.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), k))
+    elif kind == F1V2:
+        for a, b in _sides(one.loops[i]):
+            out = _unit(np.cross(X[b] - X[a], one.normals[i]))
+            inside = Conditions.of(expanding.ALONG_TURNED, k, v=X[a], w=Y[j], m=out, sign=-1.0)
+            made.add(inside, _border(one, 1, (a, b), k))
+    else:
+        (a, b), (c, d) = one.edges[i, :2].tolist(), two.edges[j, :2].tolist()
+        e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
+        sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
+        for v, ahead in ((a, sign), (b, -sign)):
+            made.add(Conditions.of(expanding.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead), _border(one, 1, (v,), k))
+        for w, ahead in ((c, sign), (d, -sign)):
+            ends = Conditions.of(expanding.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
+            made.add(ends, _border(two, 2, (w,), k))
+    return made.rest(parts, line)
+
+
+def _supported(made: _List, one: ConvexPart, two: ConvexPart, site: Site, normal: Array, k: int) -> Array:
+    """Add that no neighbour is beyond the plane of a site; return its line."""
+    kind, i, j = site
+    X, Y = one.vertices - one.seed, two.vertices - two.seed
+    if kind == V1F2:
+        line = np.concatenate([[FIXED, 0, 0, 0], -two.normals[j], X[i], Y[two.loops[j][0]]])
+    elif kind == F1V2:
+        line = np.concatenate([[TURNED], one.normals[i], [0, 0, 0], X[one.loops[i][0]], Y[j]])
+    else:
+        (a, b), (c, d) = one.edges[i, :2].tolist(), two.edges[j, :2].tolist()
+        e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
+        sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
+        line = np.concatenate([[CROSSED], e, sign * f, X[a], Y[c]])
+    own = _neighbours(one, i) if kind == V1F2 else _beside(one, i) if kind == E1E2 else []
+    other = _neighbours(two, j) if kind == F1V2 else _beside(two, j) if kind == E1E2 else []
+    for v, base in own:
+        made.add(Conditions.of(expanding.OWN, k, v=X[v] - X[base], sign=-1.0), _neighbour(one, 1, v, k))
+    for w, base in other:
+        made.add(Conditions.of(expanding.OTHER, k, w=Y[w] - Y[base]), _neighbour(two, 2, w, k))
+    return line
+
+
+def _flush_rest(
+    problem: Problem,
+    seat: Flush,
+    parts: Parts,
+    own: tuple[int, ...],
+    other: tuple[int, ...],
+    parallel: bool,
+    k: int,
+) -> Rest:
+    """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
+    one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
+    X, Y = one.vertices - one.seed, two.vertices - two.seed
+    n = seat.normal
+    faces = [int(np.argmax(part.normals @ way)) for part, way in ((one, n), (two, -n))]
+    has = [
+        bool(part.normals[face] @ way > 1.0 - DEFAULT.nominal)
+        for part, face, way in zip((one, two), faces, (n, -n), strict=True)
+    ]
+    site = (V1F2, own[0], faces[1]) if has[1] else (F1V2, faces[0], other[0])
+    made = _List()
+    line = _supported(made, one, two, site, n, k)
+    if has[0] and has[1]:  # the other face must stay aligned too
+        for v in one.loops[faces[0]][1:]:
+            aligned = Conditions.of(expanding.OWN, k, v=X[v] - X[own[0]], sign=-1.0)
+            made.add(aligned, Cause("opens", k, OPENS))
+    if parallel:  # each edge stays on the other
+        beside = Conditions.of(
+            expanding.ALONG, k, v=X[own[0]], w=Y[other[0]], m=_unit(np.cross(n, Y[other[1]] - Y[other[0]]))
+        )
+        made.add(beside, Cause("opens", k, OPENS))
+    corners, others = list(own), list(other)
+    for a, b in _sides(own):
+        for way in _ways(X[b] - X[a], n, parallel, X[corners] - X[a], len(own)):
+            inside = Conditions.of(expanding.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
+                                   w=Y[others], m=way, sign=-1.0)  # fmt: skip
+            made.add(inside, _shared(one, 1, (a, b), k))
+    for a, b in _sides(other):
+        for way in _ways(Y[b] - Y[a], n, parallel, Y[others] - Y[a], len(other)):
+            inside = Conditions.of(expanding.ALONG, k, v=X[corners],
+                                   w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
+            made.add(inside, _shared(two, 2, (a, b), k))
+    return made.rest(parts, line)
+
+
+def _last(points: Array, own: list[int], way: Array) -> int:
+    return own[int(np.argmax(points[own] @ way))]
+
+
+def _ways(side: Array, n: Array, along: bool, spokes: Array, count: int) -> list[Array]:
+    """Return the directions out of an element across a side: of an edge to both sides, of parallel edges along it."""
+    if along:
+        return [_unit(side)]
+    across = _unit(np.cross(side, n))
+    if count == 2:
+        return [across]
+    return [across * (-1.0 if (spokes @ across).max() > -(spokes @ across).min() else 1.0)]
+
+
+def _sides(loop: Sequence[int]) -> list[tuple[int, int]]:
+    return [(loop[k], loop[(k + 1) % len(loop)]) for k in range(len(loop))]
+
+
+def _neighbours(part: ConvexPart, vertex: int) -> list[tuple[int, int]]:
+    """Return the vertices joined to a vertex by an edge, each with the vertex itself."""
+    half = part.half_edges
+    ends = half[half[half[:, 0] == vertex, 2], 0]
+    return [(int(v), vertex) for v in ends]
+
+
+def _beside(part: ConvexPart, edge: int) -> list[tuple[int, int]]:
+    """Return a vertex of either face of an edge that is off it, each with a vertex of the edge."""
+    half, found = part.half_edges, []
+    for h in (2 * edge, 2 * edge + 1):
+        after = half[half[h, 3], 3]  # from the end of the side after it
+        found.append((int(half[after, 0]), int(half[h, 0])))
+    return found
+
+
+def _unit(x: Array) -> Array:
+    return np.asarray(x / np.linalg.norm(x))
+
+
+def _names(part: ConvexPart, vertices: Sequence[int]) -> str:
+    return ",".join("V" + "/".join(map(str, part.elements["V"][v].vertices)) for v in vertices)
+
+
+def _border(part: ConvexPart, body: int, ends: Sequence[int], k: int) -> Cause:
+    where = "vertex" if len(ends) == 1 else "edge"
+    return Cause("border", k, f"the contact point reaches the {where} {_names(part, ends)} of body {body}")
+
+
+def _shared(part: ConvexPart, body: int, ends: Sequence[int], k: int) -> Cause:
+    return Cause("border", k, f"nothing more is shared beyond the edge {_names(part, ends)} of body {body}")
+
+
+def _neighbour(part: ConvexPart, body: int, vertex: int, k: int) -> Cause:
+    return Cause("neighbour", k, f"the neighbouring vertex {_names(part, (vertex,))} of body {body} reaches the plane")

@@ -1,0 +1,459 @@
+"""What holds a motion where it is: the constraints that are active there, found from geometry, whatever stage found it.
+
+Each is a group of alternatives, any one of which may be what holds: of two directions in which a part pair is just
+apart the pair may leave either, of two pairs that touch either may be the one that must.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, Rate, Scene, Term
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.coherence import Tracked
+from fcdm_opt.curve.contact import Contact, contact_set, located, supporting_contact, touching_contact
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.model.equations import FeaturePoints
+from fcdm_opt.model.seats import tilts
+from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.problem.problem import MOST_TURNED
+from fcdm_opt.tolerances import DEFAULT
+
+MOST_CORNERS = 12  # of what two bodies share, looked at one by one
+Constraints = tuple[Rate, ...]
+Alternatives = list[Constraints]
+Site = tuple[int, int, int]
+
+
+class Way(NamedTuple):
+    """A direction in which a part pair is as far apart as it must be, and what meets in it: its corners."""
+
+    normal: Array
+    contact: Contact
+    corners: Array
+    gap: float
+
+
+@dataclass(eq=False)
+class Holding:
+    """What holds a motion.
+
+    Attributes
+    ----------
+    task : Task
+    q : (k,) array
+    layout : Layout
+    limits : (k, 2) array
+        As the user has them; the task's own are zero for parameters that "seat" holds.
+    reasons : list of str
+        What could not be looked at.
+    """
+
+    task: Task
+    q: Array
+    layout: Layout
+    limits: Array
+    reasons: list[str] = field(default_factory=list)
+
+    @property
+    def slack(self) -> float:
+        """Length below which a constraint counts as active."""
+        return DEFAULT.active * self.task.size
+
+    @cached_property
+    def end(self) -> Scene:
+        """Body 1 where the motion ends."""
+        return Scene.at(self.task, self.layout, self.q)
+
+    def groups(self) -> list[Alternatives]:
+        """Return all that may hold the motion: of each group one of the alternatives does."""
+        groups: list[Alternatives] = [[(rate,)] for rate in (*self._limits(), *self._aligned(), *self._goal())]
+        if np.isfinite(self.task.needs).any():
+            groups += self._pair_states()
+        return groups + self._coherence() if self.task.tracked else groups
+
+    # ------------------------------------------------------------------------------------------------- limits, goals
+
+    def _limits(self) -> Iterator[Rate]:
+        """Yield the limits that are reached; parameters that cannot move push both ways."""
+        names = [parameter.name for parameter in self.task.motion.parameters]
+        for k, (low, high) in enumerate(self.task.limits):
+            for side, (limit, sign) in enumerate(((low, 1.0), (high, -1.0))):
+                if abs(self.q[k] - limit) * self.task.weights[k] <= self.slack and not (side and low == high):
+                    rate = self.layout.rate(f"limit of {names[k]}", sign * np.eye(len(names))[k], free=low == high)
+                    rate.data[self.layout.limits.start + 2 * k + side] = -sign * float(limit == self.limits[k, side])
+                    yield rate
+
+    def _aligned(self) -> Iterator[Rate]:
+        """Yield what keeps flush contacts aligned: on the whole way no tilt to first order, else at its end."""
+        task = self.task
+        turns = [turn for seat in task.seats for turn in seat.turns]
+        rows = tilts(task.seats, task.spins)
+        if not task.coherent:
+            rows = np.array([[m @ rate[:3, :3] @ p for rate in self.end.by_motion] for m, p in turns])
+        for row in rows:
+            if np.abs(row).max() > DEFAULT.nominal:
+                yield self.layout.rate("flush contacts stay aligned", row, free=True)
+
+    def _goal(self) -> Iterator[Rate]:
+        """Yield what the goal asks of the tracked contact."""
+        task = self.task
+        if not task.tracked:
+            return
+        rho, _, tracked = task.tracked_contact(self.q)
+        if task.goal != "beyond":
+            for feature in (*task.tracked, *task.besides):
+                own = Tracked.at(task.movable, task.static, self.end.pose, feature.parts, feature.site, feature.sign)
+                yield self._at_target(self._line(self.end, feature, own.normal, task.target))
+            return
+        lines, pair = self._lines(self.end, tracked, rho)
+        for k, sign in enumerate(task.signs):
+            if abs(rho[k] - task.target[k]) <= DEFAULT.active * task.target[k]:
+                rate = replace(self.layout.rate(f"rho_{k + 1} reaches its target"), scales=sign * np.eye(2)[k])
+                rate = rate.along(pair, lines)
+                rate.data[self.layout.target.start + k] -= sign
+                yield rate
+
+    def at_rest(self) -> tuple[Rate, Rate]:
+        """Return the rates of both scales of the tracked switching point at rest."""
+        scene = Scene.at(self.task, self.layout, self.task.rest)
+        rho, pose, tracked = self.task.tracked_contact(self.task.rest)
+        lines, pair = self._lines(scene, tracked, rho)
+        if self._real(0.0, rho, pose, tracked):
+            self.reasons.append("three or more contact lines meet at the nominal pair")
+        one, two = (replace(self.layout.rate(), scales=unit).along(pair, lines) for unit in np.eye(2))
+        return one, two
+
+    def _lines(self, scene: Scene, tracked: Iterable[Tracked], rho: Array) -> tuple[list[Rate], Array]:
+        """Return the rates of the tracked lines, and how the scale pair on both follows them."""
+        lines = [self._line(scene, own, here.normal, rho) for own, here in zip(self.task.tracked, tracked, strict=True)]
+        if len(lines) < 2:
+            return lines, np.empty((0, 0))
+        return lines, -np.asarray(np.linalg.inv([line.scales for line in lines]))
+
+    def _line(self, scene: Scene, feature: FeaturePoints, normal: Array, rho: Array) -> Rate:
+        """Return the rate of a tracked feature's separation; a flush one is carried by the whole of its elements."""
+        task = self.task
+        whole = next((seat.feature for seat in task.seats if (seat.site, seat.parts) == (feature.site, feature.parts)),
+                     None)  # fmt: skip
+        if feature in task.tracked and task.flush:
+            whole = task.flush[task.tracked.index(feature)]
+        return self._site(
+            scene, "the tracked contact", feature.parts, feature.site, normal, rho,
+            whole=None if whole is None else (whole.one, whole.two),
+        )  # fmt: skip
+
+    def _at_target(self, rate: Rate) -> Rate:
+        """Return the rate where its scale pair is the target pair."""
+        rate.data[self.layout.target] += rate.scales
+        return replace(rate, free=True)
+
+    # -------------------------------------------------------------------------------------------- terms of a contact
+
+    def _site(
+        self,
+        scene: Scene,
+        name: str,
+        parts: Parts,
+        site: Site,
+        normal: Array,
+        rho: Array,
+        *,
+        whole: tuple[Element, Element] | None = None,
+    ) -> Rate:
+        """Return the rate of the separation along a site of the contact partner, where it is closed."""
+        task, (kind, i, j) = self.task, site
+        one, two = task.movable.parts[parts[0]], task.static.parts[parts[1]]
+        if kind == kernels.V1F2:
+            place = rho[0] * scene.pose[:9].reshape(3, 3) @ (one.vertices[i] - one.seed) - scene.pose[9:]
+        elif kind == kernels.F1V2:
+            place = rho[1] * (two.vertices[j] - two.seed)
+        else:
+            place = _crossing(*_edges(scene, one, two, site, rho))
+        drawn = scene.drawn(place, scene.pose, rho[0]), two.seed + place / rho[1]
+        elements = whole or (
+            _element(one, "FVE"[kind], i, drawn[0]),
+            _element(two, "VFE"[kind], j, drawn[1]),
+        )
+        first, second = (
+            Term(body, point, element, weight, float(scale), whole is not None)
+            for body, point, element, weight, scale in zip(
+                (MOVABLE, STATIC), drawn, elements, (-normal, normal), rho, strict=True
+            )
+        )
+        return scene.rate(name, (first, second))
+
+    def _terms(self, parts: Parts, way: Way, corner: Array) -> list[Term]:
+        """Return what meets in a corner of a contact of the target pair, or with a keep-out."""
+        task, opponent = self.task, self.task.opponents[parts[1]]
+        pose = self._pose_to(parts)
+        shifted = np.append(pose[:9], pose[9:] - way.gap * way.normal)
+        flush = len(way.corners) > 1
+        feature, scale = way.contact.feature, float(task.target[0])
+        first = Term(MOVABLE, self.end.drawn(corner, shifted, scale), feature.one, -way.normal, scale, flush)
+        body = KEPT_OUT + opponent.keep_out if opponent.keep_out >= 0 else STATIC
+        point = opponent.part.seed + corner / opponent.scale
+        second = Term(body, point, feature.two, way.normal, opponent.scale, flush)
+        return [first, *(_swept(task, second, opponent.part) if body >= KEPT_OUT else [second])]
+
+    def _pose_to(self, parts: Parts) -> Array:
+        """Return the pose at the end relative to an opponent's own seed."""
+        offset = self.task.opponents[parts[1]].part.seed - self.task.static.seed
+        return np.append(self.end.pose[:9], self.end.pose[9:] + offset)
+
+    # ---------------------------------------------------------------------------------------------------- part pairs
+
+    def _pair_states(self) -> list[Alternatives]:
+        """Return what keeps pairs apart, and the pair that must touch."""
+        task = self.task
+        near = task.pair_gaps(self.q) - task.needs <= self.slack
+        ways = {(i, j): self._ways((i, j)) for i, j in np.argwhere(near).tolist()}
+        ways = {parts: found for parts, found in ways.items() if found}
+        apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
+        touching = [parts for parts in ways if task.opponents[parts[1]].keep_out < 0] if task.must_touch else []
+        groups = [own for parts, own in apart.items() if parts not in touching]
+        closings: Alternatives = []
+        for parts in touching:
+            others = [apart[other] for other in touching if other != parts]
+            for chosen in product(self._closing(parts, ways[parts]), *others):
+                closings.append(tuple(rate for rates in chosen for rate in rates))
+        return [*groups, closings] if closings else groups
+
+    def _ways(self, parts: Parts) -> list[Way]:
+        """Return the directions in which a part pair is just as far apart as it must be."""
+        task, opponent = self.task, self.task.opponents[parts[1]]
+        one, two, pose = task.movable.parts[parts[0]], opponent.part, self._pose_to(parts)
+        rho = np.array([task.target[0], opponent.scale])
+        _, rows, separations = task.separations(parts, self.end.pose)
+        widest = float(separations.max())
+        if opponent.need > 0 and widest > 0:
+            normals = [task.way_between(parts, self.q)]
+            normals[0] /= np.linalg.norm(normals[0])
+            gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
+        else:
+            normals, gap = _distinct(rows[separations >= widest - self.slack, :3]), widest
+        if abs(gap - max(opponent.need, 0.0)) > self.slack:
+            return []
+        ways = []
+        for normal in normals:
+            shifted = np.append(pose[:9], pose[9:] - gap * normal)
+            contact = located(one, two, shifted, supporting_contact(one, two, normal, shifted, DEFAULT.active), rho)
+            corners = contact_set(one, two, shifted, contact, rho)
+            ways.append(Way(normal, contact, corners[:MOST_CORNERS], gap))
+        return ways
+
+    def _apart(self, parts: Parts, way: Way) -> Constraints:
+        """Return what keeps a pair apart in a direction: in every corner of what it shares there."""
+        task, keep_out = self.task, self.task.opponents[parts[1]].keep_out
+        rates = [
+            self.end.rate(f"{task.named(parts)} stays apart", self._terms(parts, way, corner)) for corner in way.corners
+        ]
+        for rate in rates:
+            rate.data[self.layout.target] += rate.scales * [1.0, keep_out < 0]
+            rate.data[self.layout.clearances][keep_out + 1] -= float(keep_out >= 0 or not task.must_touch)
+        return tuple(replace(rate, scales=np.zeros(2)) for rate in rates)
+
+    def _closing(self, parts: Parts, ways: list[Way]) -> Alternatives:
+        """Return what brings a pair together: in one corner of what it shares, in no direction apart."""
+        name = f"{self.task.named(parts)} closes"
+        if len(ways) == 1:
+            apart = self._apart(parts, ways[0])
+            if len(apart) == 1:
+                return [(replace(apart[0], name=name, free=True),)]
+            return [apart, *((replace(rate.times(-1.0), name=name),) for rate in apart)]
+        opponent, pose = self.task.opponents[parts[1]], self._pose_to(parts)
+        one, two, rho = (
+            self.task.movable.parts[parts[0]],
+            opponent.part,
+            np.array([self.task.target[0], opponent.scale]),
+        )
+        normals = np.array([way.normal for way in ways])
+        contact = located(one, two, pose, touching_contact(one, two, normals, pose, DEFAULT.active), rho)
+        corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
+        single = [[Way(way.normal, contact, corner[None], way.gap) for way in ways] for corner in corners]
+        flush = len(corners) > 1
+        found = []
+        for own in single:
+            rates = [self._apart(parts, way)[0].times(-1.0) for way in own]
+            if flush:
+                rates = [self._spread(rate, parts, contact) for rate in rates]
+            found.append(tuple(replace(rate, name=name) for rate in rates))
+        return [*found, *(self._apart(parts, way) for way in ways)]
+
+    def _spread(self, rate: Rate, parts: Parts, contact: Contact) -> Rate:
+        """Mark the vertices of elements that share more than a point: moving one would part them."""
+        broken = rate.broken.copy()
+        for body, element in ((MOVABLE, contact.feature.one), (STATIC, contact.feature.two)):
+            broken[self.layout.vertices(body)].reshape(-1, 3)[np.array(element.vertices) - 1] = True
+        return replace(rate, broken=broken)
+
+    # ----------------------------------------------------------------------------------------------------- coherence
+
+    def _coherence(self) -> list[Alternatives]:
+        """Return what keeps the tracked contact real at its end, and at the points of the way that are looked at."""
+        task = self.task
+        turned = sum(abs(x) for (_, kind), x in zip(task.motion.parameters, self.q, strict=True) if kind == "rotation")
+        count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
+        groups: list[Alternatives] = []
+        for s in np.linspace(1.0, 0.0, count + 1)[: count if task.coherent else 1]:
+            rho, pose, tracked = task.tracked_contact(self.q, s)
+            if np.isfinite(rho).all() and rho.min() > 0:
+                groups += self._real(float(s), rho, pose, tracked)
+        return groups
+
+    def _real(self, s: float, rho: Array, pose: Array, tracked: tuple[Tracked, ...]) -> list[Alternatives]:
+        """Return what keeps the tracked contact real at one point of the way and may be active there."""
+        task, slack = self.task, self.slack
+        found: list[tuple[Parts, list[tuple[Site, Array, float]]]] = []
+        own = {feature.parts for feature in tracked}
+        near = kernels.pair_bounds(*task.movable.packed, *task.static.packed, pose, rho) <= slack
+        for parts in sorted(own.union((i, j) for i, j in np.argwhere(near).tolist())):
+            one, two = task.movable.parts[parts[0]], task.static.parts[parts[1]]
+            sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
+            separations = rows[:, 5] - rows[:, 3:5] @ rho
+            normals = [feature.normal for feature in tracked if feature.parts == parts]
+            tight = [
+                ((int(sites[k, 0]), int(sites[k, 1]), int(sites[k, 2])), rows[k, :3])
+                for k in np.flatnonzero(np.abs(separations) <= slack)
+                if not any(rows[k, :3] @ n > 1.0 - DEFAULT.nominal for n in normals)
+            ]
+            if parts in own:
+                found += [(parts, [(site, normal, -1.0)]) for site, normal in tight]
+            elif abs(separations.max()) <= slack and tight:
+                found.append((parts, [(site, normal, 1.0) for site, normal in tight]))
+        level = [
+            (own_feature, here, body, vertex)
+            for k, (own_feature, here) in enumerate(zip(task.tracked, tracked, strict=True))
+            if not (task.flush and task.flush[k]) and not task.seats
+            for body, vertex in self._level(own_feature, here, pose, rho)
+        ]
+        if not found and not level:
+            return []
+        if len(tracked) == 1 and s < 1.0:
+            self.reasons.append("the way of the tracked contact inside its segment may hold the motion")
+            return []
+        scene = self.end if s == 1.0 else Scene.at(task, self.layout, self.q, s)
+        lines, pair = self._lines(scene, tracked, rho)
+
+        def on_the_way(rate: Rate) -> Rate:
+            return rate.along(pair, lines) if len(lines) == 2 else replace(self._at_target(rate), free=False)
+
+        groups: list[Alternatives] = []
+        for parts, ways in found:
+            name = f"{task.named(parts)} stays {'apart' if ways[0][2] > 0 else 'in contact'} on the way"
+            rates = [self._site(scene, name, parts, site, normal, rho).times(side) for site, normal, side in ways]
+            groups.append([(on_the_way(rate),) for rate in rates])
+        for feature, here, body, vertex in level:
+            groups.append([(on_the_way(self._behind(scene, feature, here, body, vertex, rho)),)])
+        return groups
+
+    def _level(self, feature: FeaturePoints, here: Tracked, pose: Array, rho: Array) -> Iterator[tuple[int, int]]:
+        """Yield (body, vertex) for vertices that are level with a tracked feature and no corners of its elements."""
+        one, two = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
+        kind, i, j = feature.site
+        known = (
+            {kernels.F1V2: one.loops[i] if kind == kernels.F1V2 else (), kernels.V1F2: (i,)}.get(kind)
+            or tuple(one.edges[i, :2].tolist()),
+            {kernels.V1F2: two.loops[j] if kind == kernels.V1F2 else (), kernels.F1V2: (j,)}.get(kind)
+            or tuple(two.edges[j, :2].tolist()),
+        )
+        inward = here.normal @ pose[:9].reshape(3, 3)
+        for body, part, way in ((MOVABLE, one, inward), (STATIC, two, -here.normal)):
+            heights = (part.vertices - part.seed) @ way - here.line[body]
+            for vertex in np.flatnonzero(np.abs(heights) * rho[body] <= self.slack).tolist():
+                if vertex not in known[body]:
+                    yield body, vertex
+
+    def _behind(self, scene: Scene, feature: FeaturePoints, here: Tracked, body: int, vertex: int, rho: Array) -> Rate:
+        """Return how far a vertex that is level with a tracked feature lies behind its plane.
+
+        Of a face as the separation of that vertex from it. In the plane of two edges p + alpha u + beta w is the
+        vertex, u and w along the edges; so its height over what they carry is that over p + alpha u, and beta w.
+        """
+        name = f"a vertex of body {body + 1} stays behind the tracked feature"
+        kind, i, j = feature.site
+        if kind != kernels.E1E2:
+            site = (kind, i, vertex) if body == STATIC else (kind, vertex, j)
+            return self._site(scene, name, feature.parts, site, here.normal, rho)
+        one, two = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
+        edges = _edges(scene, one, two, feature.site, rho)
+        point, directions = _crossing(*edges), [edge[1] - edge[0] for edge in edges]
+        if body == MOVABLE:
+            place = rho[0] * scene.pose[:9].reshape(3, 3) @ (one.vertices[vertex] - one.seed) - scene.pose[9:]
+        else:
+            place = rho[1] * (two.vertices[vertex] - two.seed)
+        shares = np.linalg.lstsq(np.column_stack(directions), place - point)[0]
+
+        def drawn(which: int, where: Array) -> Array:
+            return scene.drawn(where, scene.pose, rho[0]) if which == MOVABLE else two.seed + where / rho[1]
+
+        def term(which: int, where: Array, factor: float, element: Element) -> Term:
+            return Term(which, drawn(which, where), element, factor * here.normal, float(rho[which]))
+
+        elements = [_element(part, "E", k, drawn(which, point)) for which, (part, k) in enumerate(((one, i), (two, j)))]
+        side = 1.0 if body == MOVABLE else -1.0  # the plane's points less the vertex, or the other way about
+        other = 1 - body
+        terms = [
+            term(body, place, -side, (one, two)[body].elements["V"][vertex]),
+            term(body, point + shares[body] * directions[body], side, elements[body]),
+            term(other, edges[other][1], side * shares[other], elements[other]),
+            term(other, edges[other][0], -side * shares[other], elements[other]),
+        ]
+        return scene.rate(name, terms)
+
+
+def _element(part: ConvexPart, kind: str, k: int, point: Array) -> Element:
+    """Return the body's element of a part's vertex, edge or face at a point of it."""
+    return part.elements["V"][k] if kind == "V" else part.element_at(kind, k, point)
+
+
+def _edges(scene: Scene, one: ConvexPart, two: ConvexPart, site: Site, rho: Array) -> tuple[Array, Array]:
+    """Return the ends of two edges as scaled, relative to s_2, (2, 3) each."""
+    rotation, offset = scene.pose[:9].reshape(3, 3), scene.pose[9:]
+    first = rho[0] * (one.vertices[one.edges[site[1], :2]] - one.seed) @ rotation.T - offset
+    return first, rho[1] * (two.vertices[two.edges[site[2], :2]] - two.seed)
+
+
+def _crossing(first: Array, second: Array) -> Array:
+    """Return where the lines of two edges meet."""
+    u, w = first[1] - first[0], second[1] - second[0]
+    shares = np.linalg.lstsq(np.column_stack([u, -w]), second[0] - first[0])[0]
+    return np.asarray(first[0] + shares[0] * u)
+
+
+def _distinct(normals: Array) -> list[Array]:
+    """Return one of each bundle of directions."""
+    kept: list[Array] = []
+    for normal in normals:
+        if all(normal @ known < 1.0 - DEFAULT.nominal for known in kept):
+            kept.append(normal)
+    return kept
+
+
+def _swept(task: Task, term: Term, part: ConvexPart) -> list[Term]:
+    """Return what carries a point of a keep-out: of one over a range of scales, vertices at both ends of the range."""
+    keep_out = task.keep_out[term.body - KEPT_OUT]
+    place = [obstacle for obstacle, _ in keep_out.obstacles].index(part)
+    own = keep_out.body.parts[place]
+    if own is part:
+        return [term]
+    count = len(own.vertices)
+    arms = own.vertices - own.seed
+    ends = np.vstack([scale * arms for scale in keep_out.ends]) + own.seed
+    rows = np.array(term.element.vertices) - 1
+    shares = np.linalg.lstsq((ends[rows[1:]] - ends[rows[0]]).T, term.point - ends[rows[0]])[0]
+    flush = term.flush or len(rows) > 3
+    return [
+        Term(term.body, own.vertices[row % count], own.elements["V"][row % count], share * term.weight,
+             keep_out.ends[row // count], flush)
+        for row, share in zip(rows.tolist(), np.append(1.0 - shares.sum(), shares), strict=True)
+    ]  # fmt: skip

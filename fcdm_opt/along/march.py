@@ -1,0 +1,262 @@
+"""One way along a ray: steps that no event can hide in, until the tracked features are no longer the real contact.
+
+Over a step each condition f stays above f(x0) + f'(x0) h - B h^2 / 2, B a bound of |f''| there, so it holds up to that
+parabola's root. Steps close in on an event as Newton's do, never beyond it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.along import expanding
+from fcdm_opt.along.expansions import ROUNDING, Conditions, Ray, Scales, flat, roots, safe_steps
+from fcdm_opt.along.followed import Cause, Followed, Rest
+from fcdm_opt.along.others import Bound, Others, Place
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS = 1000  # of a march, at most
+SHRINK = 64.0  # of a step on which nothing is proved
+CLOSE = 1e-7  # of the natural step: events this near to each other are named together
+GRAZE = 1e-2  # of the natural step: how far on a condition that seems to graze is looked at, at most
+FINE = 1e-13  # relative error of an event from which on it is refined
+LOST = {
+    "parallel lines": "the two contact lines become parallel: their scale pair leaves for infinity",
+    "parallel edges": "the edges in contact become parallel",
+    "undefined": "the motion is not defined beyond",
+    "search": "too many steps",
+}
+
+
+class Stop(NamedTuple):
+    """Where a march can go no further.
+
+    Attributes
+    ----------
+    x : float
+    causes : tuple of Cause
+        What fails there together, the most telling first.
+    expansion : (4,) array or None
+        Of a condition that fails.
+    condition : Conditions or None
+        That condition alone.
+    """
+
+    x: float
+    causes: tuple[Cause, ...]
+    expansion: Array | None = None
+    condition: Conditions | None = None
+
+
+class March:
+    """One way along a ray, from no motion.
+
+    Parameters
+    ----------
+    problem : Problem
+    found : tuple of Followed
+        The tracked features; with none the scale pair stays as given.
+    ray : Ray
+    end : float
+        How far to go.
+    pair : (2,) array
+        See `Scales`.
+
+    Attributes
+    ----------
+    proved : bool
+        Whether all steps so far were covered by bounds.
+    unit : float
+        The natural step: what turns or moves things by about their size.
+    """
+
+    def __init__(self, problem: Problem, found: tuple[Followed, ...], ray: Ray, end: float, pair: Array) -> None:
+        self.proved = True
+        self._problem, self._followed, self._ray, self._end, self._pair = problem, found, ray, end, pair
+        turning, moving = ray.natural_step
+        rate = max(turning, moving / problem.size)
+        self.unit = 1.0 / rate if 0 < rate < math.inf else 1.0
+        self._others = Others(problem.movable, problem.static, ray, min(self.unit, end))
+        self._rest_on([own.rests[0] for own in found])
+
+    def rho(self, x: float) -> Array:
+        """Return the tracked scale pair, (2,)."""
+        return self._expanded(x, 0.0, Conditions.of(expanding.DETERMINANT))[2]
+
+    def stop(self) -> Stop | None:
+        """Return what ends the way, None where its end is reached."""
+        if (number := self._opens()) is not None:
+            feature = self._followed[number].feature
+            return Stop(0.0, (Cause("opens", number, f"{feature.label} does not stay flush"),))
+        stop = self.advanced(0.0)
+        while stop is not None and self._taken_over(stop):
+            stop = self.advanced(stop.x)
+        return stop
+
+    # ------------------------------------------------------------------------------------------------- the conditions
+
+    def _rest_on(self, rests: list[Rest]) -> None:
+        """Take the conditions of the part pairs on which the tracked features rest, without those that always hold."""
+        self._rests = rests
+        lines = np.array([rest.line for rest in rests]).reshape(-1, 13)
+        determinant = Conditions.of(expanding.DETERMINANT)
+        signless = Scales(lines, np.array(self._pair), 1.0)
+        value = self._ray.expanded(0.0, 0.0, signless, determinant)[0][0, 0]
+        self._scales = signless._replace(sign=1.0 if value > 0 else -1.0)
+        made, groups = [determinant], [0]
+        self._causes = [Cause("parallel lines", -1, LOST["parallel lines"])]
+        for form, body in ((expanding.SCALE_1, 1), (expanding.SCALE_2, 2)):
+            groups.append(len(self._causes))
+            made.append(Conditions.of(form))
+            self._causes.append(Cause("scale", -1, f"the scale of body {body} becomes zero"))
+        for rest in rests:
+            groups += (rest.groups + len(self._causes)).tolist()
+            made.append(rest.conditions)
+            self._causes += rest.causes
+        together, self._groups = Conditions.joined(made), np.array(groups)
+        found = self._expanded(0.0, 0.0, together)[0]
+        self._tied = np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
+        always = self._tied.copy()
+        always[always] = self._others.vanishing(self._scales, together.chosen(always))
+        settled = np.isin(self._groups, self._groups[always])  # one of a group is enough
+        self._conditions, self._groups, self._tied = (
+            together.chosen(~settled),
+            self._groups[~settled],
+            self._tied[~settled],
+        )
+
+    def _opens(self) -> int | None:
+        """Return the number of a flush contact that does not stay aligned."""
+        for group in self._groups[self._tied].tolist():
+            cause = self._causes[group]
+            if cause.feature >= 0 and self._followed[cause.feature].flush and cause.kind != "border":
+                return cause.feature
+        return None
+
+    def _expanded(self, x: float, span: float, conditions: Conditions) -> tuple[Array, Array, Array]:
+        return self._ray.expanded(x, span, self._scales, conditions)
+
+    def _reaches(self, steps: Array) -> Array:
+        """Return how far each group of conditions holds, (groups,); infinite for those that always do."""
+        reaches = np.full(len(self._causes), np.inf)
+        reaches[self._groups] = 0.0
+        np.maximum.at(reaches, self._groups, steps)
+        return reaches
+
+    # ---------------------------------------------------------------------------------------------------------- steps
+
+    def advanced(self, x: float) -> Stop | None:
+        """Return where the march from x stops, None where it reaches its end."""
+        span = self.unit
+        for _ in range(STEPS):
+            span = min(span, self._end - x)
+            if span <= 0:
+                return None
+            least = max(4 * np.finfo(float).eps * x, DEFAULT.point * self.unit)
+            found, pose, rho = self._expanded(x, span, self._conditions)
+            if not (np.isfinite(found).all() and np.isfinite(pose).all()):  # no bounds on so long a way
+                if span <= least:
+                    return Stop(x, (Cause("undefined", -1, LOST["undefined"]),))
+                span /= SHRINK
+                continue
+            steps = safe_steps(found, span)
+            own = float(self._reaches(steps).min(initial=span))
+            tracked = {rest.parts for rest in self._rests}
+            other = self._others.bound(Place(x, span, pose, rho), own, self._scales, tracked)
+            step = min(own, other.step)
+            grazes = flat(found[steps <= step]) or (other.expansion is not None and flat(other.expansion[None]))
+            if step <= least < span / SHRINK and not grazes:  # bounds on so long a way may say nothing
+                span /= SHRINK
+                continue
+            if step <= least or grazes:
+                stop = self._stopped(float(x), found, steps, other)
+                if x > 0 or stop.expansion is None or not flat(stop.expansion[None]) or not self._leaves(x):
+                    return stop
+                self.proved = False  # it touches zero where the march starts, and rises
+                step = math.sqrt(DEFAULT.tie) * self.unit
+            x, span = x + step, 2.0 * span if step >= span else max(4.0 * step, least)
+        self.proved = False
+        return Stop(x, (Cause("search", -1, LOST["search"]),))
+
+    def _leaves(self, x: float) -> bool:
+        """Tell whether conditions that touch zero at x are met a little further on."""
+        found = self._expanded(x + math.sqrt(DEFAULT.tie) * self.unit, 0.0, self._conditions)[0]
+        return bool((self._reaches((found[:, 0] > ROUNDING * found[:, 3]).astype(float)) > 0).all())
+
+    def _stopped(self, x: float, found: Array, steps: Array, other: Bound) -> Stop:
+        """Return the stop at x, with all that fails there."""
+        if other.expansion is not None and other.parts is not None:
+            i, j = other.parts
+            cause = Cause("overlap", -1, f"part pair {i + 1}, {j + 1} comes to overlap")
+            return Stop(x, (cause,), other.expansion, other.condition)
+        best: dict[int, int] = {}
+        for row, group in enumerate(self._groups.tolist()):
+            if group not in best or steps[row] > steps[best[group]]:
+                best[group] = row
+        ahead = roots(found)
+        rows = sorted(best.values(), key=lambda row: (float(steps[row]), float(ahead[row])))
+        near = [row for row in rows if ahead[row] <= CLOSE * self.unit] or rows[:1]
+        kinds = {self._causes[self._groups[row]].kind for row in near}
+        if "parallel lines" in kinds:  # what is scaled by their determinant vanishes with it
+            if parallel := self._parallel(x):
+                return Stop(x, tuple(parallel), found[near[0]], self._conditions.chosen([near[0]]))
+            own = [row for row in near if self._causes[self._groups[row]].kind == "neighbour"]
+            near = own or [row for row in near if self._causes[self._groups[row]].kind == "parallel lines"]
+        elif "scale" in kinds:
+            near = [row for row in near if self._causes[self._groups[row]].kind == "scale"]
+        causes = dict.fromkeys(self._causes[self._groups[row]] for row in near)
+        return Stop(x, tuple(causes), found[near[0]], self._conditions.chosen([near[0]]))
+
+    def _parallel(self, x: float) -> list[Cause]:
+        """Return the tracked features whose edges are parallel at x: their lines vanish, and the pair with them."""
+        causes = []
+        for k in range(len(self._rests)):
+            sine_squared = self._expanded(x, 0.0, Conditions.of(expanding.STEEP, k))[0][0, 0]
+            if sine_squared <= CLOSE * CLOSE:
+                causes.append(Cause("parallel edges", k, LOST["parallel edges"]))
+        return causes
+
+    # ---------------------------------------------------------------------------------------------------------- seams
+
+    def _taken_over(self, stop: Stop) -> bool:
+        """Go over to another part pair on which the same features rest, where there is one."""
+        for k in sorted({cause.feature for cause in stop.causes if cause.feature >= 0}):
+            before = self._rests
+            for rest in self._followed[k].rests:
+                if rest is not before[k]:
+                    self._rest_on([rest if place == k else own for place, own in enumerate(before)])
+                    if self._goes_on(stop.x):
+                        return True
+            self._rest_on(before)
+        return False
+
+    def _goes_on(self, x: float) -> bool:
+        """Tell whether all conditions hold at x to within rounding, and for some way on."""
+        found = self._expanded(x, self.unit, self._conditions)[0]
+        near = np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
+        found[near, 0] = np.maximum(found[near, 0], 0.0)
+        return bool(self._reaches(safe_steps(found, self.unit)).min(initial=np.inf) > CLOSE * self.unit)
+
+    # ------------------------------------------------------------------------------------------------------- its place
+
+    def settled(self, stop: Stop) -> tuple[float, float, bool]:
+        """Return where a condition that stops the march fails, how far off that may be, and whether it only grazes."""
+        x = stop.x
+        if x == 0.0 or stop.expansion is None or stop.condition is None:
+            return x, 0.0, False
+        _, slope, bend, terms = stop.expansion.tolist()
+        rounding = ROUNDING * terms
+        if flat(stop.expansion[None]):
+            wide = min(8.0 * math.sqrt(rounding / bend) if bend > 0 else math.inf, GRAZE * self.unit)
+            crossing = self._ray.crossing(x, wide, self._scales, stop.condition)
+            return (x, wide, True) if crossing is None else (crossing, FINE * crossing, False)
+        error = rounding / abs(slope) if slope else math.inf
+        if error > FINE * x:
+            better, bound = self._ray.refined(x, slope, self._scales, stop.condition)
+            if bound < error and abs(better - x) <= CLOSE * self.unit:
+                return better, bound, False
+        return x, error, False

@@ -1,0 +1,308 @@
+"""How the least amount changes with the data: the envelope theorem, from the constraints that hold the motion.
+
+At a least motion the gradient of the amount is a sum of multipliers times the gradients of the active constraints; the
+amount then changes with any other datum as the Lagrangian does, amount - sum of multipliers times constraints. Active
+constraints are found from geometry (`holding`), so it does not matter which stage found the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import islice, product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fcdm_opt.along.holding import Holding
+from fcdm_opt.along.variation import MOVABLE, Bools, Layout, Rate, Scene, Term
+from fcdm_opt.curve.segments import SwitchingPoint
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.model.equations import feature_points
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.kinematics import Compiled
+from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.problem import TRACKING, Problem
+from fcdm_opt.problem.sensitivities import Sensitivity
+from fcdm_opt.stages.order import STAGES
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.problem.solution import Solution
+
+MOST_CHOICES = 256  # of alternatives that may hold the motion
+APART = 0.05  # of the amount: how far off another motion of the same amount is looked for
+
+
+def sensitivity(solution: Solution) -> Sensitivity:
+    """Return the derivatives of a solution's amount.
+
+    Parameters
+    ----------
+    solution : Solution
+        Any; without a motion, or with one that nothing holds, the derivatives do not exist.
+    """
+    problem, task = solution.problem, Task.of(solution.problem)
+    layout = Layout.of(task)
+    if not solution.status.found:
+        return _made(problem, task, None, _nothing(layout, np.nan), ["no motion was found"])
+    q = np.array(list(solution.parameters.values()))
+    if not task.amount(q) > 0:
+        met = not task.tracked and not task.must_touch and task.misses(q)[0] > DEFAULT.active * task.size
+        reasons = [] if met else ["the requirement is only just met without motion: derivatives are one-sided"]
+        return _made(problem, task, q, _nothing(layout, 0.0), reasons)
+    holding = Holding(task, q, layout, problem.limits)
+    balances = _balances(task, _pieces(holding), holding.groups())
+    best = min(balances, key=lambda balance: balance.residual)
+    even = [balance for balance in balances if balance.residual <= DEFAULT.stationary] or [best]
+    reasons = [*holding.reasons, *_ties(task, q)]
+    if solution.status.name == "NOT_VERIFIED":
+        reasons.append("the judge rejected the motion")
+    if problem.resolution is not None:
+        reasons.append("the motion is rounded to steps of the machine: the amount changes in jumps")
+    if best.residual > DEFAULT.stationary:
+        reasons.append(f"what was found does not hold the motion: residual {best.residual:.2g} of the gradient")
+    counted = ~layout.parting
+    counted[layout.clearances] = [task.clearance > 0, *(own.clearance > 0 for own in task.keep_out)]  # else one-sided
+    more = np.any([balance.open for balance in even], axis=0)
+    other = np.any([balance.unlike(best) for balance in even], axis=0)
+    if (more & counted).any():
+        reasons.append("a tie: more constraints hold the motion than are needed")
+    if (other & counted).any():
+        reasons.append("a tie: either of several constraints holds the motion")
+    broken = np.any([balance.broken for balance in even], axis=0)
+    return _made(problem, task, q, replace(best, open=more | other, broken=broken), reasons)
+
+
+# ------------------------------------------------------------------------------------------------------ multipliers
+
+
+@dataclass(frozen=True, eq=False)
+class _Balance:
+    """The amount's gradient as a sum of constraints' gradients.
+
+    Attributes
+    ----------
+    data : (n,) array
+        Derivatives by the data, in the order of a `Layout`.
+    broken, open : (n,) arrays of bool
+        Derivatives that do not exist as an element would break, and those that other multipliers make others.
+    multipliers : dict
+    residual : float
+    """
+
+    data: Array
+    broken: Bools
+    open: Bools
+    multipliers: dict[str, float]
+    residual: float
+
+    def unlike(self, other: _Balance) -> Bools:
+        """Return which derivatives are not those of another balance."""
+        return (np.abs(self.data - other.data) > _near(self.data)) & ~self.broken & ~other.broken
+
+
+def _nothing(layout: Layout, value: float) -> _Balance:
+    none = np.zeros(layout.size, dtype=bool)
+    return _Balance(np.full(layout.size, value), none, none, {}, 0.0)
+
+
+def _near(values: Array) -> float:
+    return DEFAULT.stationary * float(np.abs(values).max(initial=1.0))
+
+
+def _pieces(holding: Holding) -> list[Rate]:
+    """Return the rates of the amount: of "displacement" those of all vertices that move furthest."""
+    task, q, layout = holding.task, holding.q, holding.layout
+    if task.weighted:
+        return [layout.rate("amount", task.weights**2 * q / task.amount(q))]
+    if isinstance(task.amount_kind, OwnAmount):
+        return [layout.rate("amount", _gradient(task.amount_kind)(q)[0].copy())]
+    rest = Scene.at(task, layout, task.rest)
+    moved = task.made_vertices @ (holding.end.transform[:3, :3] - np.eye(3)).T + holding.end.transform[:3, 3]
+    lengths = np.linalg.norm(moved, axis=1)
+    elements = [element for part in task.movable.parts for element in part.elements["V"]]
+    points = np.concatenate([part.vertices for part in task.movable.parts])
+    found = []
+    for k in np.flatnonzero(lengths >= lengths.max() - holding.slack):
+        term = Term(MOVABLE, points[k], elements[k], moved[k] / lengths[k], float(task.target[0]))
+        after, before = (scene.rate("amount", [term]) for scene in (holding.end, rest))
+        data = after.data - before.data
+        data[layout.target] += after.scales - before.scales
+        found.append(replace(after, scales=np.zeros(2), data=data))
+    return found
+
+
+@lru_cache(maxsize=16)
+def _gradient(amount: OwnAmount) -> Compiled:
+    """Return the compiled gradient of an amount of the user's own."""
+    import casadi
+
+    q = casadi.SX.sym("q", len(amount.names))
+    slope = casadi.densify(casadi.gradient(amount.function(q), q))
+    return Compiled(casadi.Function("gradient", [q], [slope], ["q"], ["gradient"]))
+
+
+def _balances(task: Task, pieces: Sequence[Rate], groups: Sequence[Sequence[tuple[Rate, ...]]]) -> list[_Balance]:
+    """Return the balance for each choice of alternatives."""
+    choices = islice(product(*groups), MOST_CHOICES)
+    return [_balance(task, pieces, [rate for rates in choice for rate in rates]) for choice in choices]
+
+
+def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate]) -> _Balance:
+    """Return the balance: multipliers by non-negative least squares (Lawson and Hanson), of the amount's pieces too.
+
+    The pieces' multipliers add up to one. Where a constraint without multiplier is made of those that have one, other
+    multipliers do as well: the derivatives that they change are open.
+    """
+    from scipy.optimize import nnls
+
+    unit = max(float(np.linalg.norm(piece.slope / task.weights)) for piece in pieces)
+    columns = [np.append(-piece.slope / task.weights / unit, 1.0) for piece in pieces]
+    factors, rates = [0.0] * len(pieces), list(pieces)  # of a column's multiplier; what the column adds to the amount's
+    owners = [-1] * len(pieces)
+    for owner, rate in enumerate(constraints):
+        slope = rate.slope / task.weights
+        length = float(np.linalg.norm(slope)) or 1.0
+        for sign in (1.0, -1.0) if rate.free else (1.0,):
+            columns.append(np.append(sign * slope / length, 0.0))
+            factors.append(sign * unit / length)
+            rates.append(rate.times(-factors[-1]))
+            owners.append(owner)
+    matrix, data = np.array(columns).T, np.array([rate.data for rate in rates])
+    shares, residual = nnls(matrix, np.append(np.zeros(len(task.weights)), 1.0))
+    used = shares > DEFAULT.stationary
+    broken = np.any([rate.broken for rate, own in zip(rates, used, strict=True) if own], axis=0)
+    undetermined = np.zeros(data.shape[1], dtype=bool)
+    for k in np.flatnonzero(~used):
+        mix = np.linalg.lstsq(matrix[:, used], matrix[:, k])[0]
+        if np.abs(matrix[:, used] @ mix - matrix[:, k]).max() <= DEFAULT.stationary:
+            undetermined |= np.abs(data[k] - mix @ data[used]) > _near(data[k])
+            broken |= rates[k].broken
+    multipliers: dict[str, float] = {}
+    for owner, factor, share in zip(owners, factors, shares.tolist(), strict=True):
+        if owner >= 0:
+            name = _named(constraints, owner)
+            multipliers[name] = multipliers.get(name, 0.0) + factor * share
+    return _Balance(shares @ data, broken, undetermined & ~broken, multipliers, float(residual))
+
+
+def _named(constraints: Sequence[Rate], place: int) -> str:
+    """Return a constraint's name, numbered where it repeats an earlier one."""
+    name = constraints[place].name
+    count = sum(rate.name == name for rate in constraints[:place])
+    return f"{name} ({count + 1})" if count else name
+
+
+def _ties(task: Task, q: Array) -> list[str]:
+    """Return why the motion is not the one least motion: another, some way off, that is as small, or smaller."""
+    amount = task.amount(q)
+    for k, side in product(range(len(q)), (0, 1)):
+        limits = task.limits.copy()
+        step = APART * amount / task.weights[k]
+        limits[k, side] = q[k] + step if side == 0 else q[k] - step
+        nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
+        if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > amount * (1.0 + DEFAULT.tied)):
+            continue
+        other = _least(replace(task, limits=frozen(limits)))
+        if other < amount * (1.0 - DEFAULT.tied):
+            return [f"not the least motion: there is one of amount {other:.6g}"]
+        if other <= amount * (1.0 + DEFAULT.tied):
+            return ["a tie: another motion is as small"]
+    return []
+
+
+def _least(task: Task) -> float:
+    """Return the least amount of a task, infinite where no motion is found.
+
+    For tracked contacts without the last stage, which takes long to find nothing.
+    """
+    last = "descent" if task.tracked else "nlp"
+    for name, stage in STAGES.items():
+        answer = stage(task)
+        if answer is not None or name == last:
+            return np.inf if answer is None or answer.q is None else task.amount(answer.q)
+    return np.inf
+
+
+# ----------------------------------------------------------------------------------------------------- by the data
+
+
+def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str]) -> Sensitivity:
+    """Return the derivatives by what the user gives, from those by what the task has."""
+    layout, reasons, names = Layout.of(task), list(reasons), [parameter.name for parameter in task.motion.parameters]
+    data = np.where(balance.broken | balance.open, np.nan, balance.data)
+    target = data[layout.target]
+    nominal, tolerance = np.zeros(2), None
+    if problem.requirement is not None:
+        assert problem.tolerance is not None
+        nominal = target * problem.target / problem.nominal_pair
+        tolerance = np.where(
+            np.array([problem.signs < 0, problem.signs > 0]).T,
+            (target * problem.nominal_pair * problem.signs)[:, None], 0.0,
+        )  # fmt: skip
+    if nominal.any() and np.isfinite(nominal).all():
+        for share, rate in zip(nominal, _nominal_rates(problem, task, reasons), strict=False):
+            data += share * np.where(rate.broken & (share != 0), np.nan, rate.data)
+    weights = np.zeros(len(names)) if q is None or problem.amount != "weighted" else problem.weights * q**2
+    weights = weights / (task.amount(q) or 1.0) if q is not None else np.full(len(names), np.nan)
+    keys = ["P1", "P2", *(f"keep-out {own.name!r} " for own in task.keep_out)]
+    faces: dict[str, float] = {}
+    vertices: dict[str, Array] = {}
+    seeds: dict[str, Array] = {}
+    for k, (key, body) in enumerate(zip(keys, layout.bodies, strict=True)):
+        rows = data[layout.vertices(k)].reshape(-1, 3)
+        vertices |= {f"{key}V{row}": frozen(value) for row, value in enumerate(rows, 1)}
+        shifts = data[layout.faces(k)].tolist()
+        faces |= {key + ",".join(f"V{label}" for label in face): x for face, x in zip(body.faces, shifts, strict=True)}
+        seeds[key.strip()] = frozen(data[layout.seed(k)])
+    clearance, *kept = data[layout.clearances].tolist()
+    limits = data[layout.limits].reshape(-1, 2).tolist()
+    return Sensitivity(
+        exists=not reasons,
+        reasons=tuple(dict.fromkeys(reasons)),
+        target=frozen(target),
+        tolerance=None if tolerance is None else frozen(tolerance),
+        nominal=frozen(nominal),
+        limits={name: (low, high) for name, (low, high) in zip(names, limits, strict=True)},
+        clearance=clearance,
+        keep_out={own.name: x for own, x in zip(task.keep_out, kept, strict=True)},
+        weights=dict(zip(names, weights.tolist(), strict=True)),
+        length=float(_weights_by_length(problem) @ weights),
+        faces=faces,
+        vertices=vertices,
+        seeds=seeds,
+        multipliers=balance.multipliers,
+        residual=balance.residual,
+    )
+
+
+def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Rate, ...]:
+    """Return the rates of both nominal scales; none where they are numbers that stay as given."""
+    contact = problem.nominal_contact
+    if not isinstance(contact, SwitchingPoint) or not (isinstance(problem.nominal, int) or task.goal in TRACKING):
+        return ()
+    tracked = tuple(
+        feature_points(task.movable, task.static, piece.site, piece.parts, piece.normal, np.eye(3))
+        for piece in contact.pieces
+    )
+    flush = tuple(piece.feature if piece.feature.is_flush else None for piece in contact.pieces)
+    free = replace(task, goal="at", tracked=tracked, flush=flush, seats=(), besides=())
+    holding = Holding(free, task.rest, Layout.of(task), problem.limits)
+    rates = holding.at_rest()
+    reasons += holding.reasons
+    return rates
+
+
+def _weights_by_length(problem: Problem) -> Array:
+    """Return how the weights change with the length, where they follow it."""
+    step = DEFAULT.stationary * problem.length
+    ends = [np.array(problem.motion.weights(problem.length + side * step)) for side in (1.0, -1.0)]
+    rates = (ends[0] - ends[1]) / (2.0 * step)
+    given = problem.request["weights"]
+    names = [parameter.name for parameter in problem.motion.parameters]
+    return np.where([name in given for name in names], 0.0, rates)
+
+
+# ------------------------------------------------------------------------------------------------------ plain data

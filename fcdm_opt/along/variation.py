@@ -1,0 +1,300 @@
+"""How a contact changes with the data: with the motion, scales, seeds, vertices and face planes; to first order.
+
+The separation of two elements is n . (y - x) of the points x and y with which they meet. It changes by n . (dy - dx),
+whatever n does: dn multiplies y - x, which is zero, or along n itself where a clearance is kept. So all that is needed
+is how points move that are carried by a vertex, by the line of an edge, or by the plane of a face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.motions import Motion
+from fcdm_opt.tolerances import DEFAULT
+
+Bools = NDArray[np.bool_]
+MOVABLE, STATIC, KEPT_OUT = 0, 1, 2  # numbers of the bodies; keep-outs from KEPT_OUT on
+
+
+class Term(NamedTuple):
+    """A point of a body that enters a constraint with a weight, world frame.
+
+    `point` is as drawn, `element` carries it, `scale` is the body's. Where a contact is `flush`, moving a single vertex
+    of the element would break it.
+    """
+
+    body: int
+    point: Array
+    element: Element
+    weight: Array
+    scale: float
+    flush: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Rate:
+    """First derivatives of one number.
+
+    Attributes
+    ----------
+    name : str
+        What it keeps, where it is a constraint: not negative, or zero where it is `free` to push both ways.
+    slope : (k,) array
+        By the motion's parameters.
+    scales : (2,) array
+        By the scale pair at which it is taken.
+    data : (n,) array
+        By all else, in the order of a `Layout`.
+    broken : (n,) array of bool
+        Entries of `data` that do not exist.
+    free : bool
+    """
+
+    name: str
+    slope: Array
+    scales: Array
+    data: Array
+    broken: Bools
+    free: bool = False
+
+    def times(self, factor: float) -> Rate:
+        """Return the rate of a multiple."""
+        return replace(self, slope=factor * self.slope, scales=factor * self.scales, data=factor * self.data)
+
+    def along(self, pair: Array, lines: Sequence[Rate]) -> Rate:
+        """Return the rate where the scale pair follows two contact lines.
+
+        Parameters
+        ----------
+        pair : (2, 2) array
+            How the scale pair changes with what the lines' own values change by.
+        lines : two Rates
+        """
+        shares = self.scales @ pair
+        used = [line.broken for line, share in zip(lines, shares, strict=True) if share]
+        return replace(
+            self,
+            slope=self.slope + shares @ [line.slope for line in lines],
+            scales=np.zeros(2),
+            data=self.data + shares @ [line.data for line in lines],
+            broken=np.any([self.broken, *used], axis=0),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Places of the data in one vector: target pair, limits, clearances, then seeds, vertices and faces of each body.
+
+    Attributes
+    ----------
+    bodies : tuple of Body
+        Movable, static, keep-outs.
+    parameters : int
+        Of the motion.
+    """
+
+    bodies: tuple[Body, ...]
+    parameters: int
+
+    @classmethod
+    def of(cls, task: Task) -> Layout:
+        """Return the layout of a task."""
+        return cls((task.movable, task.static, *(own.body for own in task.keep_out)), len(task.weights))
+
+    @property
+    def target(self) -> slice:
+        """The target pair, 2."""
+        return slice(0, 2)
+
+    @property
+    def limits(self) -> slice:
+        """Lower and upper limit of each parameter, 2 k."""
+        return slice(2, 2 + 2 * self.parameters)
+
+    @property
+    def clearances(self) -> slice:
+        """That of the target pair, then those of the keep-outs."""
+        return slice(self.limits.stop, self.limits.stop + len(self.bodies) - 1)
+
+    @cached_property
+    def _starts(self) -> list[tuple[int, int, int, int]]:
+        """Seed, first vertex, first face and end of each body."""
+        made, start = [], self.clearances.stop
+        for body in self.bodies:
+            vertices = start + 3
+            faces = vertices + 3 * len(body.vertices)
+            made.append((start, vertices, faces, faces + len(body.faces)))
+            start = made[-1][-1]
+        return made
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        return self._starts[-1][-1]
+
+    def seed(self, body: int) -> slice:
+        """Seed of a body, 3."""
+        start = self._starts[body][0]
+        return slice(start, start + 3)
+
+    def vertices(self, body: int) -> slice:
+        """Vertices of a body, row by row."""
+        return slice(*self._starts[body][1:3])
+
+    def faces(self, body: int) -> slice:
+        """Outward shifts of a body's face planes."""
+        return slice(*self._starts[body][2:])
+
+    @cached_property
+    def parting(self) -> Bools:
+        """Which entries are shifts of faces that part a vertex, one of more than three faces, (n,)."""
+        made = np.zeros(self.size, dtype=bool)
+        for k, body in enumerate(self.bodies):
+            around = self._planes[k][1]
+            made[self.faces(k)] = [any(len(around[label]) > 3 for label in face) for face in body.faces]
+        return made
+
+    def rate(self, name: str = "", slope: Array | None = None, *, free: bool = False) -> Rate:
+        """Return a rate that depends on no data."""
+        slope = np.zeros(self.parameters) if slope is None else slope
+        return Rate(name, slope, np.zeros(2), np.zeros(self.size), np.zeros(self.size, dtype=bool), free)
+
+    @cached_property
+    def _planes(self) -> list[tuple[dict[tuple[int, ...], int], dict[int, list[int]], Array]]:
+        """For each body: number of each face by its labels, faces at each label, outward normals (nan: unknown)."""
+        made = []
+        for body in self.bodies:
+            numbers = {face: k for k, face in enumerate(body.faces)}
+            around: dict[int, list[int]] = {}
+            for k, face in enumerate(body.faces):
+                for label in face:
+                    around.setdefault(label, []).append(k)
+            normals = np.full((len(body.faces), 3), np.nan)
+            for part in body.parts:
+                for k, element in enumerate(part.elements["F"]):
+                    span = part.elements.spans.get(("F", k))
+                    for own in span.elements if span else (element,):
+                        number = numbers.get(tuple(sorted(own.vertices)))
+                        if number is not None:
+                            normals[number] = part.normals[k]
+            made.append((numbers, around, normals))
+        return made
+
+    def carry(self, data: Array, broken: Bools, term: Term, pull: Array) -> None:
+        """Add to `data` what moving the vertices and planes of a term's element does, and mark what is broken.
+
+        Parameters
+        ----------
+        data, broken : arrays
+            Of a `Rate`.
+        term : Term
+        pull : (3,) array
+            What a displacement of the point, as drawn, is multiplied with.
+        """
+        vertices = data[self.vertices(term.body)].reshape(-1, 3)
+        lost = broken[self.vertices(term.body)].reshape(-1, 3)
+        rows = np.array(term.element.vertices) - 1
+        if term.flush or len(rows) > 3:  # it turns the plane of other vertices, or parts it
+            lost[rows] = True
+        else:
+            corners = self.bodies[term.body].vertices[rows]
+            shares = np.linalg.lstsq((corners[1:] - corners[0]).T, term.point - corners[0])[0]
+            vertices[rows] += np.append(1.0 - shares.sum(), shares)[:, None] * pull
+        numbers, shifts = self._shifts(term)
+        data[self.faces(term.body)][numbers] += shifts @ pull
+        broken[self.faces(term.body)][numbers] |= np.isnan(shifts).any(axis=1)
+
+    def _shifts(self, term: Term) -> tuple[Ints, Array]:
+        """Return the faces that carry an element, and how fast each moves it; nan where it would come apart."""
+        numbers, around, normals = self._planes[term.body]
+        kind, labels = term.element
+        if kind == "F":
+            own = [numbers[tuple(sorted(labels))]] if tuple(sorted(labels)) in numbers else []
+        else:
+            own = sorted(set.intersection(*(set(around.get(label, ())) for label in labels)))
+        planes = normals[own]
+        shifts = np.full((len(own), 3), np.nan)
+        if len(own) == {"F": 1, "E": 2, "V": 3}[kind] and np.isfinite(planes).all():
+            sines = np.linalg.svd(planes, compute_uv=False)
+            if sines[-1] > DEFAULT.nominal:
+                shifts = np.linalg.pinv(planes).T
+        return np.array(own, dtype=np.int64), shifts
+
+
+@lru_cache(maxsize=64)
+def _pose_rates(motion: Motion) -> Any:
+    """Return a CasADi function (q, seeds) -> (transform, its derivatives by q and the seeds), column by column."""
+    import casadi
+
+    q, seeds = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("seeds", 6)
+    flat = casadi.vec(casadi.densify(motion.symbolic(q, seeds[:3], seeds[3:])).T)
+    rates = casadi.densify(casadi.jacobian(flat, casadi.vertcat(q, seeds)))
+    return casadi.Function("pose_rates", [q, seeds], [flat, rates], ["q", "seeds"], ["pose", "rates"])
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Body 1 at a point of a motion's path, and how its pose changes.
+
+    Attributes
+    ----------
+    task : Task
+    layout : Layout
+    pose : (12,) array
+        Relative to the static body, see `kernels`.
+    transform : (4, 4) array
+    by_motion : (k, 4, 4) array
+        Derivatives by the parameters of the whole motion.
+    by_seeds : (6, 4, 4) array
+        Derivatives by s_1 and s_2 as drawn.
+    """
+
+    task: Task
+    layout: Layout
+    pose: Array
+    transform: Array
+    by_motion: Array
+    by_seeds: Array
+
+    @classmethod
+    def at(cls, task: Task, layout: Layout, q: Array, s: float = 1.0) -> Scene:
+        """Return the scene at position s of the straight path to q."""
+        seeds = np.concatenate([task.movable.seed, task.static.seed])
+        flat, rates = (np.array(x) for x in _pose_rates(task.motion)(s * q, seeds))
+        rates = rates.T.reshape(-1, 4, 4)
+        k = len(q)
+        return cls(task, layout, task.pose(s * q), flat.reshape(4, 4), s * rates[:k], rates[k:])
+
+    def drawn(self, place: Array, pose: Array, scale: float) -> Array:
+        """Return where a point of body 1 is drawn that is at `place`, relative to the seed that `pose` leads to."""
+        return np.asarray(self.task.movable.seed + (place + pose[9:]) @ pose[:9].reshape(3, 3) / scale)
+
+    def rate(self, name: str, terms: Sequence[Term], *, free: bool = False) -> Rate:
+        """Return the rate of a sum of weights . points."""
+        layout, rotation = self.layout, self.transform[:3, :3]
+        made = layout.rate(name, free=free)
+        for term in terms:
+            seed = layout.bodies[term.body].seed
+            arm, weight, pull = term.point - seed, term.weight, term.scale * term.weight
+            if term.body == MOVABLE:
+                place = np.append(seed + term.scale * arm, 1.0)
+                made.slope[:] += (self.by_motion @ place)[:, :3] @ weight
+                by_seeds = (self.by_seeds @ place)[:, :3] @ weight
+                made.data[layout.seed(MOVABLE)] += by_seeds[:3]
+                made.data[layout.seed(STATIC)] += by_seeds[3:]
+                weight, pull = weight @ rotation, pull @ rotation
+            made.data[layout.seed(term.body)] += (1.0 - term.scale) * weight
+            if term.body in (MOVABLE, STATIC):
+                made.scales[term.body] += weight @ arm
+            layout.carry(made.data, made.broken, term, pull)
+        return made

@@ -1,0 +1,6 @@
+"""Is it true? Shares no equation and no kernel with what finds motions.
+
+certificate      every check of a solution
+claimed_contact  one claimed contact under examination
+engagement       whether a motion leaves the fit in which the parts are drawn
+"""

@@ -1,0 +1,595 @@
+"""The judge: verifies a solution from the problem and the claimed numbers alone.
+
+It shares no equation and no kernel with the solver. Distances come from a collision library, confirmed by explicit
+vertices (`fcdm_opt.geometry.collision`); contacts and their lines from claimed vertices that are scaled and moved one
+by one (`fcdm_opt.judge.claimed_contact`). Shared are what a problem means (nominal contact, target, motion
+conventions) and the bodies' faces and labels; that the nominal contact is one is checked too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache, cached_property
+from math import hypot, isfinite
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Flags, frozen
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
+from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
+from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
+from fcdm_opt.problem.solution import Certificate, Check, Solution, Status, kept_clear
+from fcdm_opt.tolerances import DEFAULT, Tolerances
+
+CERTIFIED = 1.0001e-4  # gap that evidence is asked for beside closed forms, and rounding
+
+
+def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool = False) -> Certificate:
+    """Judge a solution.
+
+    Parameters
+    ----------
+    solution : Solution
+        Taken at its word in nothing: every claim is recomputed from `solution.problem` and the parameters.
+    tolerances : Tolerances
+        Limits of the checks.
+    proof : bool
+        Check the evidence of the lower bound too, cell by cell, where there is some (see `proof.checker`): that no
+        motion does whose amount is smaller than the bound; where a closed form gives more than the evidence shows,
+        than 1e-4 below the amount, or what the evidence says to show.
+
+    Returns
+    -------
+    Certificate
+        All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
+        says so.
+    """
+    return Certificate((*_of_motion(solution, tolerances), *(_of_proof(solution) if proof else ())))
+
+
+def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
+    if not solution.status.found or solution.rho is None or solution.transform is None or not solution.parameters:
+        return (Check("motion found", False, float("nan"), 0.0, solution.status.name),)
+    finite = _well_formed(solution)
+    if not finite.passed:
+        return (finite,)
+    with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
+        judge = _Judge(solution, tolerances)
+        stages = (judge.motion, judge.requirement, judge.contact, judge.sides, judge.path, judge.seats)
+        return (finite, *(check for stage in (*stages, judge.pair, judge.scene) for check in stage()))
+
+
+def _of_proof(solution: Solution) -> tuple[Check, ...]:
+    """Check the evidence that a solution carries; none carries nothing to check."""
+    if solution.evidence is None:
+        return ()
+    from fcdm_opt.proof.checker import check_evidence
+
+    shown, closed = solution.lower_bound, (1.0 - CERTIFIED) * solution.amount
+    try:
+        if np.isfinite(solution.amount):
+            shown = min(shown, closed, solution.evidence.bound)
+        return check_evidence(solution.problem, solution.evidence, shown)
+    except (AttributeError, IndexError, TypeError, ValueError) as reason:  # arrays that are none, or of other kinds
+        return (Check("proof well-formed", False, 1.0, 0.0, f"{type(reason).__name__}: {reason}"),)
+
+
+def _well_formed(solution: Solution) -> Check:
+    """Check that every claim is of finite numbers in its shape, and every feature a feature."""
+    claims: tuple[tuple[Any, tuple[int, ...]], ...] = (
+        (solution.rho, (2,)),
+        (solution.transform, (4, 4)),
+        (solution.pair, (2,)),
+        *((x, ()) for x in (solution.pair_gap, solution.amount, solution.lower_bound, *solution.parameters.values())),
+    )
+    wrong = sum(not isinstance(feature, Feature) for feature in solution.features)
+    wrong += sum(not _finite(claim, shape) for claim, shape in claims)
+    return _at_most("finite numbers", wrong, 0, "claims that are not finite numbers of their shape")
+
+
+def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
+    """Tell whether a claim is finite numbers in this shape."""
+    if type(claim) is float:
+        return not shape and isfinite(claim)
+    try:
+        numbers = np.asarray(claim, dtype=np.float64)
+    except (TypeError, ValueError):
+        return False
+    return numbers.shape == shape and bool(np.isfinite(numbers).all())
+
+
+def _at_most(name: str, value: float, limit: float, note: str = "") -> Check:
+    """Return a check that passes where value <= limit; nan never does."""
+    return Check(name, bool(value <= limit), float(value), float(limit), note)
+
+
+def _at_least(name: str, value: float, limit: float, note: str = "") -> Check:
+    return Check(name, bool(value >= limit), float(value), float(limit), note)
+
+
+def _skewness(T: Array) -> float:
+    """Return how far a transform is from a rigid motion: plain floats, as numpy takes longer for sixteen numbers."""
+    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = T.tolist()
+    return max(
+        *(abs(x * x + y * y + z * z - 1.0) for x, y, z in ((a, b, c), (d, e, f), (g, h, i))),
+        *(abs(a * d + b * e + c * f), abs(a * g + b * h + c * i), abs(d * g + e * h + f * i)),
+        *(abs(x - y) for x, y in zip(last, (0.0, 0.0, 0.0, 1.0), strict=True)),
+        1.0 - (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)),
+    )
+
+
+def _named(feature: Feature | None) -> Any:
+    """Return a name of the feature that does not depend on the order in which its vertices are listed."""
+    return feature and tuple((element.kind, frozenset(element.vertices)) for element in (feature.one, feature.two))
+
+
+def _pair(scales: Array) -> str:
+    return "({:.6g}, {:.6g})".format(*scales.tolist())
+
+
+def _across(gradients: Array) -> Array:
+    """Return the direction that rises most along the gradient it rises least along: in the middle of all of them."""
+    angles = np.sort(np.arctan2(gradients[:, 1], gradients[:, 0]))
+    free = np.diff(angles, append=angles[0] + 2.0 * np.pi)
+    widest = int(free.argmax())  # they lie in what is left of the circle
+    middle = angles[widest] + free[widest] / 2.0 + np.pi
+    return np.array([np.cos(middle), np.sin(middle)])
+
+
+def _or_inf(values: Any) -> Array:
+    """Return values with infinity for nan, which no check passes."""
+    return np.where(np.isnan(values), np.inf, values)
+
+
+def _swept(keep_out: KeepOut) -> Body:
+    """Return what the parts of a keep-out sweep over its range: of a convex part the hull of both ends."""
+    found = _SWEPT.get(keep_out)
+    if found is None:
+        body, (low, high) = keep_out.body, keep_out.ends
+        arms = [part.vertices - body.seed for part in body.parts]
+        hulls = [Body.convex(body.seed + np.vstack([low * x, high * x]), seed=body.seed).parts[0] for x in arms]
+        found = _SWEPT[keep_out] = replace(body, parts=tuple(hulls))
+    return found
+
+
+_SWEPT: WeakKeyDictionary[KeepOut, Body] = WeakKeyDictionary()
+
+
+@cache
+def _positions(count: int) -> Array:
+    """Return positions on the motion, 0 to 1: between those at which the solver looks, and both ends."""
+    return frozen(np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]))
+
+
+class _Side(NamedTuple):
+    """How a part pair opens and closes across a contact line.
+
+    The change of the scales, the pair's gap before and after it, and what these must exceed; `snug`: no change of the
+    scales makes the parts overlap.
+    """
+
+    step: Array
+    before: float
+    after: float
+    least: float
+    snug: bool = False
+
+
+class _Judge:
+    """One solution under examination; each stage returns its checks."""
+
+    def __init__(self, solution: Solution, tolerances: Tolerances) -> None:
+        assert solution.rho is not None
+        assert solution.transform is not None
+        self.solution, self.problem, self.tolerances = solution, solution.problem, tolerances
+        self.rho, self.transform = (np.array(own, dtype=np.float64) for own in (solution.rho, solution.transform))
+        self.q = np.array(list(solution.parameters.values()), dtype=np.float64)
+        self.size = self.problem.size
+        self.limit = self.problem.contact_slack
+        bodies = self.problem.movable, self.problem.static
+        self.scaled = scaled_pair(*bodies)
+        carried = carriers(*bodies)
+        self.claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in solution.features]
+        pairs = [self.rho] if (self.rho == self.problem.target).all() else [self.rho, self.problem.target]
+        gaps = self._gaps(np.array(pairs)).tolist()
+        self.gap, self.pair_gap = gaps[0], gaps[-1]
+
+    # ------------------------------------------------------------------------------------------------------ stages
+
+    def motion(self) -> list[Check]:
+        """Check that transform, parameters, limits and amount agree with each other."""
+        T, problem, solution = self.transform, self.problem, self.solution
+        if not self._known:
+            names = ", ".join(parameter.name for parameter in problem.motion.parameters)
+            return [_at_most("parameters", float("nan"), 0, f"the motion has {names}")]
+        between = T - self._end
+        apart = problem.movable.vertices @ between[:3, :3].T + between[:3, 3]
+        off = np.sqrt((apart * apart).sum(axis=1).max())
+        amount = self._amount()
+        slack = self.tolerances.requirement * amount + self.tolerances.line * problem.length
+        ranges = zip(problem.weights.tolist(), self.q.tolist(), problem.limits.tolist(), strict=True)
+        excess = max(weight * max(low - x, x - high) for weight, x, (low, high) in ranges)
+        return [
+            _at_most("rigid transform", _skewness(T), self.tolerances.rigid),
+            _at_most("transform of parameters", off, self.limit, "largest displacement of a vertex between the two"),
+            _at_most("amount", abs(amount - solution.amount), slack),
+            _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),
+            _at_most("limits", max(0.0, excess), self.tolerances.requirement * problem.length),
+            *self._whole_steps(),
+        ]
+
+    def _amount(self) -> float:
+        """Return the amount of the claimed motion, by the problem's own measure."""
+        problem = self.problem
+        if isinstance(problem.amount, OwnAmount):
+            return float(problem.amount.function(self.q))
+        if problem.amount == "displacement":
+            drawn = np.concatenate([part.vertices for part in problem.movable.parts])
+            made = problem.movable.seed + problem.target[0] * (drawn - problem.movable.seed)
+            apart = made @ self.transform[:3, :3].T + self.transform[:3, 3] - made
+            return float(np.sqrt((apart * apart).sum(axis=1).max()))
+        return hypot(*(problem.weights * self.q).tolist())
+
+    def _whole_steps(self) -> list[Check]:
+        """Check that the motion is in whole steps of the machine, where it has any."""
+        steps = self.problem.resolution
+        if steps is None:
+            return []
+        counts = self.q[steps > 0] / steps[steps > 0]
+        off = np.abs(counts - np.round(counts)) / np.maximum(np.abs(counts), 1.0)
+        return [_at_most("whole steps", off.max(), self.tolerances.requirement, "of the resolution, relative")]
+
+    @cached_property
+    def _play(self) -> float:
+        """The length by which a motion in whole steps may miss what is an equation; the slack without steps."""
+        return max(self.limit, self.problem.play(self.q)) if self._known else self.limit
+
+    def requirement(self) -> list[Check]:
+        """Check that the tracked pair is where the goal wants it."""
+        goal, target, slack = self.problem.goal, self.problem.target, self.tolerances.requirement
+        if goal == "beyond":
+            missing = (self.problem.signs * (target - self.rho) / target).max()
+            return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
+        if goal in ("at", "seat") and self._play > self.limit:
+            lines = np.array([claim.lines(self.transform[None])[0] for claim in self.claims])
+            missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
+            return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
+        off = np.abs(self.rho / target - 1).max()
+        return [_at_most("requirement", off, slack, "relative distance from the target pair")]
+
+    def contact(self) -> list[Check]:
+        """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
+        gap, claimed = self.gap, len(self.claims)
+        distinct = len({_named(claim.feature) for claim in self.claims})
+        apart = self.problem.goal == "clear" or (self.problem.goal == "touch" and self._play > self.limit)
+        if apart and not claimed and not abs(gap) <= self.limit:
+            return []
+        checks = [
+            _at_most("touching", abs(gap), self.limit, "distance or overlap"),
+            Check("features", 1 <= claimed == distinct, distinct, claimed, "each contact feature once, at least one"),
+            _at_most("own elements", self._foreign(), 0, "claimed elements that only cuts between the parts have"),
+        ]
+        if self.problem.goal in TRACKING:
+            own = self.problem.tracked_features
+            tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
+            most = len(own) if self.problem.goal == "seat" else min(2, len(own))
+            known = tracked <= allowed and len(tracked) == most
+            checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
+        for k, claim in enumerate(self.claims, 1):
+            error = claim.errors(self.rho[None], self.transform[None])[0]
+            checks.append(_at_most(f"contact {k}", error, self.limit, f"{claim.feature}: distance from being one"))
+        return checks
+
+    def _foreign(self) -> int:
+        """Return how many claimed elements are no corner, edge or face of their solid."""
+        bodies = self.problem.movable, self.problem.static
+        features = self.solution.features
+        return sum(
+            not body.owns(own) for name in features for body, own in zip(bodies, (name.one, name.two), strict=True)
+        )
+
+    def sides(self) -> list[Check]:
+        """Check that each contact opens on one side of its line and overlaps on the other, by the parts that carry it.
+
+        Other parts may close where these open: that they do not overlap where they are is checked there. But a goal
+        that tracks no contact has all of them claimed: what touches besides must open with one of the claimed.
+        """
+        if not self.claims:
+            return []
+        sides = [side for claim in self.claims if (side := self._side(claim)) is not None]
+        if not sides:
+            return [_at_most("sides", 0, 0, "no change of the scales opens or closes the contact")]
+        below = [(side.before, side.least, side.step) for side in sides]
+        below += [(gap, -self.limit, step) for gap, step in self._unclaimed([side.step for side in sides])]
+        above = [(side.after, -side.least, side.step) for side in sides if not side.snug]
+        return [
+            self._worst("apart below", [(gap, least, -step, gap > least) for gap, least, step in below]),
+            self._worst("overlapping above", [(gap, most, step, gap < most) for gap, most, step in above])
+            if above
+            else _at_most("snug", 0.0, np.inf, "no change of the scales leaves all contact lines on one side"),
+        ]
+
+    @staticmethod
+    def _worst(name: str, found: list[tuple[float, float, Array, bool]]) -> Check:
+        """Return a check of gaps against their limits: of the first that fails, or else of the first."""
+        gap, limit, step, _ = next((own for own in found if not own[-1]), found[0])
+        passed = all(own[-1] for own in found)
+        return Check(name, passed, gap, limit, f"with the scales changed by {_pair(step)}")
+
+    def _side(self, claim: Claim) -> _Side | None:
+        """Return how a claim's part pair opens and closes across its line; None where no scales change it.
+
+        A plane through both seeds is in contact at all scales.
+        """
+        line = claim.lines(self.transform[None])[0]
+        flat = self.tolerances.determinant * self.size
+        if np.hypot(line[0], line[1]) <= flat:
+            return None
+        own = self.scaled if claim.parts is None else self.scaled.between(*claim.parts)
+        step = self._step(line[None, :2], line[:2])
+        least = min(self.limit, float(line[:2] @ step) / 2.0)
+        before, after = self._gaps(np.array([self.rho - step, self.rho + step]), own).tolist()
+        if after < -least:
+            return _Side(step, before, after, least)
+        # vertices and parallel edges meet along more lines than the one claimed; others are nearer than the step
+        for slack in (float(np.abs(step) @ own.reaches), self.limit):
+            more = own.gradients(self.rho, self.transform, slack)
+            steep = np.hypot(more[:, 0], more[:, 1]) > flat
+            if not steep.all():
+                return _Side(step, before, after, least, snug=True)  # beside a plane that no change of the scales moves
+            upward = _across(more) if len(more) else np.zeros(2)
+            if len(more) and (more @ upward).min() > flat:
+                wider = self._step(more, upward)
+                after = self._gaps((self.rho + wider)[None], own).tolist()[0]
+                return _Side(step, before, after, least)
+        return _Side(step, before, after, least, snug=bool(len(more)))
+
+    def _step(self, gradients: Array, upward: Array) -> Array:
+        """Return a small change of the scales by which all contact lines are crossed."""
+        step = self.tolerances.side * self.size * upward / (gradients @ upward).min()
+        return np.asarray(step * min(1.0, float((self.rho / (2.0 * np.abs(step))).min())))  # scales stay positive
+
+    def _unclaimed(self, steps: list[Array]) -> list[tuple[float, Array]]:
+        """Return how far each part pair that touches and carries no claim opens at most, with the claimed ones.
+
+        None where a goal tracks some of the contacts that there are.
+        """
+        if self.problem.goal in TRACKING or self.scaled.count == 1:
+            return []
+        here = self.rho[None], self.transform[None]
+        proved = {parts for claim in self.claims for parts, error in claim.proofs(*here) if error[0] <= self.limit}
+        found = []
+        for parts in self.scaled.touching(self.rho, self.transform, self.limit / 2.0):
+            if parts not in proved:
+                gaps = np.nan_to_num(self._gaps(self.rho - np.array(steps), self.scaled.between(*parts)), nan=-np.inf)
+                found.append((float(gaps.max()), steps[int(gaps.argmax())]))
+        return found
+
+    def path(self) -> list[Check]:
+        """Check that the tracked features stay the real contact along the straight ray of the parameters."""
+        if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
+            return []
+        s, poses, pairs = self._way
+        start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
+        proofs = [claim.proofs(pairs, poses) for claim in self.claims]
+        errors = np.maximum.reduce([least_errors(own, len(s)) for own in proofs])
+        gaps = self._off_touch([proof for own in proofs for proof in own], pairs, poses)
+        worst = [int(_or_inf(x).argmax()) for x in (errors, gaps)]
+        return [
+            _at_most("path starts at the nominal", start, self.tolerances.nominal, "relative distance of the scales"),
+            _at_most("path features", errors[worst[0]], self.limit, f"worst at {s[worst[0]]:.6g} of the motion"),
+            _at_most("path touching", gaps[worst[1]], self.limit, f"worst at {s[worst[1]]:.6g} of the motion"),
+        ]
+
+    def seats(self) -> list[Check]:
+        """Check that flush contacts are aligned and share more than a point: at the end, and on the way if asked."""
+        if self.problem.goal != "seat":
+            return []
+        seats = self.problem.nominal_seats
+        kinds = {_named(name): seat.dimension for seat in seats for name in (seat.feature, seat.touching)}
+        claims = {k: claim for k, claim in enumerate(self.claims, 1) if _named(claim.feature) in kinds}
+        if not claims:
+            return [_at_most("seat", float("nan"), 0, "no flush contact is claimed")]
+        least = self.tolerances.shared * min(self.problem.movable.size, self.problem.static.size) / 2.0
+        s, poses, pairs = self._way
+        checks = []
+        for k, claim in claims.items():
+            size = kinds[_named(claim.feature)]
+            what = "length" if size == 1 else "width"
+            off, *shared = claim.flush(self.rho[None], self.transform[None])[0]
+            checks += [
+                _at_most(f"seat {k} aligned", off, self.limit, f"{claim.feature}: vertices' distance from one plane"),
+                _at_least(f"seat {k} shared", shared[size - 1], least, f"{claim.feature}: {what} of what they share"),
+            ]
+            if self.problem.path == "coherent":
+                off, *shared = claim.flush(pairs, poses).T
+                worst, narrowest = int(_or_inf(off).argmax()), int(shared[size - 1].argmin())
+                at = [f"worst at {s[worst]:.6g} of the motion", f"{what}, least at {s[narrowest]:.6g} of the motion"]
+                checks += [
+                    _at_most(f"path seat {k} aligned", off[worst], self.limit, at[0]),
+                    _at_least(f"path seat {k} shared", shared[size - 1][narrowest], least, at[1]),
+                ]
+        return checks
+
+    def pair(self) -> list[Check]:
+        """Check the state and gap of the parts actually made."""
+        solution, problem = self.solution, self.problem
+        off = np.abs(solution.pair / problem.target - 1).max()
+        gap = self.pair_gap
+        state = self._state(gap)
+        claimed = solution.pair_gap
+        if gap < 0:
+            wrong = abs(claimed - gap)
+        else:  # a separation over some directions: it has the sign of the distance and does not exceed it
+            wrong = max(claimed - gap, -claimed, 0.0) if self._state(claimed) == state else abs(claimed - gap)
+        checks = [
+            self._sizes_asked(),
+            _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
+            Check("pair state", solution.pair_state == state, gap, self.limit, f"is {state}"),
+            _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
+            Check("status", self._agrees(state), gap, self.limit, f"{solution.status.name}, the pair is {state}"),
+        ]
+        if "touch" in (problem.pair, problem.goal):
+            near = _at_most("pair touches", abs(gap), self.limit)
+            if gap > 0 and self._play > self.limit:  # in whole steps
+                near = _at_most("pair touches", gap, self._play, "to within the steps' play, not overlapping")
+            checks.append(near)
+        if "clear" in (problem.pair, problem.goal):
+            checks.append(_at_least("clearance", gap, problem.clearance - self.limit))
+        return checks
+
+    def _sizes_asked(self) -> Check:
+        """Check that the problem's target is that of the question as it was put.
+
+        A nominal pair may be moved to a switching point that it is within rounding of, and where a goal tracks its
+        contact by `snap` of each scale.
+        """
+        problem, request = self.problem, self.problem.request
+        asked, limit = request["target"], self.tolerances.requirement
+        if asked is None:
+            nominal, limit = request["nominal"], self.tolerances.nominal
+            if isinstance(nominal, int):
+                nominal = problem.curve.switching_points[nominal - 1].rho
+            elif problem.goal in TRACKING:
+                limit = max(limit, problem.snap)
+            nominal = (1.0, 1.0) if isinstance(nominal, str) else nominal
+            shares, letter = np.array(request["tolerance"], dtype=np.float64), request["requirement"]
+            (less, more), (fewer, greater) = np.broadcast_to(shares[:, None] if shares.ndim == 1 else shares, (2, 2))
+            asked = np.array(nominal) * (
+                1.0 + (more if letter in "AB" else -less),
+                1.0 + (greater if letter in "AC" else -fewer),
+            )
+        off = np.abs(problem.target / asked - 1.0).max()
+        return _at_most(
+            "sizes asked", off, limit + self.tolerances.requirement, f"relative, from {_pair(np.array(asked))}"
+        )
+
+    def scene(self) -> list[Check]:
+        """Check that the part made keeps clear of each keep-out, at every scale of its range."""
+        return [self._kept_clear(keep_out) for keep_out in self.problem.keep_out]
+
+    def _kept_clear(self, keep_out: KeepOut) -> Check:
+        body, (low, high) = keep_out.body, keep_out.ends
+        movable, own = self.problem.movable, self.problem.target[0]
+        filled = _swept(keep_out) if low < high else body  # what the body fills at all its scales
+        whole, pairs = scaled_pair(movable, filled), np.array([[own, 1.0 if low < high else low]])
+        here = self.transform[None]
+        bound, gaps = whole.lower_bounds(pairs, here), self._asked(whole, pairs, here)
+        if not (bound[0] >= keep_out.clearance and gaps[0] >= bound[0] - self.limit):  # explicit vertices do not agree
+            gaps = self._gaps(pairs, whole)
+            if low < high:
+                scales = np.linspace(low, high, self.tolerances.scale_points)
+                each = np.column_stack([np.full(len(scales), own), scales])
+                gaps = np.append(gaps, self._gaps(each, scaled_pair(movable, body)))
+        limit = max(self.limit, self.tolerances.tie * body.size)
+        note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
+        return _at_least(kept_clear(keep_out.name), float(np.min(gaps)), keep_out.clearance - limit, note)
+
+    # ------------------------------------------------------------------------------------------------------- parts
+
+    @cached_property
+    def _known(self) -> bool:
+        """Whether the parameters are those of the motion."""
+        return list(self.solution.parameters) == [parameter.name for parameter in self.problem.motion.parameters]
+
+    @cached_property
+    def _way(self) -> tuple[Array, Array, Array]:
+        """Positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
+        problem, steps = self.problem, zip(self.problem.motion.parameters, self.q.tolist(), strict=False)
+        turned = sum(abs(x) for (_, kind), x in steps if kind == "rotation")
+        count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
+        s = _positions(count)
+        poses = np.full((len(s), 4, 4), np.nan)
+        if self._known:  # a screw whose axis has vanished on the way has no pose there: nan too
+            poses = problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(s[:, None] * self.q)
+        return s, poses, self._tracked(s, poses)
+
+    @cached_property
+    def _end(self) -> Array:
+        """The pose of the parameters."""
+        problem = self.problem
+        try:
+            return problem.motion.transform(self.q, problem.movable.seed, problem.static.seed)
+        except InputError:  # a screw whose axis has vanished on the way
+            return np.full((4, 4), np.nan)
+
+    def _asked(self, scaled: ScaledPair, pairs: Array, poses: Array, settled: Flags | None = None) -> Array:
+        """Return signed distances by coal; where it cannot tell, by explicit vertices; nan for scales that are none."""
+        gaps = scaled.signed_distances(pairs, poses, settled=settled)
+        lost = np.isnan(gaps)
+        if lost.any():
+            gaps[lost] = scaled.least_separations(pairs[lost], poses[lost])
+        return gaps
+
+    def _off_touch(self, proofs: list[Proof], pairs: Array, poses: Array) -> Array:
+        """Return how far the bodies are apart or overlap at each point of the way, (k,).
+
+        By coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
+        touch are left out.
+        """
+        counts = (len(body.parts) for body in (self.problem.movable, self.problem.static))
+        settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
+        for (i, j), errors in proofs:
+            settled[:, i, j] |= errors <= self.limit
+            least = np.minimum(least, errors)
+        settled[np.linspace(0, len(poses) - 1, self.tolerances.path_asked).round().astype(int)] = False
+        gaps = self._asked(self.scaled, pairs, poses, settled)
+        return np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
+
+    def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> Array:
+        """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree.
+
+        At several scale pairs after the motion, (k,), of the problem's two bodies or of another pair.
+        """
+        scaled = scaled or self.scaled
+        poses = np.repeat(self.transform[None], len(pairs), axis=0)
+        gaps = self._asked(scaled, pairs, poses)
+        separations = scaled.least_separations(pairs, poses)
+        low, high = separations <= gaps + self.limit, gaps <= separations + self.limit
+        agree = (low & (high | (separations > 0))) | np.isnan(separations) | np.isnan(gaps)
+        for k in np.flatnonzero(~agree).tolist():
+            gaps[k] = scaled.exact_separation(pairs[k], self.transform)
+        return gaps
+
+    def _state(self, gap: float) -> str:
+        if np.isnan(gap):
+            return "unknown"
+        return "touching" if abs(gap) <= self.limit else "apart" if gap > 0 else "overlapping"
+
+    def _agrees(self, state: str) -> bool:
+        """Whether the status says what was found."""
+        status = self.solution.status
+        if status is Status.SOLVED:
+            return state != "overlapping"
+        if status is Status.PAIR_OVERLAPS:
+            return state == "overlapping"
+        if status is Status.ALREADY_SATISFIED:
+            return not self.q.any()
+        return True
+
+    def _tracked(self, s: Array, poses: Array) -> Array:
+        """Return the tracked scale pair at each pose, (k, 2): where two lines meet, or the point of one line.
+
+        A single line leaves one degree of freedom: its point nearest to the straight way from nominal to target.
+        """
+        leading = self.claims
+        if len(leading) > 2 or self.problem.goal == "seat":
+            own = {_named(feature) for feature in self.problem.nominal_features}
+            leading = [claim for claim in self.claims if _named(claim.feature) in own] or self.claims
+        lines = [claim.lines(poses) for claim in leading[:2]]
+        if len(lines) == 2:
+            (a, b, c), (d, e, f) = lines[0].T, lines[1].T
+            determinant = a * e - b * d
+            least = np.hypot(a, b) * np.hypot(d, e) * self.tolerances.determinant
+            determinant[np.abs(determinant) <= least] = np.nan  # parallel
+            return np.column_stack([(c * e - b * f) / determinant, (a * f - c * d) / determinant])
+        ab, c = lines[0][:, :2], lines[0][:, 2]
+        way = self.problem.nominal_pair + s[:, None] * (self.problem.target - self.problem.nominal_pair)
+        return way + ((c - (ab * way).sum(axis=1)) / (ab * ab).sum(axis=1))[:, None] * ab

@@ -1,0 +1,224 @@
+"""The contact equations of the FCDM paper's appendix, symbolic in the motion parameters.
+
+Each is a CasADi function with the features' vertices as parameters, so that one compiled template serves every pair of
+features of a kind: (i) face and vertex, (ii) two edges: a contact line a rho_1 + b rho_2 = c; (iii) to (v) a switching
+point, the intersection of two such lines.
+
+A feature's `points` are four vertices as drawn, one a column: F1V2 three of the face and the vertex, V1F2 the vertex
+and three of the face, E1E2 both ends of each edge. Its `sign` makes the normal point from body 1 to body 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
+from fcdm_opt.geometry.arrays import Array, crossed, frozen
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion.motions import Motion
+
+KINDS = (F1V2, V1F2, E1E2)
+OWNERS = {F1V2: (1, 1, 1, 2), V1F2: (1, 2, 2, 2), E1E2: (1, 1, 2, 2)}  # the body of each of the four points
+
+
+@dataclass(frozen=True, eq=False)
+class FeaturePoints:
+    """What a template needs to know of a feature pair.
+
+    Attributes
+    ----------
+    kind : int
+        F1V2, V1F2 or E1E2.
+    points : (3, 4) array
+        Vertices as drawn, see the module.
+    sign : float
+        +1 or -1: orientation of the normal.
+    parts : tuple of int
+        The part pair.
+    site : tuple of int
+        (kind, i, j) in the packed parts.
+    """
+
+    kind: int
+    points: Array
+    sign: float
+    parts: tuple[int, int]
+    site: tuple[int, int, int]
+
+    @property
+    def values(self) -> Array:
+        """Points (column by column) and sign, as one vector (13,)."""
+        return np.append(self.points.ravel(order="F"), self.sign)
+
+    def steepness(self, rotation: Array) -> float:
+        """Return the length of the template's normal where `rotation`, (3, 3), turns body 1."""
+        return float(np.linalg.norm(crossed(*_spans(self.kind, _turned(self.kind, self.points.T, rotation)))))
+
+
+def feature_points(
+    movable: Body, static: Body, site: tuple[int, int, int], parts: tuple[int, int], normal: Array, rotation: Array
+) -> FeaturePoints:
+    """Return the template parameters of a site.
+
+    Parameters
+    ----------
+    movable, static : Body
+    site, parts : tuples of int
+        The facet of the Minkowski difference and its part pair.
+    normal : (3,) array
+        Direction from body 1 to body 2 at the pose in which `rotation`, (3, 3), turns body 1: it fixes the sign.
+    """
+    kind, i, j = site
+    one, two = movable.parts[parts[0]], static.parts[parts[1]]
+    if kind == F1V2:
+        points = [*_widest(one.vertices[list(one.loops[i])]), two.vertices[j]]
+    elif kind == V1F2:
+        points = [one.vertices[i], *_widest(two.vertices[list(two.loops[j])])]
+    else:
+        points = [*one.vertices[one.edges[i, :2]], *two.vertices[two.edges[j, :2]]]
+    raw = crossed(*_spans(kind, _turned(kind, points, rotation)))
+    return FeaturePoints(kind, frozen(np.column_stack(points)), 1.0 if raw @ normal > 0 else -1.0, parts, site)
+
+
+def _turned(kind: int, points: Any, rotation: Array) -> list[Array]:
+    return [rotation @ p if owner == 1 else p for p, owner in zip(points, OWNERS[kind], strict=True)]
+
+
+def _widest(polygon: Array) -> Array:
+    """Return the three corners that span the largest triangle: the best-conditioned normal."""
+    if len(polygon) == 3:
+        return polygon
+    triples = (
+        list(combinations(range(len(polygon)), 3))
+        if len(polygon) <= 8
+        else [
+            (k, (k + len(polygon) // 3) % len(polygon), (k + 2 * len(polygon) // 3) % len(polygon))
+            for k in range(len(polygon))
+        ]
+    )
+    corners = polygon[np.array(triples)]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return corners[int(np.argmax(areas))]
+
+
+def _spans(kind: int, points: Any) -> tuple[Any, Any]:
+    """Return the two difference vectors whose cross product is the contact normal."""
+    p, q, r, s = points
+    return {F1V2: (q - p, r - p), V1F2: (r - q, s - q), E1E2: (q - p, s - r)}[kind]
+
+
+# ------------------------------------------------------------------------------------------ expressions (CasADi SX)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Symbols that all equations share: motion parameters, seeds, and the pose they give.
+
+    Attributes
+    ----------
+    q : (k,) SX
+        Motion parameters.
+    seeds : (6,) SX
+        s_1, s_2 as drawn.
+    transform : (4, 4) SX
+        Pose change of body 1.
+    """
+
+    q: Any
+    seeds: Any
+    transform: Any
+
+    @classmethod
+    def of(cls, motion: Motion, q: Any, seeds: Any) -> Scene:
+        """Return the scene of a motion at parameters `q`."""
+        return cls(q, seeds, motion.symbolic(q, seeds[:3], seeds[3:]))
+
+    def moved(self, point: Any) -> Any:
+        """Return a point of body 1, as drawn, after the motion."""
+        return self.transform[:3, :3] @ point + self.transform[:3, 3]
+
+    @property
+    def moved_seed(self) -> Any:
+        """s_1 after the motion."""
+        return self.moved(self.seeds[:3])
+
+    def line(self, kind: int, values: Any) -> tuple[Any, Any, Any, Any]:
+        """Return (a, b, c, n), equations (i) and (ii); n is not normalised, so nothing is singular."""
+        import casadi
+
+        points = [values[3 * k : 3 * k + 3] for k in range(4)]
+        points = [self.moved(p) if owner == 1 else p for p, owner in zip(points, OWNERS[kind], strict=True)]
+        n = values[12] * casadi.cross(*_spans(kind, points))
+        own, other = points[0], points[3]
+        a = casadi.dot(n, own - self.moved_seed)
+        b = -casadi.dot(n, other - self.seeds[3:])
+        c = casadi.dot(n, self.seeds[3:] - self.moved_seed)
+        return a, b, c, n
+
+    def scaled(self, rho_1: Any, vertex: Any) -> Any:
+        """Return a vertex of body 1, given as drawn, moved and scaled about the moved seed."""
+        return self.moved_seed + rho_1 * (self.moved(vertex) - self.moved_seed)
+
+
+def intersection(one: tuple[Any, ...], two: tuple[Any, ...]) -> tuple[Any, Any]:
+    """Return (rho, determinant) of two contact lines, equations (iii) to (v)."""
+    import casadi
+
+    (a, b, c, *_), (d, e, f, *_) = one, two
+    determinant = a * e - b * d
+    return casadi.vertcat((c * e - b * f) / determinant, (a * f - c * d) / determinant), determinant
+
+
+# --------------------------------------------------------------------------------------------- compiled templates
+
+
+def _symbols(motion: Motion) -> tuple[Scene, list[Any], list[str]]:
+    import casadi
+
+    q, seeds = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("seeds", 6)
+    return Scene.of(motion, q, seeds), [q, seeds], ["q", "seeds"]
+
+
+@lru_cache(maxsize=64)
+def contact_line(motion: Motion, kind: int) -> Any:
+    """Return the compiled contact line of a kind of feature pair, equations (i) and (ii).
+
+    A CasADi function (q, seeds, feature) -> (line, normal): `feature` is `FeaturePoints.values`, `line` (a, b, c) and
+    `normal` belong together and are not normalised.
+    """
+    import casadi
+
+    scene, inputs, names = _symbols(motion)
+    feature = casadi.SX.sym("feature", 13)
+    a, b, c, n = scene.line(kind, feature)
+    return casadi.Function(
+        "contact_line", [*inputs, feature], [casadi.vertcat(a, b, c), n], [*names, "feature"], ["line", "normal"]
+    )
+
+
+@lru_cache(maxsize=64)
+def switching_point(motion: Motion, kinds: tuple[int, int]) -> Any:
+    """Return the compiled switching point of two kinds of feature pairs, equations (iii) to (v).
+
+    A CasADi function (q, seeds, feature_1, feature_2) -> (rho, sine): `sine` is the normalised determinant of the two
+    lines; where it is small, rho is ill-conditioned and where it is 0, rho is not finite.
+    """
+    import casadi
+
+    scene, inputs, names = _symbols(motion)
+    features = [casadi.SX.sym(f"feature_{k}", 13) for k in (1, 2)]
+    lines = [scene.line(kind, feature) for kind, feature in zip(kinds, features, strict=True)]
+    rho, determinant = intersection(*lines)
+    steep = [casadi.sqrt(a * a + b * b) for a, b, *_ in lines]
+    return casadi.Function(
+        "switching_point",
+        [*inputs, *features],
+        [rho, determinant / (steep[0] * steep[1])],
+        [*names, "feature_1", "feature_2"],
+        ["rho", "sine"],
+    )

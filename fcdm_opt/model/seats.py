@@ -1,0 +1,105 @@
+"""What goal "seat" asks of a motion: flush contacts stay aligned, on the whole of the way or at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcdm_opt.curve.flush import Flush
+from fcdm_opt.curve.region import Piece
+from fcdm_opt.curve.tight import TightLine
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion.motions import Motion
+from fcdm_opt.tolerances import DEFAULT
+
+Bools = NDArray[np.bool_]
+
+
+def spins(motion: Motion, movable: Body, static: Body) -> Array:
+    """Return the axis about which each parameter turns body 1 at rest, (k, 3): its length is the rate.
+
+    Rates, not finite turns: a screw along the seeds has no axis where another parameter brings them together.
+    """
+    rates = motion.kinematics(movable.seed, static.seed).rates(np.zeros(len(motion.parameters)))[1]
+    axes = np.array([[W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]] for W in rates]) / 2.0
+    return np.where(np.linalg.norm(axes, axis=1)[:, None] > DEFAULT.nominal, axes, 0.0)
+
+
+def tilts(seats: Sequence[Flush], axes: Array) -> Array:
+    """Return how fast each parameter tilts each direction that must stay aligned, at rest, (directions, k).
+
+    Parameters
+    ----------
+    seats : sequence of Flush
+    axes : (k, 3) array
+        See `spins`.
+    """
+    return np.array([axes @ np.cross(p, m) for seat in seats for m, p in seat.turns]).reshape(-1, len(axes))
+
+
+def independent(rows: Array) -> list[int]:
+    """Return which rows do not depend on those before them, to `nominal` of the longest."""
+    kept: list[int] = []
+    basis = np.zeros((0, rows.shape[1]))
+    least = DEFAULT.nominal * np.linalg.norm(rows, axis=1).max(initial=0.0)
+    for k, row in enumerate(rows):
+        rest = row - basis.T @ (basis @ row)
+        length = np.linalg.norm(rest)
+        if length > least:
+            kept.append(k)
+            basis = np.vstack([basis, rest / length])
+    return kept
+
+
+def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) -> Bools:
+    """Return which parameters must stay zero for nothing to tilt on the whole of a straight way, (k,).
+
+    Such a way tilts nothing to first order at rest: its parameters lie in the null space of `tilts`. Where only one
+    mixture of turns does so, and still tilts something further on, nothing may turn at all.
+    """
+    axes = spins(motion, movable, static)
+    rates, turning = tilts(seats, axes), axes.any(axis=1)
+    if not len(rates) or not turning.any():
+        return np.zeros(len(axes), dtype=bool)
+    _, sizes, ways = np.linalg.svd(rates[:, turning])
+    free = ways[int((sizes > DEFAULT.nominal).sum()) :]
+    still = np.zeros(len(axes), dtype=bool)
+    still[turning] = np.abs(free).max(axis=0, initial=0.0) <= DEFAULT.nominal
+    if len(free) == 1:
+        q = np.zeros(len(axes))
+        q[turning] = free[0]
+        R = motion.transform(q, movable.seed, static.seed)[:3, :3]
+        still |= turning & any(abs(m @ R @ p) > DEFAULT.nominal for seat in seats for m, p in seat.turns)
+    return still
+
+
+def seat_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
+    """Return the flush contact that a piece of the curve is, if any; of parallel edges one of their planes.
+
+    The facet that the piece names may be that of two edges, whose common normal a motion leaves undefined.
+    """
+    same = [seat for seat in seats if piece.feature in (seat.feature, seat.touching)]
+    return max(same, key=lambda seat: float(seat.normal @ piece.normal), default=None)
+
+
+def besides(seats: Sequence[Flush], tracked: Sequence[object], target: Array) -> tuple[Flush, ...]:
+    """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked.
+
+    Parameters
+    ----------
+    seats : sequence of Flush
+    tracked : sequence
+        Those of them that are tracked, among others.
+    target : (2,) array
+    """
+    own = [seat for seat in seats if seat in tracked]
+    kept: list[Flush] = []
+    for seat in seats:
+        known = [other for other in own + kept if other.whole and other.normal @ seat.normal > 1.0 - DEFAULT.nominal]
+        same = any(abs(seat.gap(target) - other.gap(target)) <= DEFAULT.shared * seat.least for other in known)
+        if seat not in own and not (seat.whole and same):
+            kept.append(seat)
+    return tuple(kept)

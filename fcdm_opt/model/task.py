@@ -1,0 +1,631 @@
+"""The internal task: what every stage of the solver takes, and the answer every stage gives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
+from fcdm_opt.curve.contact import located, supporting_contact
+from fcdm_opt.curve.decision_curve import relative_pose
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.flush import Flush
+from fcdm_opt.curve.region import Piece
+from fcdm_opt.curve.tight import TightLine
+from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.packing import packed_together
+from fcdm_opt.model.equations import FeaturePoints, feature_points
+from fcdm_opt.model.seats import besides, held, seat_of, spins
+from fcdm_opt.motion.kinematics import Kinematics
+from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.problem.solution import Status
+
+
+Parts = tuple[int, int]
+REMEMBERED = 8  # motions whose gaps are kept
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a stage found.
+
+    Attributes
+    ----------
+    status : Status
+    q : (k,) array or None
+        Motion parameters.
+    stage : str
+        Which stage, and why it sufficed.
+    lower_bound : float
+        No smaller amount is possible.
+    active : tuple of str
+        What stops the motion from being smaller.
+    modelled : dict
+        What is in the program that the motion solves, see `Task.modelled`.
+    last : bool
+        No later stage is to be asked.
+    """
+
+    status: Status
+    q: Array | None
+    stage: str
+    lower_bound: float = 0.0
+    active: tuple[str, ...] = ()
+    modelled: dict[str, int] | None = None
+    last: bool = False
+
+    @property
+    def settles(self) -> bool:
+        """Whether there is a motion, or provably none, or no stage has a better chance."""
+        return self.q is not None or self.last or not math.isfinite(self.lower_bound)
+
+
+class Opponent(NamedTuple):
+    """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out.
+
+    `need` is the least gap it asks for, -inf where it asks for none; `keep_out` counts from 0, -1 for the static body.
+    """
+
+    part: ConvexPart
+    scale: float
+    need: float
+    keep_out: int = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A problem in the solver's terms. Part pairs (i, j) are of part i of body 1 and opponent j.
+
+    Attributes
+    ----------
+    movable, static : Body
+    motion : Motion
+    weights : (k,) array
+    limits : (k, 2) array
+        Zero for parameters that "seat" holds.
+    goal : "beyond", "at", "seat", "touch" or "clear"
+    nominal, target : (2,) arrays
+    signs : (2,) array
+        Side of the target that "beyond" asks for.
+    tracked : tuple of FeaturePoints
+        The features of the nominal contact: two at a switching point, one inside a segment, none for "touch", "clear".
+    pair : "any", "clear" or "touch"
+        State that the target pair must have besides the goal.
+    clearance : float
+        Length units.
+    coherent : bool
+        Whether the tracked features must stay the contact along the ray.
+    size : float
+        Length that relative tolerances refer to.
+    flush : tuple
+        Of each tracked feature of "beyond" and "at", itself where more than a point is in contact and must stay so.
+    keep_out : tuple of KeepOut
+    seats : tuple of Flush
+        The flush contacts that "seat" keeps, tracked or not.
+    besides : tuple of FeaturePoints
+        One feature for each plane of flush contacts that is not tracked.
+    amount_kind : "weighted", "displacement" or OwnAmount
+        What is made least; "displacement" of `made_vertices`.
+    resolution : (k,) array or None
+        Steps of the machine, 0 where a parameter has none.
+    seconds : dict
+        Time spent on "build", the compiling of templates, on the way.
+    """
+
+    movable: Body
+    static: Body
+    motion: Motion
+    weights: Array
+    limits: Array
+    goal: str
+    nominal: Array
+    target: Array
+    signs: Array
+    tracked: tuple[FeaturePoints, ...]
+    pair: str
+    clearance: float
+    coherent: bool
+    size: float
+    flush: tuple[Feature | None, ...] = ()
+    keep_out: tuple[KeepOut, ...] = ()
+    seats: tuple[Flush, ...] = ()
+    besides: tuple[FeaturePoints, ...] = ()
+    amount_kind: str | OwnAmount = "weighted"
+    resolution: Array | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, problem: Problem) -> Task:
+        """Return the task of a problem."""
+        pieces: tuple[Piece | TightLine | Flush, ...] = ()
+        flush: tuple[Feature | None, ...] = ()
+        seats = problem.nominal_seats if problem.goal == "seat" else ()
+        if problem.goal in TRACKING:
+            lines = problem.tracked_lines
+            if problem.goal == "seat":
+                pieces = tuple(seat_of(line, seats) or line for line in lines)
+            else:
+                pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
+        tracked, others = (
+            tuple(feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in some)
+            for some in (pieces, besides(seats, pieces, problem.target))
+        )
+        weights, amount = problem.weights, problem.amount
+        if amount == "displacement" and _shifts_at_right_angles(problem):
+            weights, amount = frozen(np.ones(len(weights))), "weighted"  # the same number
+        return cls(
+            problem.movable,
+            problem.static,
+            problem.motion,
+            weights,
+            _held_limits(problem, seats),
+            problem.goal,
+            problem.nominal_pair,
+            problem.target,
+            problem.signs,
+            tracked,
+            problem.pair,
+            problem.clearance,
+            problem.path == "coherent" and bool(tracked),
+            problem.size,
+            flush,
+            problem.keep_out,
+            seats,
+            others,
+            amount,
+            problem.resolution,
+        )
+
+    @property
+    def building(self) -> float:
+        """Time spent on compiling templates so far, seconds."""
+        return self.seconds.get("build", 0.0)
+
+    def line_gaps(self, q: Array) -> tuple[Array, Array]:
+        """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
+
+        The lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `besides`.
+        """
+        pose, asked = self.pose(q), (*self.tracked, *self.besides)
+        lines = [Tracked.at(self.movable, self.static, pose, line.parts, line.site, line.sign) for line in asked]
+        rows = np.array([line.line for line in lines])
+        return np.array([line.normal for line in lines]), rows[:, 2] - rows[:, :2] @ self.target
+
+    @cached_property
+    def face_gaps(self) -> tuple[Array, Array]:
+        """Normals and separations at the target pair, at rest, of the contacts of "seat" that are face on face."""
+        faces = [seat for seat in self.seats if seat.whole]
+        return np.array([seat.normal for seat in faces]), np.array([seat.gap(self.target) for seat in faces])
+
+    @cached_property
+    def spins(self) -> Array:
+        """Axis of each parameter's turning at rest, (k, 3), see `seat.spins`."""
+        return spins(self.motion, self.movable, self.static)
+
+    @cached_property
+    def opponents(self) -> tuple[Opponent, ...]:
+        """The static body's parts, then those of the keep-outs."""
+        need = self.need if self.must_clear else -np.inf
+        contact = [Opponent(part, float(self.target[1]), need) for part in self.static.parts]
+        others = [
+            Opponent(part, scale, keep_out.clearance, k)
+            for k, keep_out in enumerate(self.keep_out)
+            for part, scale in keep_out.obstacles
+        ]
+        return (*contact, *others)
+
+    @property
+    def bare(self) -> Task:
+        """The same task without the keep-outs' clearances: what it needs, this one does too."""
+        return replace(self, keep_out=tuple(replace(own, clearance=0.0) for own in self.keep_out))
+
+    @cached_property
+    def needs(self) -> Array:
+        """Least gap that each opponent asks for, -inf where it asks for none."""
+        return frozen([opponent.need for opponent in self.opponents])
+
+    @property
+    def part_pairs(self) -> int:
+        """Number of pairs of convex parts."""
+        return len(self.movable.parts) * len(self.opponents)
+
+    @property
+    def tested_vertices(self) -> int:
+        """Vertices that are looked at where all part pairs are, one after the other."""
+        one = sum(len(part.vertices) for part in self.movable.parts)
+        others = [len(opponent.part.vertices) for opponent in self.opponents]
+        return one * len(others) + len(self.movable.parts) * sum(others)
+
+    def named(self, parts: Parts) -> str:
+        """Return a part pair in words: the keep-out it is with, or the numbers of both parts."""
+        keep_out = self.opponents[parts[1]].keep_out
+        if keep_out < 0:
+            return f"part pair {parts[0] + 1}, {parts[1] + 1}"
+        return f"keep-out {self.keep_out[keep_out].name!r}"
+
+    def modelled(
+        self, kept: Collection[Parts] = (), *, variables: int = 0, constraints: int = 0, features: int = 0
+    ) -> dict[str, int]:
+        """Return the counts of a program: the same keys whatever the stage; none kept without a program.
+
+        Parameters
+        ----------
+        kept : collection of (i, j)
+            Part pairs in it.
+        variables, constraints : int
+            Its unknowns, and its rows besides the limits of variables.
+        features : int
+            Pairs of elements that its rows are made of, and vertices held by separating planes; in all there are
+            `features`.
+        """
+        keep_outs = {self.opponents[j].keep_out for _, j in kept} - {-1}
+        return {
+            "variables": variables,
+            "constraints": constraints,
+            "part_pairs_kept": len(set(kept)),
+            "part_pairs_total": self.part_pairs,
+            "features_kept": features,
+            "features_total": self.features,
+            "keep_outs_kept": len(keep_outs),
+            "keep_outs_total": len(self.keep_out),
+        }
+
+    def modelled_by_gaps(self, q: Array, kept: Collection[Parts] | None = None) -> dict[str, int]:
+        """Return the counts of a program in which each part pair is one row: its largest separation over its facets.
+
+        Parameters
+        ----------
+        q : (k,) array
+            Where the facets are counted.
+        kept : collection of (i, j), optional
+            Part pairs in it; by default those that bounds do not tell to be further off than the nearest, and than is
+            needed, see `pair_gaps`.
+        """
+        kept, pose = self._near(q) if kept is None else kept, self.pose(q)
+        features = sum(len(self.separations(parts, pose)[2]) for parts in kept)
+        return self.modelled(kept, variables=len(q), constraints=len(kept), features=features)
+
+    def _near(self, q: Array) -> list[Parts]:
+        gaps, pose, found = self.pair_gaps(q), self.pose(q), list[Parts]()
+        for columns, packed in self._groups:
+            opponent = self.opponents[columns.start]
+            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
+            bounds = kernels.pair_bounds(*self.movable.packed, *packed, here, rho)
+            enough = max(float(gaps[:, columns].min()), opponent.need) + DEFAULT.requirement * self.size
+            found += [(i, columns.start + j) for i, j in np.argwhere(bounds <= enough).tolist()]
+        return found
+
+    @cached_property
+    def features(self) -> int:
+        """Number of pairs of elements that may be a contact after some motion: face and vertex, edge and edge."""
+        bodies = self.movable.parts, [opponent.part for opponent in self.opponents]
+        counts = [[(len(part.loops), len(part.vertices), len(part.edges)) for part in parts] for parts in bodies]
+        (faces, vertices, edges), (others, against, across) = (map(sum, zip(*own, strict=True)) for own in counts)
+        return faces * against + vertices * others + edges * across
+
+    @property
+    def steps(self) -> Array:
+        """Natural change of each parameter: the unit as a length, and over the size as an angle (at most 1), (k,)."""
+        angle = min(self.unit / self.size, 1.0)
+        return np.array([self.unit if kind == "translation" else angle for _, kind in self.motion.parameters])
+
+    @property
+    def must_clear(self) -> bool:
+        """Whether the target pair must be apart by `need`."""
+        return bool({"touch", "clear"} & {self.goal, self.pair})
+
+    @property
+    def must_touch(self) -> bool:
+        """Whether the target pair must touch."""
+        return "touch" in (self.goal, self.pair)
+
+    @property
+    def need(self) -> float:
+        """Least gap of a target pair that must be apart."""
+        return self.clearance if "clear" in (self.goal, self.pair) else 0.0
+
+    @property
+    def rest(self) -> Array:
+        """No motion."""
+        return np.zeros(len(self.weights))
+
+    @cached_property
+    def unit(self) -> float:
+        """A typical amount, which scales the program: what the deviation, or closing the gap, takes."""
+        if self.tracked:
+            typical = float(np.abs(self.target / self.nominal - 1.0).max()) * self.size
+        else:
+            typical = abs(self.gap(self.rest) - self.need)
+        return max(typical, self._in_the_way, DEFAULT.least_unit * self.size)
+
+    @property
+    def _in_the_way(self) -> float:
+        """How far the nearest keep-out is from being clear, without motion; negative where all are."""
+        if not self.keep_out:
+            return 0.0
+        short = self.needs - self.pair_gaps(self.rest)
+        return float(short[:, len(self.static.parts) :].max())
+
+    def amount(self, q: Array) -> float:
+        """Return the motion amount."""
+        if self.weighted:
+            return float(np.linalg.norm(self.weights * q))
+        if isinstance(self.amount_kind, OwnAmount):
+            return self.amount_kind(q)
+        T = self.transform(q)
+        return float(np.linalg.norm(self.made_vertices @ (T[:3, :3] - np.eye(3)).T + T[:3, 3], axis=1).max())
+
+    @property
+    def weighted(self) -> bool:
+        """Whether the amount is the weighted one: that which the stages make least."""
+        return self.amount_kind == "weighted"
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is known without trying what each parameter displaces."""
+        return all(step.bounded for step in self.motion.steps)
+
+    @cached_property
+    def made_vertices(self) -> Array:
+        """Vertices of body 1 at the scale made, about the seed at rest, (n, 3)."""
+        used = np.concatenate([part.vertices for part in self.movable.parts])
+        return frozen(self.movable.seed + self.target[0] * (used - self.movable.seed))
+
+    def transform(self, q: Array) -> Array:
+        """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""
+        T = self._kinematics.transform(q)
+        return T if np.isfinite(T).all() else np.full((4, 4), np.nan)
+
+    @cached_property
+    def _kinematics(self) -> Kinematics:
+        return self.motion.kinematics(self.movable.seed, self.static.seed)
+
+    def pose(self, q: Array) -> Array:
+        """Return the pose relative to the static body that the kernels take."""
+        return relative_pose(self.movable, self.static, self.transform(q))
+
+    def _pose_to(self, opponent: Opponent, pose: Array) -> Array:
+        """Return a pose relative to an opponent: the offset leads to its own seed."""
+        if opponent.part.seed is self.static.seed:
+            return pose
+        return np.append(pose[:9], pose[9:] + opponent.part.seed - self.static.seed)
+
+    @property
+    def start(self) -> Array:
+        """The allowed motion nearest to none."""
+        return np.clip(self.rest, self.limits[:, 0], self.limits[:, 1])
+
+    def allows(self, q: Array) -> bool:
+        """Tell whether a motion lies within the limits."""
+        return bool((q >= self.limits[:, 0]).all() and (q <= self.limits[:, 1]).all())
+
+    def separations(self, parts: Parts, pose: Array) -> tuple[Ints, Array, Array]:
+        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the scales made.
+
+        `pose` is relative to the static body, see `pose`.
+        """
+        one, opponent = self.movable.parts[parts[0]], self.opponents[parts[1]]
+        pose = self._pose_to(opponent, pose)
+        sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose)
+        return sites, rows, rows[:, 5] - rows[:, 3] * self.target[0] - rows[:, 4] * opponent.scale
+
+    def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
+        """Return the signed gap of every part pair at the scales made, (parts of 1, opponents).
+
+        The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
+        for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
+        exceeds what is needed and the least gap.
+        """
+        pose, key = self.pose(q), np.asarray(q, dtype=np.float64).tobytes()
+        gaps = self._facet_gaps.get(key)
+        if gaps is None:
+            if len(self._facet_gaps) == REMEMBERED:
+                self._facet_gaps.clear()
+            gaps = self._facet_gaps[key] = self._along_facets(pose)
+        gaps = gaps.copy()
+        for (i, j), normal in (normals or {}).items():
+            one, opponent = self.movable.parts[i], self.opponents[j]
+            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
+            n = normal / np.linalg.norm(normal)
+            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, here, rho, n))
+        return gaps
+
+    @cached_property
+    def _facet_gaps(self) -> dict[bytes, Array]:
+        """Facet gaps at the last motions asked about: stages and report ask about rest and the answer again."""
+        return {}
+
+    def _along_facets(self, pose: Array) -> Array:
+        gaps = np.empty((len(self.movable.parts), len(self.opponents)))
+        for columns, packed in self._groups:
+            opponent = self.opponents[columns.start]
+            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
+            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, here, rho, opponent.need)
+        return gaps
+
+    @cached_property
+    def _groups(self) -> tuple[tuple[slice, tuple[Array, Ints, Ints]], ...]:
+        """Opponents of one body and scale, as a slice of all, and packed together."""
+        kinds = [(id(own.part.seed), own.scale, own.keep_out) for own in self.opponents]
+        starts = [0, *(k for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]), len(kinds)]
+        runs = [slice(first, last) for first, last in pairwise(starts)]
+        first = slice(0, len(self.static.parts))  # these are packed already
+        return tuple(
+            (run, self.static.packed if run == first else packed_together([own.part for own in self.opponents[run]]))
+            for run in runs
+        )
+
+    def gap(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> float:
+        """Return the signed gap of the target pair, see `pair_gaps`."""
+        return self.contact_gap(self.pair_gaps(q, normals))
+
+    def misses(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> tuple[float, float]:
+        """Return how far goal "touch" or "clear" is from being met, and by how much keep-outs are cleared besides.
+
+        The first is 0 where "touch" has its contact, and not negative where "clear" has its gaps, those to keep-outs
+        among them; the second is infinite where there are none besides.
+        """
+        excess = self.pair_gaps(q, normals) - self.needs
+        contact = float(excess[:, : len(self.static.parts)].min())
+        others = float(excess[:, len(self.static.parts) :].min(initial=np.inf))
+        return (contact, others) if self.must_touch else (min(contact, others), np.inf)
+
+    def contact_gap(self, gaps: Array) -> float:
+        """Return the least of `pair_gaps` over the static body's parts."""
+        return float(gaps[:, : len(self.static.parts)].min())
+
+    def way_between(self, parts: Parts, q: Array) -> Array:
+        """Return the direction along which two parts that are apart are their distance apart.
+
+        The differences of their points are {v: n_i . v >= gap_i} over facet directions; the nearest to 0 is a least
+        distance problem, solved through non-negative least squares (Lawson and Hanson).
+        """
+        from scipy.optimize import nnls
+
+        _, rows, gaps = self.separations(parts, self.pose(q))
+        ahead = gaps > 0
+        weights, _ = nnls(np.vstack([rows[ahead, :3].T, gaps[ahead] / gaps.max()]), np.array([0.0, 0.0, 0.0, 1.0]))
+        way: Array = rows[ahead, :3].T @ weights
+        return way
+
+    def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
+        """Return (scale pair, pose, features) of the tracked contact at path position s.
+
+        The pair is nan where the two lines are parallel.
+        """
+        pose = self.pose(s * np.asarray(q))
+        tracked = tuple(
+            Tracked.at(self.movable, self.static, pose, feature.parts, feature.site, feature.sign)
+            for feature in self.tracked
+        )
+        a, b, c = tracked[0].line.tolist()
+        if len(tracked) == 2:
+            d, e, f = tracked[1].line.tolist()
+            determinant = a * e - b * d
+            if not abs(determinant) > DEFAULT.determinant * math.hypot(a, b) * math.hypot(d, e):
+                return np.full(2, np.nan), pose, tracked
+            return np.array([(c * e - b * f) / determinant, (a * f - c * d) / determinant]), pose, tracked
+        path = self.nominal + s * (self.target - self.nominal)
+        return path + (c - a * path[0] - b * path[1]) / (a * a + b * b) * np.array([a, b]), pose, tracked
+
+    def path_faults(self, q: Array, *, first: bool = False) -> list[tuple[float, Array, Fault | None]]:
+        """Return why the tracked contact is not real along the path (at its end only where coherence is not asked).
+
+        The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
+        exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
+
+        Of two convex bodies, one of which shifts, every excess is a maximum of linear functions along the path, and not
+        positive where it starts: there its end tells all.
+        """
+        worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
+        turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
+        count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
+        straight = self.motion.shifts and len(self.movable.parts) == len(self.static.parts) == 1
+        for s in np.linspace(1.0, 0.0, count + 1)[: count if self.coherent and not straight else 1]:
+            rho, pose, tracked = self.tracked_contact(q, s)
+            if not (np.isfinite(rho).all() and rho.min() > 0 and self._stays_flush(pose, rho, tracked)):
+                worst.setdefault((), (float(s), pose, None))
+                if first:
+                    break
+                continue
+            for fault in contact_faults(self.movable, self.static, pose, rho, tracked, DEFAULT.cut * self.size):
+                known = worst.get(fault.key)
+                if known is None or known[2] is None or fault.excess > known[2].excess:
+                    worst[fault.key] = (float(s), pose, fault)
+            if first and worst:
+                break
+        return list(worst.values())
+
+    def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
+        return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats) and all(
+            whole is None or whole == self._support(feature, pose, rho)
+            for whole, feature in zip(self.flush, tracked, strict=False)
+        )
+
+    def _support(self, feature: Tracked, pose: Array, rho: Array) -> Feature:
+        """Return what touches along a tracked feature's normal."""
+        one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
+        contact = supporting_contact(one, two, feature.normal, pose)
+        return located(one, two, pose, contact, rho).feature
+
+    def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
+        """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.
+
+        `normals` are directions that prove part pairs apart, see `pair_gaps`.
+        """
+        if self.tracked:
+            rho, _, _ = self.tracked_contact(q)
+            excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
+            if not (excess >= -slack * self.target).all() or (path and self.path_faults(q, first=True)):
+                return False
+        if not np.isfinite(self.needs).any():
+            return True
+        gaps, slack = self.pair_gaps(q, normals), slack * self.size
+        short = np.argwhere((gaps > 0) & (gaps < self.needs - slack)).tolist()
+        if short:  # facet directions understate the distance of corners and edges
+            ways = {(i, j): self.way_between((i, j), q) for i, j in short}
+            gaps = self.pair_gaps(q, {**(normals or {}), **ways})
+        return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
+
+    @property
+    def is_equation(self) -> bool:
+        """Whether the requirement is an equation, which motions in whole steps miss."""
+        return self.must_touch or self.goal in ("at", "seat")
+
+    def miss(self, q: Array) -> float:
+        """Return by how much a motion misses an equation, a length."""
+        lines = float(np.abs(self.line_gaps(q)[1]).max()) if self.goal in ("at", "seat") else 0.0
+        return max(lines, abs(self.gap(q))) if self.must_touch else lines
+
+    def meets_in_steps(self, q: Array) -> bool:
+        """Tell whether a motion in whole steps meets the requirement; an equation to within what the steps leave open.
+
+        The target pair of such a goal must not overlap.
+        """
+        if not self.is_equation:
+            return self.meets(q, DEFAULT.requirement)
+        assert self.resolution is not None
+        play = self.motion.play(q, self.resolution, self.made_vertices, self.movable.seed, self.static.seed)
+        if self.miss(q) > play or self.gap(q) < -DEFAULT.touch * self.size:
+            return False
+        if self.tracked and self.path_faults(q, first=True):
+            return False
+        if self.goal == "beyond" and not replace(self, pair="any", keep_out=()).meets(q, DEFAULT.requirement):
+            return False
+        gaps = self.pair_gaps(q)
+        return bool((gaps >= self.needs - DEFAULT.requirement * self.size).all())
+
+
+def _shifts_at_right_angles(problem: Problem) -> bool:
+    """Tell whether the motion shifts along directions at right angles: all vertices then move by the norm of q."""
+    if not problem.motion.shifts:
+        return False
+    seeds, units = (problem.movable.seed, problem.static.seed), np.eye(len(problem.weights))
+    ways = np.array([problem.motion.transform(q, *seeds)[:3, 3] for q in units])
+    return bool(np.abs(ways @ ways.T - units).max() <= DEFAULT.tie)
+
+
+def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:
+    """Return the limits, zero for parameters that cannot change without tilting a flush contact on the way.
+
+    A parameter whose limits exclude zero keeps them.
+    """
+    if not seats or problem.path != "coherent":
+        return problem.limits
+    still = held(seats, problem.motion, problem.movable, problem.static)
+    still &= (problem.limits[:, 0] <= 0) & (problem.limits[:, 1] >= 0)
+    return frozen(np.where(still[:, None], 0.0, problem.limits))

@@ -1,0 +1,683 @@
+"""Rigid motions of the movable body: the only file that knows conventions.
+
+A motion is a sequence of steps; each step acts in the world frame on the body as the steps before it left it. Every
+step is written once, on nested tuples of scalars, and so serves floats and CasADi expressions alike. Rotations use
+R = u u' + cos(t) (1 - u u') + sin(t) [u]x, which is smooth at t = 0.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.units import measured
+
+if TYPE_CHECKING:
+    from fcdm_opt.motion.kinematics import Kinematics
+
+AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
+ROUNDING = 64 * np.finfo(float).eps  # of coordinates: seeds no further apart are the same
+Matrix = tuple[tuple[Any, ...], ...]
+IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+
+Kind = Literal["translation", "rotation"]
+
+
+class Parameter(NamedTuple):
+    """One parameter of a motion: its name and whether it is a "translation" (length) or a "rotation" (radians)."""
+
+    name: str
+    kind: Kind
+
+
+class Motion:
+    """A family of rigid motions with parameters q; zero is the identity.
+
+    Combine with `>>`: `Translation("z") >> Rotation("z")` translates, then rotates.
+    """
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The elementary steps, first to last."""
+        raise TypeError(f"{type(self).__name__} defines no steps")
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Names and kinds of the parameters, in order; repeated names get a number."""
+        seen: dict[str, int] = {}
+        made = []
+        for step in self.steps:
+            for name, kind in step.own_parameters:
+                seen[name] = seen.get(name, 0) + 1
+                made.append(Parameter(name if seen[name] == 1 else f"{name}_{seen[name]}", kind))
+        return tuple(made)
+
+    @cached_property
+    def shifts(self) -> bool:
+        """Whether the body moves in proportion to the parameters and never turns."""
+        return all(step.own_shifts(k == 0) for k, step in enumerate(self.steps))
+
+    @cached_property
+    def numbers(self) -> Array:
+        """Axes, centres and pitches of all steps, one after the other: what the transform depends on besides."""
+        return frozen([number for step in self.steps for number in step.own_numbers])
+
+    @cached_property
+    def pattern(self) -> Motion:
+        """The same steps with zeros for their numbers: equal of motions that differ in these alone."""
+        return self.with_numbers([0.0] * len(self.numbers))
+
+    def with_numbers(self, numbers: Sequence[Any]) -> Motion:
+        """Return the same steps with other numbers, of any kind of scalars: symbols, or zeros; nothing is checked."""
+        left = iter(numbers)
+        return Sequenced(tuple(step.own_with([next(left) for _ in step.own_numbers]) for step in self.steps))
+
+    def __rshift__(self, other: Motion) -> Motion:
+        """Return this motion followed by `other`."""
+        if not isinstance(other, Motion):
+            raise InputError("only a motion can follow a motion", key="motion", found=type(other).__name__)
+        return Sequenced(self.steps + other.steps)
+
+    def weights(self, length: float) -> Array:
+        """Return what each parameter weighs in the amount: 1, `length`, or hypot(pitch, length) for a fixed pitch.
+
+        Parameters
+        ----------
+        length : float
+            Length that turns radians into lengths.
+        """
+        return frozen([weight for step in self.steps for weight in step.own_weights(length)])
+
+    def transform(self, q: Sequence[float] | Array, movable_seed: Any, static_seed: Any) -> Array:
+        """Return the 4x4 transform of body 1.
+
+        Parameters
+        ----------
+        q : (k,) floats
+            Parameters: lengths and radians.
+        movable_seed, static_seed : (3,) arrays
+            Seeds s_1 and s_2 as drawn, world frame.
+
+        Raises
+        ------
+        InputError
+            If the number of parameters is wrong, or a screw along the seeds meets coincident seeds.
+        """
+        values = [float(x) for x in q]
+        if len(values) != len(self.parameters):
+            allowed = ", ".join(p.name for p in self.parameters)
+            raise InputError("wrong number of motion parameters", key="motion", found=len(values), allowed=allowed)
+        return np.array(self.composed(values, [float(x) for x in movable_seed], [float(x) for x in static_seed]))
+
+    def symbolic(self, q: Any, movable_seed: Any, static_seed: Any) -> Any:
+        """Return the 4x4 transform as a CasADi expression of `q` (and of the seeds, numbers or symbols)."""
+        import casadi
+
+        rows = self.composed(
+            *([x[k] for k in range(n)] for x, n in ((q, len(self.parameters)), (movable_seed, 3), (static_seed, 3)))
+        )
+        return casadi.vertcat(*(casadi.horzcat(*row) for row in rows))
+
+    def kinematics(self, movable_seed: Any, static_seed: Any) -> Kinematics:
+        """Return the compiled motion for these seeds: poses and rates in a microsecond; built once and kept.
+
+        Motions of one `pattern` share what is compiled.
+
+        Parameters
+        ----------
+        movable_seed, static_seed : (3,) arrays
+            Seeds s_1 and s_2 as drawn, world frame.
+        """
+        seeds = np.append(movable_seed, static_seed).astype(np.float64)
+        return _kinematics(self, tuple(seeds.tolist()))
+
+    def composed(self, q: list[Any], movable_seed: Sequence[Any], static_seed: Sequence[Any]) -> Matrix:
+        """Return the 4x4 transform as nested tuples, of any kind of scalars: floats, CasADi's, enclosures."""
+        before, start = IDENTITY, 0
+        for step in self.steps:
+            count = len(step.parameters)
+            after = step.own_transform(q[start : start + count], _applied(before, movable_seed), tuple(static_seed))
+            before = _product(after, before) if start else after
+            start += count
+        return before
+
+    def reaches(self, points: Array, movable_seed: Any) -> Array:
+        """Return bounds d_k such that no point moves by more than sum d_k |q_k|, (k,).
+
+        A step S about a fixed line adds at most what it moves the point at rest, |S T x - x| <= |T x - x| + |S x - x|;
+        one about the moved seed at most the angle times the point's distance from the axis, or, once an earlier step
+        has turned the body against that axis, from the seed.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            Points of body 1 at rest, world frame.
+        movable_seed : (3,) array
+        """
+        seed = np.asarray(movable_seed, dtype=np.float64)
+        found: list[float] = []
+        turned = False
+        for step in self.steps:
+            found += step.own_reaches(np.asarray(points), seed, turned)
+            turned = turned or any(kind == "rotation" for _, kind in step.own_parameters)
+        return frozen(found)
+
+    def seen_from(self, origin: Any) -> Motion:
+        """Return the same motion in coordinates whose origin is the point `origin`, (3,)."""
+        return Sequenced(tuple(step.own_seen_from(np.asarray(origin, dtype=np.float64)) for step in self.steps))
+
+    def play(self, q: Array, steps: Array, points: Array, movable_seed: Any, static_seed: Any) -> float:
+        """Return how far a point moves at most when every parameter changes by its step, one after the other.
+
+        Parameters
+        ----------
+        q, steps : (k,) arrays
+        points : (n, 3) array
+            Points of body 1 at rest, world frame.
+        movable_seed, static_seed : (3,) arrays
+        """
+
+        def moved(values: Array) -> Array:
+            T = self.transform(values, movable_seed, static_seed)
+            return points @ T[:3, :3].T + T[:3, 3]
+
+        ways = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
+        return float(np.linalg.norm(ways, axis=3).max(axis=(1, 2)).sum())
+
+    def describe(self, q: Sequence[float] | Array, *, unit: str = "") -> str:
+        """Return the motion in words, degrees and lengths, in a unit or without: "TZ 0.25 mm + RZ 7.02 deg"."""
+        words, start = [], 0
+        for step in self.steps:
+            count = len(step.parameters)
+            words.append(step.own_words([float(x) for x in q[start : start + count]], unit))
+            start += count
+        return " + ".join(words)
+
+
+class Step(Motion):
+    """One elementary motion. A new one defines the `own_` members below and nothing else."""
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The step itself."""
+        return (self,)
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Names and kinds of the step's parameters."""
+        raise TypeError(f"{type(self).__name__} defines no parameters")
+
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """What tells the step from others of its kind in `own_transform`: of its axis, centre, pitch; or nothing."""
+        return ()
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Return the step with other numbers in place of `own_numbers`, of any kind of scalars; nothing is checked."""
+        return self
+
+    def own_weights(self, length: float) -> tuple[float, ...]:
+        """Weight of each parameter in the amount."""
+        return tuple(1.0 if kind == "translation" else length for _, kind in self.own_parameters)
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """4x4 transform in the world frame; `movable_seed` as already moved."""
+        raise TypeError(f"{type(self).__name__} defines no transform")
+
+    @property
+    def closed(self) -> bool:
+        """Whether a whole turn is all there is: the motion repeats itself."""
+        return False
+
+    @property
+    def bounded(self) -> bool:
+        """Whether `own_reaches` are finite: what the step displaces is known without trying."""
+        return True
+
+    def own_shifts(self, first: bool) -> bool:
+        """Whether the step shifts along a direction that no earlier step changes; `first`: there is none."""
+        return False
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Largest displacement of the points per unit of each parameter; `turned`: an earlier step turns the body."""
+        raise TypeError(f"{type(self).__name__} defines no reaches")
+
+    def own_seen_from(self, origin: Array) -> Step:
+        """Return the step in coordinates with another origin: itself where no fixed point enters."""
+        return self
+
+    def own_words(self, q: list[float], unit: str = "") -> str:
+        """Parameters in words, in degrees and lengths, in a unit or without."""
+        named = zip(self.own_parameters, q, strict=True)
+        shown = [(name, (x, unit) if kind == "translation" else (math.degrees(x), "deg")) for (name, kind), x in named]
+        return " ".join(f"{name} {measured(_digits(x), own)}" for name, (x, own) in shown)
+
+
+@dataclass(frozen=True)
+class Sequenced(Motion):
+    """Several steps, one after the other; made by `>>`."""
+
+    sequence: tuple[Step, ...]
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The elementary steps, first to last."""
+        return self.sequence
+
+
+@dataclass(frozen=True)
+class Translation(Step):
+    """Translation along a fixed world axis: "x", "-x", ..., or a vector (its length does not matter)."""
+
+    axis: str | tuple[float, float, float]
+    direction: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", _hashable(self.axis))
+        object.__setattr__(self, "direction", _direction(self.axis, "Translation.axis"))
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """One length."""
+        return (Parameter(f"T{_axis_name(self.axis)}", "translation"),)
+
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """The direction."""
+        return self.direction
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Set the direction."""
+        return _changed(self, axis=tuple(numbers), direction=tuple(numbers))
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Shift by q along the axis."""
+        return _affine(IDENTITY, tuple(q[0] * u for u in self.direction))
+
+    def own_shifts(self, first: bool) -> bool:
+        """Tell that it always does."""
+        return True
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Every point moves by the parameter."""
+        return (1.0,)
+
+
+@dataclass(frozen=True)
+class Rotation(Step):
+    """Rotation about a fixed world direction through a centre, right-hand rule.
+
+    Attributes
+    ----------
+    axis : str or vector
+        "x", "-x", ..., or a vector (its length does not matter).
+    centre : "seed", "origin" or point
+        The movable seed as already moved, the world origin, or a fixed point, world frame.
+    """
+
+    axis: str | tuple[float, float, float]
+    centre: str | tuple[float, float, float] = "seed"
+    direction: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", _hashable(self.axis))
+        object.__setattr__(self, "direction", _direction(self.axis, "Rotation.axis"))
+        if isinstance(self.centre, str):
+            if self.centre not in ("seed", "origin"):
+                raise InputError(
+                    "unknown centre", key="Rotation.centre", found=self.centre, allowed='"seed", "origin" or a point'
+                )
+        else:
+            object.__setattr__(self, "centre", _point(self.centre, "Rotation.centre"))
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """One angle."""
+        return (Parameter(f"R{_axis_name(self.axis)}", "rotation"),)
+
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """The direction, and the centre where it is a point."""
+        return self.direction if isinstance(self.centre, str) else (*self.direction, *self.centre)
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Set the direction, and a centre that is a point."""
+        axis, centre = tuple(numbers[:3]), self.centre if isinstance(self.centre, str) else tuple(numbers[3:])
+        return _changed(self, axis=axis, direction=axis, centre=centre)
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Turn by q about the axis through the centre."""
+        centre = (
+            {"seed": movable_seed, "origin": (0.0, 0.0, 0.0)}[self.centre]
+            if isinstance(self.centre, str)
+            else self.centre
+        )
+        return _turn(self.direction, q[0], centre, 0.0)
+
+    def own_seen_from(self, origin: Array) -> Step:
+        """Shift a fixed centre."""
+        if self.centre == "seed":
+            return self
+        centre = (0.0, 0.0, 0.0) if self.centre == "origin" else self.centre
+        return Rotation(self.axis, tuple((np.array(centre) - origin).tolist()))
+
+    @property
+    def closed(self) -> bool:
+        """A rotation repeats itself after a turn."""
+        return True
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Largest distance from the axis, or from the seed where the body may have turned against an axis there."""
+        if self.centre == "seed" and turned:
+            return (float(np.linalg.norm(points - seed, axis=1).max()),)
+        centre = {"seed": seed, "origin": np.zeros(3)}[self.centre] if isinstance(self.centre, str) else self.centre
+        return (_axis_distance(points, np.asarray(centre), np.array(self.direction)),)
+
+
+@dataclass(frozen=True)
+class Screw(Step):
+    """Rotation about a directed line and translation along it.
+
+    Attributes
+    ----------
+    axis : "seeds" or (point, direction)
+        The directed line from the movable seed, as moved by the preceding steps, to the static one; or a fixed line.
+    pitch : float, "free" or infinity
+        Translation per radian. 0 is a rotation about the line, infinity a translation along it; "free" makes
+        translation and angle two parameters.
+    """
+
+    axis: str | tuple[tuple[float, float, float], tuple[float, float, float]] = "seeds"
+    pitch: float | str = "free"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.axis, str):
+            if self.axis != "seeds":
+                raise InputError(
+                    "unknown axis", key="Screw.axis", found=self.axis, allowed='"seeds" or (point, direction)'
+                )
+        elif np.shape(self.axis) != (2, 3):
+            raise InputError("a line is (point, direction)", key="Screw.axis", found=self.axis)
+        else:
+            point, direction = self.axis
+            line = (_point(point, "Screw.axis"), _direction(direction, "Screw.axis"))
+            object.__setattr__(self, "axis", line)
+        if isinstance(self.pitch, str):
+            if self.pitch != "free":
+                raise InputError("unknown pitch", key="Screw.pitch", found=self.pitch, allowed='a number or "free"')
+        elif math.isnan(self.pitch):
+            raise InputError("the pitch is not a number", key="Screw.pitch", found=self.pitch)
+        else:
+            object.__setattr__(self, "pitch", float(self.pitch))
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Angle for a fixed pitch, translation for an infinite one, both for a free one."""
+        along, about = Parameter("screw_translation", "translation"), Parameter("screw_angle", "rotation")
+        if isinstance(self.pitch, str):
+            return (along, about)
+        return (along,) if self._endless else (about,)
+
+    @property
+    def own_numbers(self) -> tuple[float, ...]:
+        """Point and direction of a fixed line, and a pitch that is finite."""
+        line = () if isinstance(self.axis, str) else (*self.axis[0], *self.axis[1])
+        return line if isinstance(self.pitch, str) or self._endless else (*line, self.pitch)
+
+    def own_with(self, numbers: Sequence[Any]) -> Step:
+        """Set a fixed line, and a pitch that is finite."""
+        axis = self.axis if isinstance(self.axis, str) else (tuple(numbers[:3]), tuple(numbers[3:6]))
+        return _changed(self, axis=axis, pitch=self.pitch if self.pitch == "free" or self._endless else numbers[-1])
+
+    @property
+    def _endless(self) -> bool:
+        """Whether the pitch is infinite."""
+        return isinstance(self.pitch, float) and math.isinf(self.pitch)
+
+    def own_weights(self, length: float) -> tuple[float, ...]:
+        """Weight of each parameter; a fixed pitch couples both movements: hypot(pitch, length) a radian."""
+        if isinstance(self.pitch, str):
+            return (1.0, length)
+        return (1.0,) if self._endless else (math.hypot(self.pitch, length),)
+
+    def movements(self, q: list[Any]) -> tuple[Any, Any]:
+        """Return (translation along, angle about) the axis."""
+        if isinstance(self.pitch, str):
+            return q[0], q[1]
+        return (math.copysign(1.0, self.pitch) * q[0], 0.0) if self._endless else (self.pitch * q[0], q[0])
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Turn about and shift along the axis."""
+        along, about = self.movements(q)
+        if not isinstance(self.axis, str):
+            point, direction = self.axis
+            return _turn(direction, about, point, along)
+        offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
+        length = _sqrt(sum(x * x for x in offset))
+        if isinstance(length, float) and length <= ROUNDING * max(map(abs, (*movable_seed, *static_seed))):
+            raise InputError(
+                "the seeds coincide: they define no screw axis",
+                key="Screw.axis",
+                found=length,
+                allowed="a line (point, direction)",
+            )
+        return _turn(tuple(x / length for x in offset), about, movable_seed, along)
+
+    def own_seen_from(self, origin: Array) -> Step:
+        """Shift a fixed line."""
+        if isinstance(self.axis, str):
+            return self
+        point, direction = self.axis
+        return Screw((tuple((np.array(point) - origin).tolist()), direction), self.pitch)
+
+    @property
+    def closed(self) -> bool:
+        """Without pitch it is a rotation."""
+        return self.pitch == 0.0
+
+    def own_shifts(self, first: bool) -> bool:
+        """With infinite pitch; along the line of the seeds as the first step only."""
+        return self._endless and (first or self.axis != "seeds")
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Distance from the axis; from the seed for the line of the seeds, whose direction earlier steps change."""
+        if isinstance(self.axis, str):
+            away = float(np.linalg.norm(points - seed, axis=1).max())
+        else:
+            away = _axis_distance(points, np.array(self.axis[0]), np.array(self.axis[1]))
+        if isinstance(self.pitch, str):
+            return (1.0, away)
+        return (1.0,) if self._endless else (math.hypot(self.pitch, away),)
+
+    def own_words(self, q: list[float], unit: str = "") -> str:
+        """Parameters in words: translation and angle, as in the paper's tables."""
+        along, about = self.movements(q)
+        return f"Screw {measured(_digits(along), unit)}, {_digits(math.degrees(about))} deg"
+
+
+@dataclass(frozen=True)
+class Free(Step):
+    """Any rigid motion: a translation, and a rotation about the seed by a rotation vector, world axes.
+
+    x -> s_1 + t + R(theta) (x - s_1), s_1 the movable seed as already moved. Parameters t (lengths) and theta: its
+    direction is the axis, its length the angle, radians.
+    """
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Three lengths and three components of the rotation vector."""
+        lengths = (Parameter(f"T{name}", "translation") for name in "XYZ")
+        return (*lengths, *(Parameter(f"R{name}", "rotation") for name in "XYZ"))
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """R = 1 + sin(r)/r [theta]x + (1 - cos r)/r^2 [theta]x^2, smooth in r^2 = |theta|^2."""
+        x, y, z = theta = q[3:]
+        square = x * x + y * y + z * z
+        s, v = _sinc(square), _versine(square)
+        skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+        R = tuple(
+            tuple(
+                (1.0 - v * (square - theta[i] * theta[i]) if i == j else v * theta[i] * theta[j] + s * skew[i][j])
+                for j in range(3)
+            )
+            for i in range(3)
+        )
+        turned = (sum(R[i][j] * movable_seed[j] for j in range(3)) for i in range(3))
+        return _affine(R, tuple(c + t - r for c, t, r in zip(movable_seed, q[:3], turned, strict=True)))
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Distances from the axes: a turn by theta moves a point by no more than its arc, |theta x (x - s_1)|."""
+        if turned:
+            return (1.0, 1.0, 1.0, *(3 * (float(np.linalg.norm(points - seed, axis=1).max()),)))
+        return (1.0, 1.0, 1.0, *(_axis_distance(points, seed, axis) for axis in np.eye(3)))
+
+
+@lru_cache(maxsize=64)
+def _kinematics(motion: Motion, seeds: tuple[float, ...]) -> Kinematics:
+    from fcdm_opt.motion.kinematics import Kinematics
+
+    return Kinematics(motion, np.array(seeds))
+
+
+def _changed(step: Step, **values: Any) -> Any:
+    """Return a step with other values in its fields, which are not checked."""
+    made = object.__new__(type(step))
+    for item in fields(step):  # type: ignore[arg-type]
+        object.__setattr__(made, item.name, values.get(item.name, getattr(step, item.name)))
+    return made
+
+
+# ------------------------------------------------------------------------------------------------ scalars, any kind
+
+SMALL = 1.0  # squares of angles below which series are used: no digits are lost there to differences
+TERMS = 12  # of these series: what is left out, and its second derivative, is below rounding
+
+
+def _cos(x: Any) -> Any:
+    return math.cos(x) if isinstance(x, float) else x.cos()
+
+
+def _sin(x: Any) -> Any:
+    return math.sin(x) if isinstance(x, float) else x.sin()
+
+
+def _sqrt(x: Any) -> Any:
+    return math.sqrt(x) if isinstance(x, float) else x.sqrt()
+
+
+def _sinc(square: Any) -> Any:
+    """Return sin(r) / r of r^2."""
+    return square.sinc() if hasattr(square, "sinc") else _smooth(square, lambda r: _sin(r) / r, 1)
+
+
+def _versine(square: Any) -> Any:
+    """Return (1 - cos r) / r^2 of r^2."""
+    if hasattr(square, "versine"):
+        return square.versine()
+    return _smooth(square, lambda r: 2.0 * (_sin(0.5 * r) / r) * (_sin(0.5 * r) / r), 2)
+
+
+def _smooth(square: Any, far: Callable[[Any], Any], first: int) -> Any:
+    """Return f(r^2) = 1/first! - r^2/(first + 2)! + ..., where r is not small by its closed form `far` of r.
+
+    Both branches of the expression are finite everywhere, with all derivatives: a derivative of the branch that is
+    not taken is multiplied by 0, which nan would survive.
+    """
+    if isinstance(square, float):
+        return _series(square, first) if square < SMALL else far(math.sqrt(square))
+    import casadi
+
+    near = square < SMALL
+    inside, outside = casadi.if_else(near, square, 0.0), casadi.if_else(near, SMALL, square)
+    return casadi.if_else(near, _series(inside, first), far(_sqrt(outside)))
+
+
+def _series(square: Any, first: int) -> Any:
+    total: Any = 0.0
+    for k in reversed(range(TERMS)):
+        total = (-1.0) ** k / math.factorial(2 * k + first) + total * square
+    return total
+
+
+def _applied(T: Matrix, p: Any) -> tuple[Any, ...]:
+    """Return T applied to a point."""
+    return tuple(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3] for row in T[:3])
+
+
+def _product(A: Matrix, B: Matrix) -> Matrix:
+    """Return the product of two rigid transforms."""
+    b0, b1, b2, _ = B
+    rows = tuple(
+        tuple(a[0] * b0[j] + a[1] * b1[j] + a[2] * b2[j] + (a[3] if j == 3 else 0.0) for j in range(4)) for a in A[:3]
+    )
+    return (*rows, B[3])
+
+
+def _affine(rotation: Matrix, shift: tuple[Any, ...]) -> Matrix:
+    return (*((*rotation[i][:3], shift[i]) for i in range(3)), (0.0, 0.0, 0.0, 1.0))
+
+
+def _turn(u: tuple[Any, ...], angle: Any, centre: tuple[Any, ...], along: Any) -> Matrix:
+    """Rotate by `angle` about the unit direction `u` through `centre`, and shift by `along` along it."""
+    c, s = _cos(angle), _sin(angle)
+    x, y, z = u
+    skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+    R = tuple(
+        tuple(u[i] * u[j] + c * (float(i == j) - u[i] * u[j]) + s * skew[i][j] for j in range(3)) for i in range(3)
+    )
+    shift = tuple(centre[i] - sum(R[i][j] * centre[j] for j in range(3)) + along * u[i] for i in range(3))
+    return _affine(R, shift)
+
+
+def _axis_distance(points: Array, centre: Array, direction: Array) -> float:
+    arms = points - centre
+    arms = arms - np.outer(arms @ direction, direction)
+    return math.sqrt((arms * arms).sum(axis=1).max())
+
+
+def _direction(axis: Any, key: str) -> tuple[float, ...]:
+    if isinstance(axis, str):
+        if axis not in AXES:
+            raise InputError("unknown axis", key=key, found=axis, allowed=", ".join(AXES) + " or a vector")
+        return AXES[axis]
+    vector = _point(axis, key)
+    longest = max(map(abs, vector))
+    if longest == 0:
+        raise InputError("a direction must not be zero", key=key, found=axis)
+    if not 1e-100 < longest < 1e100:  # its square would over- or underflow
+        vector = tuple(x / longest for x in vector)
+    length = math.hypot(*vector)
+    if abs(length - 1.0) <= 4 * sys.float_info.epsilon:  # a unit vector read back stays what it was
+        return vector
+    return tuple(x / length for x in vector)
+
+
+def _point(values: Any, key: str) -> tuple[float, ...]:
+    try:
+        point = tuple(float(x) for x in values)
+    except (TypeError, ValueError, OverflowError) as reason:
+        raise InputError("expected three numbers", key=key, found=values) from reason
+    if len(point) != 3 or not all(map(math.isfinite, point)):
+        raise InputError("expected three finite numbers", key=key, found=values)
+    return point
+
+
+def _hashable(axis: Any) -> Any:
+    return axis if isinstance(axis, str) else _point(axis, "axis")
+
+
+def _axis_name(axis: Any) -> str:
+    return axis.upper() if isinstance(axis, str) else ""
+
+
+def _digits(x: float) -> str:
+    return f"{x:.6g}"

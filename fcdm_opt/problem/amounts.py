@@ -1,0 +1,165 @@
+"""Amounts of motion: the weighted one, the largest displacement of a vertex, or an expression of the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.motion.kinematics import Compiled
+
+AMOUNTS = ("weighted", "displacement")
+ALLOWED = (
+    '"weighted", "displacement", or a CasADi expression >= 0 of symbols named like the parameters, or a '
+    "casadi.Function of their vector"
+)
+PROBES, SPREAD = 8, (1e-3, 1.0)  # motions at which an amount is looked at when it is made
+
+
+class OwnAmount:
+    """A motion amount of the user's own: a number >= 0 for each motion.
+
+    Parameters
+    ----------
+    expression : casadi.SX or casadi.Function
+        An expression of scalar symbols that bear the names of motion parameters (lengths and radians), or a function
+        of the vector of all parameters.
+    names : sequence of str
+        The motion's parameters, in order.
+
+    Raises
+    ------
+    InputError
+        Where it is no scalar, not finite at rest, negative, or has other symbols.
+    """
+
+    def __init__(self, expression: Any, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self.function = _built(expression, list(names))
+        self.text: str = self.function.serialize()
+        _check(self, len(names))
+
+    @classmethod
+    def from_text(cls, text: str, names: Sequence[str]) -> OwnAmount:
+        """Return the amount whose `text` this is, bit for bit."""
+        import casadi
+
+        try:
+            function = casadi.Function.deserialize(text)
+        except (RuntimeError, TypeError) as reason:
+            raise InputError(
+                "not the text of a CasADi function", key="amount.casadi", found=_short(reason), allowed=ALLOWED
+            ) from reason
+        amount = cls(function, names)
+        amount.function, amount.text = function, text
+        return amount
+
+    def __call__(self, q: Sequence[float] | Array) -> float:
+        """Return the amount of a motion."""
+        return float(self._value(q)[0][0])
+
+    @cached_property
+    def _value(self) -> Compiled:
+        return Compiled(self.function)
+
+    @cached_property
+    def is_smooth_at_rest(self) -> bool:
+        """Whether the first two derivatives at rest are finite, which those of a norm are not."""
+        return bool(np.isfinite(self._derivatives_at_rest(1)).all())
+
+    @cached_property
+    def weights_at_rest(self) -> Array:
+        """Weights, (k,), with which the weighted amount grows like this one from rest; nan where it does not curve."""
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.diag(self._derivatives_at_rest(1 if self.is_smooth_at_rest else 2)[:, :-1]) / 2.0)
+
+    def _derivatives_at_rest(self, power: int) -> Array:
+        """Return Hessian and, as the last column, gradient of a power of the amount at rest, (k, k + 1)."""
+        import casadi
+
+        q = casadi.SX.sym("q", len(self.names))
+        found = casadi.horzcat(*casadi.hessian(self.function(q) ** power, q))
+        return np.asarray(casadi.Function("derivatives", [q], [found])(np.zeros(len(self.names))).full())
+
+    def __reduce__(self) -> Any:
+        return OwnAmount.from_text, (self.text, self.names)
+
+    def __repr__(self) -> str:
+        import casadi
+
+        q = casadi.vertcat(*map(casadi.SX.sym, self.names))
+        return f"OwnAmount({str(self.function(q))[:200]})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, OwnAmount) and (self.names, self.text) == (other.names, other.text)
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+
+def amount(value: Any, names: Sequence[str]) -> str | OwnAmount:
+    """Return a checked amount: a word, or an `OwnAmount` of an expression or function."""
+    if isinstance(value, str):
+        if value in AMOUNTS:
+            return value
+        raise InputError("unknown amount", key="amount", found=value, allowed=ALLOWED)
+    if isinstance(value, OwnAmount):
+        if value.names != tuple(names):
+            found = f"one of {', '.join(value.names)}"
+            raise InputError("the amount is of another motion's parameters", key="amount", found=found, allowed=ALLOWED)
+        return value
+    return OwnAmount(value, names)
+
+
+def _built(expression: Any, names: list[str]) -> Any:
+    """Return the CasADi function (k,) -> dense scalar."""
+    import casadi
+
+    def refused(what: str, found: Any) -> InputError:
+        return InputError(what, key="amount", found=found, allowed=ALLOWED)
+
+    q = casadi.SX.sym("q", len(names))
+    if isinstance(expression, casadi.Function):
+        inputs, outputs = (
+            [shape(k) for k in range(n)]
+            for shape, n in ((expression.size_in, expression.n_in()), (expression.size_out, expression.n_out()))
+        )
+        if inputs != [(len(names), 1)] or len(outputs) != 1:
+            found = f"inputs of shapes {inputs}, outputs {outputs}"
+            raise refused(f"not a function of the {len(names)} parameters {', '.join(names)}", found)
+        try:
+            value = expression(q)
+        except Exception as reason:
+            raise refused(f"the function takes no SX symbols: {_short(reason)}", str(expression)) from reason
+    elif isinstance(expression, casadi.SX):
+        symbols = casadi.symvar(expression)
+        unknown = [str(x) for x in symbols if str(x) not in names]
+        if unknown:
+            raise refused(f"no such parameter of the motion, which has {', '.join(names)}", ", ".join(unknown))
+        value = casadi.substitute(
+            expression, casadi.vertcat(*symbols), casadi.vertcat(*(q[names.index(str(x))] for x in symbols))
+        )
+    else:
+        raise refused("unknown amount", type(expression).__name__)
+    if tuple(value.shape) != (1, 1):
+        raise refused("not a scalar", f"shape {tuple(value.shape)}")
+    return casadi.Function("amount", [q], [casadi.densify(casadi.SX(value))], ["q"], ["amount"])
+
+
+def _check(own: OwnAmount, count: int) -> None:
+    at_rest = own(np.zeros(count))
+    if not np.isfinite(at_rest):
+        raise InputError("not finite at rest", key="amount", found=at_rest, allowed=ALLOWED)
+    rng = np.random.default_rng(0)
+    probes = rng.uniform(-1.0, 1.0, (PROBES, count)) * np.geomspace(*SPREAD, PROBES)[:, None]
+    least = min(at_rest, *(own(q) for q in probes))
+    if least < 0:
+        raise InputError("negative for some motions", key="amount", found=least, allowed=ALLOWED)
+
+
+def _short(reason: BaseException) -> str:
+    return str(reason).strip().split("\n")[-1][:200]

@@ -1,0 +1,116 @@
+"""Further static bodies that the moved part must keep clear of."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.problem import arguments
+
+
+@dataclass(frozen=True, eq=False)
+class KeepOut:
+    """A static body besides the contact partner, at its scale or over a range of scales, and the least gap to it.
+
+    The gap is asked for where the motion ends.
+
+    Parameters
+    ----------
+    body : Body
+        As drawn, world frame.
+    scale : float or (low, high)
+        Scale about the body's own seed; for a range the gap is kept at every scale in it.
+    clearance : float
+        Least gap, length units, >= 0; with 0 the part may touch the body but not overlap it.
+    name : str, optional
+        Name in messages, tables and choices of a case; default that of the body, which takes it over.
+
+    Raises
+    ------
+    InputError
+        Names the argument, what was found and what is allowed.
+    """
+
+    body: Body = field(repr=False)
+    scale: Any = 1.0
+    _: KW_ONLY
+    clearance: float = 0.0
+    name: Any = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.body, Body):
+            raise InputError(
+                "wrong kind of argument", key="KeepOut.body", found=type(self.body).__name__, allowed="a Body"
+            )
+        name = self.body.name if self.name is None else self.name
+        if not isinstance(name, str) or not name:
+            raise InputError("not a name", key="KeepOut.name", found=self.name, allowed="a text")
+        values = {
+            "name": name,
+            "body": self.body if self.body.name == name else replace(self.body, name=name),
+            "scale": arguments.scale(self.scale, "KeepOut.scale"),
+            "clearance": arguments.length(self.clearance, "KeepOut.clearance"),
+        }
+        for field_name, value in values.items():
+            object.__setattr__(self, field_name, value)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest scale."""
+        low, high = self.scale if isinstance(self.scale, tuple) else (self.scale, self.scale)
+        return low, high
+
+    @cached_property
+    def obstacles(self) -> tuple[tuple[ConvexPart, float], ...]:
+        """Convex parts, each with its scale, that together fill what the body fills at any scale of its range.
+
+        Over a range, a point x of a convex part runs along the straight way from s + low (x - s) to s + high (x - s).
+        With s inside the part, the part at the largest scale has them all. Otherwise they fill the hull of both ends:
+        a point on the way between two points that belong to r and r' belongs to a scale between r and r'.
+        """
+        low, high = self.ends
+        return tuple(
+            (part, high) if low == high or _holds_seed(part) else (_swept(part, low, high), 1.0)
+            for part in self.body.parts
+        )
+
+
+def _holds_seed(part: ConvexPart) -> bool:
+    """Tell whether the seed lies in the part, so that smaller scales lie within larger ones."""
+    corners = part.vertices[[loop[0] for loop in part.loops]]
+    return bool((((corners - part.seed) * part.normals).sum(axis=1) >= 0).all())
+
+
+def _swept(part: ConvexPart, low: float, high: float) -> ConvexPart:
+    """Return the hull of a part at both ends of a range of scales."""
+    arms = part.vertices - part.seed
+    return Body.convex(part.seed + np.vstack([low * arms, high * arms]), seed=part.seed, name="swept").parts[0]
+
+
+def keep_outs(values: Any) -> tuple[KeepOut, ...]:
+    """Return checked keep-outs, plain bodies at scale 1 and without clearance; their names are distinct."""
+    if not isinstance(values, list | tuple):
+        raise InputError(
+            "not a sequence", key="keep_out", found=type(values).__name__, allowed="a tuple of KeepOut or Body"
+        )
+    made: dict[str, KeepOut] = {}
+    for k, value in enumerate(values, 1):
+        if not isinstance(value, Body | KeepOut):
+            raise InputError(
+                "wrong kind of item", key=f"keep_out[{k}]", found=type(value).__name__, allowed="a KeepOut or a Body"
+            )
+        keep_out = KeepOut(value) if isinstance(value, Body) else value
+        if keep_out.name in made:
+            raise InputError(
+                f"the name is that of keep_out[{list(made).index(keep_out.name) + 1}]",
+                key=f"keep_out[{k}].name",
+                found=keep_out.name,
+                allowed="a name that no other keep-out has: KeepOut(body, name=...)",
+            )
+        made[keep_out.name] = keep_out
+    return tuple(made.values())

@@ -1,0 +1,314 @@
+"""What a solve returns: plain data, with everything needed to refute it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.doors import Shown, upper
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.fit import verdict
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.sensitivities import Sensitivity
+
+EFFORTS = ("proved", "quick")
+"""What `solve` may spend."""
+
+LOOSE = 0.1
+"""Relative gap above which an amount is not to be taken for the least."""
+
+
+class Status(Enum):
+    """How a solve ended; the value says what to do."""
+
+    SOLVED = "Solved: apply the motion."
+    ALREADY_SATISFIED = "Nothing to do: the requirement is met without any motion."
+    PAIR_OVERLAPS = (
+        "Solved for the tracked contact point, but the pair made overlaps there: use goal 'touch' or 'clear', or "
+        "add pair = 'clear' or 'touch'."
+    )
+    OUTSIDE_FIT = (
+        "The motion leaves the fit in which the parts are drawn, through the other part or out of it; do not use it: "
+        "choose a smaller tolerance, other sizes, or limits that keep the part in."
+    )
+    INFEASIBLE = "Proved impossible with this motion and these limits: widen the limits or choose another motion."
+    NOT_FOUND = "No motion found, and none proved impossible: widen the limits, choose another motion, or goal 'touch'."
+    LEFT_COHERENT_RANGE = (
+        "Motions that reach the requirement were found only beyond the coherent range: choose another motion, a "
+        "smaller tolerance, or path = 'free'."
+    )
+    NOT_IN_STEPS = (
+        "A motion was found, but none near it in whole steps of the resolution meets the requirement: choose finer "
+        "steps, or a goal that leaves room, 'beyond' or 'clear'."
+    )
+    NOT_VERIFIED = "A motion was found but the judge rejected it: see the certificate's failed checks; do not use it."
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a motion."""
+        return self in (
+            Status.SOLVED,
+            Status.ALREADY_SATISFIED,
+            Status.PAIR_OVERLAPS,
+            Status.OUTSIDE_FIT,
+            Status.NOT_VERIFIED,
+        )
+
+
+UNLIMITED = {
+    Status.INFEASIBLE: "Proved impossible with this motion: choose another motion, a smaller tolerance or other sizes.",
+    Status.NOT_FOUND: "No motion found, and none proved impossible: choose another motion, or goal 'touch'.",
+}
+"""What to do where no limits are set, which could be widened."""
+
+
+def kept_clear(name: str) -> str:
+    """Return the name of the check that a keep-out is kept clear of."""
+    return f"keep-out {name!r}: clearance"
+
+
+class Check(NamedTuple):
+    """One check of a certificate: `value` was compared with `limit`."""
+
+    name: str
+    passed: bool
+    value: float
+    limit: float
+    note: str
+
+
+@dataclass(frozen=True)
+class Certificate(Shown):
+    """Outcome of the judge: a list of checks, all of which must pass; an empty list does not."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether there are checks and every one passed."""
+        return bool(self.checks) and all(check.passed for check in self.checks)
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that did not pass."""
+        return tuple(check for check in self.checks if not check.passed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solution(Shown):
+    """Answer to a `Problem`.
+
+    Attributes
+    ----------
+    problem : Problem
+    status : Status
+        Its value is advice; `advice` has it for this solution.
+    parameters : dict
+        Motion parameters by name (length units, radians); empty where no motion was found.
+    transform : (4, 4) array or None
+        Pose change of body 1, world frame.
+    amount : float
+        Motion amount, length units (nan where no motion was found).
+    lower_bound : float
+        No motion smaller than this can do; 0 where nothing is proved.
+    rho : (2,) array or None
+        The tracked contact point after the motion; for "touch" and "clear" the target pair.
+    features : tuple of Feature
+        The tracked contact features.
+    pair : (2,) array
+        The target pair: the scales of the parts made.
+    pair_gap : float
+        Signed gap of the target pair after the motion (at rest where none was found), length units: > 0 apart, < 0
+        overlapping.
+    pair_state : str
+        "apart", "touching" or "overlapping".
+    active : tuple of str
+        What stops the motion from being smaller.
+    modelled : dict
+        What is in the program that the motion solves, by the same names for every stage: "variables", "constraints"
+        (limits of variables not among them), and "part_pairs", "features", "keep_outs" with "_kept" and, for how many
+        there are, "_total". Features are the pairs of elements that its rows are made of. Nothing is kept where
+        nothing is to do, and without a motion.
+    stage : str
+        Which stage of the solver settled it, and why.
+    evidence : Evidence or None
+        What `certify` proved, to be checked apart.
+    certificate : Certificate or None
+    seconds : dict
+        Wall time of "build" (compiling templates), "solve", "prove" (and confirming, where only that is asked) and
+        "verify".
+    """
+
+    problem: Problem
+    status: Status
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    transform: Array | None = None
+    amount: float = float("nan")
+    lower_bound: float = 0.0
+    rho: Array | None = None
+    features: tuple[Feature, ...] = ()
+    pair: Array
+    pair_gap: float = float("nan")
+    pair_state: str = "unknown"
+    active: tuple[str, ...] = ()
+    modelled: Mapping[str, int] = field(default_factory=dict)
+    stage: str = ""
+    evidence: Evidence | None = None
+    certificate: Certificate | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def verified(self) -> bool:
+        """Whether a motion was found and the judge passed it, though it may leave the fit."""
+        return self.status.found and self.certificate is not None and self.certificate.passed
+
+    @property
+    def usable(self) -> bool:
+        """Whether a motion was found that stays in the fit, and the judge passed it."""
+        return self.verified and self.status is not Status.OUTSIDE_FIT
+
+    @cached_property
+    def advice(self) -> str:
+        """What to do, in words: the status's advice, and which widths do not go together where there is no answer."""
+        told = self.status.value
+        if not np.isfinite(self.problem.limits).any():
+            told = UNLIMITED.get(self.status, told)
+        if self.usable or self.status is Status.NOT_VERIFIED:
+            return told
+        words = verdict(self.problem)
+        return f"{words[:1].upper()}{words[1:]}. {told}" if words else told
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity:
+        """Derivatives of the amount by the data, see `Sensitivity`; worked out when first asked for, then kept."""
+        found: Sensitivity = upper("along.sensitivity:sensitivity")(self)
+        return found
+
+    @property
+    def gap(self) -> float:
+        """Relative gap between the amount and its lower bound; nan where there is no motion."""
+        return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
+
+    @property
+    def doubt(self) -> str:
+        """What is to be said beside the amount where its bound is far below it: by how much it may be too large."""
+        if not self.status.found or not self.amount > 0.0 or self.gap <= LOOSE:
+            return ""
+        return "not proved least" if self.lower_bound <= 0.0 else f"up to {100.0 * self.gap:.0f} % less not excluded"
+
+    @property
+    def keep_out_gaps(self) -> dict[str, float]:
+        """Signed distance of the part made from each keep-out after the motion, as judged; length units, by name."""
+        checks = self.certificate.checks if self.certificate else ()
+        found = {check.name: check.value for check in checks}
+        names = [keep_out.name for keep_out in self.problem.keep_out]
+        return {name: found[kept_clear(name)] for name in names if kept_clear(name) in found}
+
+    def with_certificate(self, certificate: Certificate, seconds: Mapping[str, float]) -> Solution:
+        """Return the solution with the judge's verdict, the status it implies, and the times."""
+        status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
+        return replace(self, certificate=certificate, status=status, seconds=seconds)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data (lists, numbers, strings) from which `from_dict` rebuilds the solution.
+
+        As JSON has no such numbers, nan becomes None and infinity "inf".
+        """
+        return {
+            "problem": self.problem.to_dict(),
+            "status": self.status.name,
+            "advice": self.advice,
+            "usable": self.usable,
+            "parameters": dict(self.parameters),
+            "motion": self.problem.motion.describe(list(self.parameters.values()), unit=self.problem.unit)
+            if self.parameters
+            else None,
+            "transform": None if self.transform is None else self.transform.tolist(),
+            "amount": _plain(self.amount),
+            "lower_bound": _plain(self.lower_bound),
+            "rho": None if self.rho is None else self.rho.tolist(),
+            "features": [feature.label for feature in self.features],
+            "pair": self.pair.tolist(),
+            "pair_gap": _plain(self.pair_gap),
+            "pair_state": self.pair_state,
+            "keep_out_gaps": {name: _plain(gap) for name, gap in self.keep_out_gaps.items()},
+            "snapped": None if self.problem.snapped is None else self.problem.snapped.to_dict(),
+            "active": list(self.active),
+            "modelled": dict(self.modelled),
+            "stage": self.stage,
+            "gap": _plain(self.gap),
+            "doubt": self.doubt,
+            "evidence": None if self.evidence is None else self.evidence.to_dict(),
+            "sensitivity": self.sensitivity.to_dict() if "sensitivity" in self.__dict__ else None,
+            "certificate": None
+            if self.certificate is None
+            else {
+                "passed": self.certificate.passed,
+                "checks": [
+                    {**check._asdict(), "value": _plain(check.value), "limit": _plain(check.limit)}
+                    for check in self.certificate.checks
+                ],
+            },
+            "seconds": dict(self.seconds),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Solution:
+        """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
+        try:
+            certificate = data["certificate"]
+            solution = cls(
+                problem=Problem.from_dict(data["problem"]),
+                status=Status[data["status"]],
+                parameters={str(name): float(value) for name, value in data["parameters"].items()},
+                transform=None if data["transform"] is None else _array(data["transform"], "transform", (4, 4)),
+                amount=_number(data["amount"]),
+                lower_bound=_number(data["lower_bound"]),
+                rho=None if data["rho"] is None else _array(data["rho"], "rho", (2,)),
+                features=tuple(Feature.from_label(label) for label in data["features"]),
+                pair=_array(data["pair"], "pair", (2,)),
+                pair_gap=_number(data["pair_gap"]),
+                pair_state=data["pair_state"],
+                active=tuple(data["active"]),
+                modelled={str(name): int(value) for name, value in data["modelled"].items()},
+                stage=data["stage"],
+                evidence=None if data["evidence"] is None else Evidence.from_dict(data["evidence"]),
+                certificate=None
+                if certificate is None
+                else Certificate(
+                    tuple(
+                        Check(**{**check, "value": _number(check["value"]), "limit": _number(check["limit"])})
+                        for check in certificate["checks"]
+                    )
+                ),
+                seconds={str(name): float(value) for name, value in data["seconds"].items()},
+            )
+            if data["sensitivity"] is not None:
+                solution.__dict__["sensitivity"] = Sensitivity.from_dict(data["sensitivity"])
+            return solution
+        except (KeyError, TypeError, ValueError, AttributeError) as reason:
+            raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
+
+
+def _plain(x: float) -> float | str | None:
+    """Return a number as JSON has it: None for nan, "inf" or "-inf" in words."""
+    return None if np.isnan(x) else float(x) if np.isfinite(x) else str(float(x))
+
+
+def _array(values: Any, key: str, shape: tuple[int, ...]) -> Array:
+    array = frozen(values)
+    if array.shape != shape:
+        raise InputError("wrong shape", key=f"Solution.{key}", found=array.shape, allowed=str(shape))
+    return array
+
+
+def _number(x: float | str | None) -> float:
+    return float("nan") if x is None else float(x)

@@ -1,0 +1,293 @@
+"""Branch and bound: how small a motion can be at all, and what shows it.
+
+Motions are looked at in weighted coordinates y = weights * q, direction by direction: y = s v, v on a face of the cube
+[-1, 1]^k, s > 0. A *column* is a box of directions; its *front* is how far out, from rest, every motion in it is known
+not to do. Columns advance by *cells*, stretches of s for which one reason excludes all motions (see `Reason`), are
+split where no stretch can be excluded, and are closed for good where the tracked contact is lost, as every motion
+further out passes there. The least front is the bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
+from fcdm_opt.proof.exclusion import Cells, Scene
+from fcdm_opt.tolerances import DEFAULT
+
+Bools = NDArray[np.bool_]
+
+REACHES = (4.0, 1.0, 0.25, 0.0625)  # stretches tried at once, in the stride that a column goes by
+BATCH = 256  # columns advanced at once, at most
+FARTHEST = 10.0  # sizes: see `farthest`
+ACROSS = 2.0  # a column this much wider than its last stretch is split
+FIRST = {1: 1, 2: 4, 3: 2}  # parts of each range of directions to begin with; 1 for more parameters
+STALLED = 1e-8  # stretch, relative to the front: shorter ones are not tried
+TURNS, ENDS = 3, 8  # runs, while a search from the least columns at the end of one finds better motions; so many
+SLOW, CALLS = 1e-3, 12  # stretch at which a column that holds the bound back is searched, and searches at most
+
+
+@dataclass(eq=False)
+class Columns:
+    """Boxes of directions with their fronts."""
+
+    faces: Ints
+    low: Array
+    high: Array
+    front: Array
+    stride: Array
+    closed: Bools
+    stalled: Bools
+
+    @classmethod
+    def all(cls, count: int, stride: float) -> Columns:
+        """Return columns that hold every direction in `count` parameters."""
+        parts = FIRST.get(count, 1)
+        ends = np.linspace(-1.0, 1.0, parts + 1)
+        boxes = list(product(range(2 * count), *(range(parts) for _ in range(count - 1))))
+        faces = np.array([box[0] for box in boxes])
+        places = np.array([box[1:] for box in boxes], dtype=np.int64).reshape(len(boxes), count - 1)
+        n = len(boxes)
+        return cls(
+            faces, ends[places], ends[places + 1], np.zeros(n), np.full(n, stride), *np.zeros((2, n), dtype=bool)
+        )
+
+    def split(self, rows: Ints, place: Ints) -> None:
+        """Halve columns across a direction each."""
+        middle = (self.low[rows, place] + self.high[rows, place]) / 2.0
+        for name in ("faces", "low", "high", "front", "stride", "closed", "stalled"):
+            own = getattr(self, name)
+            setattr(self, name, np.concatenate([own, own[rows]]))
+        new = np.arange(len(self.faces) - len(rows), len(self.faces))
+        self.high[rows, place] = middle
+        self.low[new, place] = middle
+
+    def cells(self, rows: Ints, ends: Array) -> Cells:
+        """Return the cells from the fronts of some columns on."""
+        return Cells(self.faces[rows], self.low[rows], self.high[rows], np.column_stack([self.front[rows], ends]))
+
+    @property
+    def bounds(self) -> Array:
+        """Amount that no motion of each column stays below; infinite where it is closed."""
+        least = np.maximum(np.maximum(self.low, -self.high), 0.0)
+        lengths = np.sqrt(1.0 + (least * least).sum(axis=1))
+        return np.where(self.closed, np.inf, self.front * lengths)
+
+
+@dataclass(eq=False)
+class Record:
+    """The excluded cells, collected on the way."""
+
+    cells: list[tuple[Ints, Array, Array, Ints]] = field(default_factory=list)
+    witnesses: list[Array] = field(default_factory=list)
+    counts: list[Ints] = field(default_factory=list)
+    open: list[float] = field(default_factory=list)  # amounts of cells that were passed, not excluded
+
+    def add(self, cells: Cells, rows: Ints, codes: Ints, witness: Array) -> None:
+        """Keep some of the cells, with as many witness rows as their reason has."""
+        boxes = np.stack([cells.low[rows], cells.high[rows]], axis=1)
+        self.cells.append((cells.faces[rows], boxes, cells.stretch[rows], codes[rows]))
+        used = np.where(codes[rows] == Reason.APART, witness.shape[1], 1)
+        kept = np.arange(witness.shape[1]) < used[:, None]
+        self.witnesses.append(witness[rows][kept])
+        self.counts.append(used)
+
+    def evidence(self, columns: Columns, domain: Array) -> Evidence:
+        """Return what was collected, and what it leaves."""
+        k = columns.low.shape[1]
+        self.cells.append((np.empty(0, np.int64), np.empty((0, 2, k)), np.empty((0, 2)), np.empty(0, np.int64)))
+        faces, boxes, stretches, reasons = (np.concatenate(own) for own in zip(*self.cells, strict=True))
+        return Evidence(
+            limits=domain,
+            faces=faces,
+            boxes=boxes,
+            stretches=stretches,
+            reasons=reasons,
+            first=np.concatenate([[0], np.cumsum(np.concatenate([*self.counts, []]))]).astype(np.int64),
+            witnesses=np.concatenate([*self.witnesses, np.empty((0, WITNESS))]),
+            column_faces=columns.faces,
+            column_boxes=np.stack([columns.low, columns.high], axis=1),
+            fronts=np.where(columns.closed, np.inf, columns.front),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """What branch and bound found.
+
+    Attributes
+    ----------
+    lower_bound : float
+        No motion with a smaller amount does; infinite where none does at all.
+    q : (k,) array or None
+        A motion better than that known before, if one came up.
+    cells : int
+        Cells tested.
+    evidence : Evidence
+    """
+
+    lower_bound: float
+    q: Array | None
+    cells: int
+    evidence: Evidence
+
+
+def farthest(task: Task) -> float:
+    """Return the amount up to which motions are looked at where none is known to do, whatever their weights."""
+    usual = task.motion.weights(task.size / 2.0)
+    return FARTHEST * task.size * max(1.0, float((task.weights / usual).max()))
+
+
+def prove(
+    task: Task,
+    upper: float,
+    *,
+    aims: Sequence[tuple[float, int]],
+    until: float = np.inf,
+    search: Callable[[Array], Array | None] | None = None,
+    checked: bool = True,
+) -> Proof:
+    """Bound the amount of every motion that does what a task asks.
+
+    Parameters
+    ----------
+    task : Task
+    upper : float
+        Amount of a motion that is known to do; infinite if none is.
+    aims : sequence of (gap, most)
+        Relative gaps between the bound and `upper` that are enough, the finest first, each while no more than so many
+        cells have been tested.
+    until : float
+        `perf_counter` at which to stop besides.
+    search : callable, optional
+        Takes a motion q near which nothing can be excluded, and returns one there that does, if it finds one.
+    checked : bool
+        Whether the evidence is to be what its checker knows; else clearances are proved by swollen parts.
+    """
+    search_ = _Search(task, upper, search)
+    scene, record = Scene(task, upper, swollen=not checked), Record()
+    columns, total = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0), 0
+    for _ in range(TURNS):
+        looked = 0
+        for gap, most in aims:
+            while looked < most and perf_counter() < until:
+                enough = search_.enough(gap)
+                bounds = np.where(columns.stalled, np.inf, columns.bounds)
+                waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
+                if not len(waiting):
+                    break
+                rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
+                looked += _advance(scene, columns, record, rows, enough)
+                search_.beside(columns)
+        total += looked
+        if columns.bounds.min() >= search_.enough(aims[-1][0]) or perf_counter() > until or not search_.ahead(columns):
+            break
+    if not np.isfinite(search_.upper):
+        _close_beyond(scene, columns, record)
+    bound = min(float(columns.bounds.min()), *([] if task.weighted else [search_.enough(gap), *record.open]), np.inf)
+    return Proof(bound, search_.q, total, record.evidence(columns, scene.domain))
+
+
+@dataclass(eq=False)
+class _Search:
+    """The best motion known, and searches for a better one where the bound is held back."""
+
+    task: Task
+    upper: float
+    search: Callable[[Array], Array | None] | None
+    q: Array | None = None
+    calls: int = 0
+    tried: float = np.inf
+
+    def enough(self, gap: float) -> float:
+        """Return the bound that will do."""
+        return (1.0 - gap) * self.upper if np.isfinite(self.upper) else farthest(self.task)
+
+    def beside(self, columns: Columns) -> None:
+        """Search from where the least column stands, if it hardly moves any more."""
+        if self.search is None or self.calls >= CALLS:
+            return
+        bounds = columns.bounds
+        row = int(bounds.argmin())
+        slow = columns.stride[row] < SLOW * columns.front[row]
+        if not slow or not bounds[row] < self.upper or columns.stride[row] > 0.1 * self.tried:
+            return
+        self.calls, self.tried = self.calls + 1, columns.stride[row]
+        if self._better(columns, row):
+            self.tried = np.inf
+
+    def ahead(self, columns: Columns) -> bool:
+        """Search from where the least columns of all stand; tell whether that found something better."""
+        bounds = columns.bounds
+        rows = np.argsort(bounds, kind="stable")[:ENDS]
+        found = [self._better(columns, int(row)) for row in rows if bounds[row] < self.upper]
+        return any(found)
+
+    def _better(self, columns: Columns, row: int) -> bool:
+        """Search from where a column stands; keep what is better than the best motion known, and tell whether it is."""
+        at = np.array([row])
+        q = columns.cells(at, columns.front[at] + columns.stride[at]).centres()[0] / self.task.weights
+        found = None if self.search is None else self.search(q)
+        if found is None or not self.task.amount(found) < self.upper:
+            return False
+        self.q, self.upper = found, self.task.amount(found)
+        return True
+
+
+def _close_beyond(scene: Scene, columns: Columns, record: Record) -> None:
+    """Close the columns whose fronts have passed the limits: the stretch beyond may be one for which nothing does."""
+    rows = np.flatnonzero(~columns.closed & (columns.front > 0.0))
+    if not len(rows):
+        return
+    cells = columns.cells(rows, 2.0 * columns.front[rows])
+    codes, witness = scene.reasons(cells)
+    closing = np.flatnonzero(scene.closes[codes])
+    record.add(cells, closing, codes, witness)
+    columns.closed[rows[closing]] = True
+
+
+def _advance(scene: Scene, columns: Columns, record: Record, rows: Ints, enough: float) -> int:
+    """Move the fronts of some columns outwards, or split them, or try shorter stretches next; count the cells."""
+    tries, front = len(REACHES), columns.front[rows]
+    last = np.full(len(rows), np.inf)
+    if scene.task.weighted:
+        last = np.maximum(enough / columns.cells(rows, front).nearest * (1.0 + DEFAULT.line), front)
+    strides = np.minimum(columns.stride[rows], last - front)
+    ends = np.minimum(front[:, None] + strides[:, None] * np.array(REACHES), last[:, None])
+    cells = columns.cells(np.repeat(rows, tries), ends.ravel())
+    codes, witness = scene.reasons(cells, enough)
+    closing = scene.closes[codes].reshape(len(rows), tries)
+    excluded = (codes != Reason.OPEN).reshape(len(rows), tries)
+    closed, some = closing.any(axis=1), excluded.any(axis=1)
+    # a shorter stretch may close a column that a longer one only moves on
+    best = np.where(closed, closing.argmax(axis=1), excluded.argmax(axis=1))
+    kept = np.flatnonzero(some)
+    record.add(cells, kept * tries + best[kept], codes, witness)
+    reached = np.where(some, ends[np.arange(len(rows)), best], front)
+    step = np.where(some, reached - front, strides * REACHES[-1] / 2.0)
+    stalled = ~closed & (step < STALLED * np.maximum(front, STALLED * enough))
+    if scene.task.weighted:
+        columns.stalled[rows[stalled]] = True
+    elif stalled.any():  # the amount may be less further out: such a cell is left open, and passed
+        passed = columns.cells(rows[stalled], front[stalled] + strides[stalled])
+        record.open += scene.amounts(passed, scene.poses(passed)).tolist()
+        reached[stalled] += strides[stalled]
+        step[stalled] = strides[stalled]
+    columns.closed[rows[closed]] = True
+    columns.front[rows], columns.stride[rows] = reached, 2.0 * step
+    widths = columns.high[rows] - columns.low[rows]
+    if widths.shape[1]:
+        widest = widths.argmax(axis=1)
+        across = (reached + step) * widths[np.arange(len(rows)), widest]
+        wide = ~closed & ~stalled & (across > ACROSS * step)
+        columns.stride[rows[wide]] = np.maximum(columns.stride[rows[wide]], across[wide] / 2.0)
+        columns.split(rows[wide], widest[wide])
+    return len(codes)

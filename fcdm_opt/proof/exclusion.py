@@ -1,0 +1,427 @@
+"""Why no motion of a cell will do: a task in the terms of the compiled tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcdm_opt.curve.tight import edge_and_corner
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.model.equations import FeaturePoints
+from fcdm_opt.model.task import Task
+from fcdm_opt.motion.kinematics import interpreted
+from fcdm_opt.motion.motions import Rotation, Screw, Translation
+from fcdm_opt.problem.amounts import OwnAmount
+from fcdm_opt.problem.evidence import WITNESS, Reason
+from fcdm_opt.proof import cells as tests
+from fcdm_opt.proof.enclosure import Enclosure
+from fcdm_opt.tolerances import DEFAULT
+
+BETWEEN = (0.25, 0.5, 0.75)  # of two faces, the directions in which their edge is moved out
+LEAST_SCALE = 1e-3  # of the target pair: tracked scales below are taken as these
+
+
+class Cells:
+    """Boxes of motions: n stretches of s, (n, 2), each over a box of directions on a face of the cube."""
+
+    def __init__(self, faces: Ints, low: Array, high: Array, stretch: Array) -> None:
+        self.faces, self.low, self.high, self.stretch = faces, low, high, stretch
+
+    def coordinates(self) -> list[Enclosure]:
+        """Return the weighted coordinates y of all cells as enclosures, the same objects at every call."""
+        return self._coordinates
+
+    @cached_property
+    def _coordinates(self) -> list[Enclosure]:
+        count = self.low.shape[1] + 1
+        middle, half = self.stretch.mean(axis=1), (self.stretch[:, 1] - self.stretch[:, 0]) / 2.0
+        s = Enclosure.variable(middle, half, 0, count)
+        centres, halves = (self.low + self.high) / 2.0, (self.high - self.low) / 2.0
+        own = s.data * (1.0 - 2.0 * (self.faces & 1))[:, None]
+        own[:, -1] = s.data[:, -1]
+        products = [s * Enclosure.variable(centres[:, j], halves[:, j], 1 + j, count) for j in range(count - 1)]
+        axes = (self.faces >> 1)[:, None]
+        made: list[Enclosure] = []
+        for axis in range(count):
+            before, after = (products[j].data if 0 <= j < count - 1 else own for j in (axis - 1, axis))
+            made.append(Enclosure(np.where(axes == axis, own, np.where(axes < axis, before, after))))
+        return made
+
+    @property
+    def nearest(self) -> Array:
+        """Return the least length of v in each cell's box of directions."""
+        least = np.maximum(np.maximum(self.low, -self.high), 0.0)
+        return np.sqrt(1.0 + (least * least).sum(axis=1))
+
+    def centres(self) -> Array:
+        """Return the weighted coordinates of each cell's middle, (n, k)."""
+        count = self.low.shape[1] + 1
+        axes, rows = self.faces >> 1, np.arange(len(self.faces))
+        others = np.arange(count - 1) + (np.arange(count - 1) >= axes[:, None])
+        v = np.empty((len(rows), count))
+        v[rows, axes] = 1.0 - 2.0 * (self.faces & 1)
+        v[rows[:, None], others] = (self.low + self.high) / 2.0
+        return np.asarray(self.stretch.mean(axis=1)[:, None] * v)
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex polyhedron as the tests take it: vertices about an origin, face normals and levels, edges."""
+
+    vertices: Array
+    normals: Array
+    levels: Array
+    edges: Ints
+
+    @classmethod
+    def of(cls, part: ConvexPart, vertices: Array) -> Solid:
+        """Return a part whose vertices have been scaled and shifted."""
+        levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
+        return cls(np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges))
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Ints]:
+        """What a compiled test takes."""
+        return self.vertices, self.normals, self.levels, self.edges
+
+
+def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
+    """Return a polytope within what is nearer to a part than a length: its faces, edges and corners moved out by that.
+
+    Parameters
+    ----------
+    part : ConvexPart
+    placed : (n, 3) array
+        Its vertices, where they are.
+    by : float
+    """
+    middles = np.zeros_like(placed)
+    for loop, normal in zip(part.loops, part.normals, strict=True):
+        middles[list(loop)] += normal
+    middles /= np.linalg.norm(middles, axis=1)[:, None]
+    faces = [placed[list(loop)] + by * n for loop, n in zip(part.loops, part.normals, strict=True)]
+    ends, sides = part.edges[:, :2], part.normals[part.edges[:, 2:]]
+    turns = [share * sides[:, 0] + (1.0 - share) * sides[:, 1] for share in BETWEEN]
+    edges = [placed[ends[:, k]] + by * n / np.linalg.norm(n, axis=1)[:, None] for n in turns for k in (0, 1)]
+    points = np.vstack([*faces, placed + by * middles, *edges])
+    return Body.convex(points, seed=np.zeros(3), name="swollen").parts[0]
+
+
+class Scene:
+    """A task in the terms of the tests: everything about the seeds, body 1 moving.
+
+    With `swollen`, opponents that ask for a clearance are larger by as much, and nothing may overlap them: no witness
+    that the checker of evidence knows, but parts that slide along each other need no small cells then.
+    """
+
+    def __init__(self, task: Task, upper: float = np.inf, *, swollen: bool = False) -> None:
+        self.task, self.upper, self.swollen = task, upper, swollen
+        self.motion = task.motion.seen_from(task.movable.seed)
+        self.offset = task.static.seed - task.movable.seed
+        self.margin = DEFAULT.line * task.size
+
+    @cached_property
+    def features(self) -> Array:
+        """The tracked features and those besides, a row each."""
+        return np.array([self._feature(line) for line in (*self.task.tracked, *self.task.besides)])
+
+    def _feature(self, line: FeaturePoints) -> Array:
+        task, row = self.task, np.zeros(tests.FEATURE)
+        p, q, r, s = line.points.T
+        kind = line.kind
+        one, two = task.movable.seed, task.static.seed
+        row[tests.KIND], row[tests.SIGN] = kind, line.sign
+        if kind == tests.E1E2:
+            row[tests.FIRST : tests.SECOND] = (q - p) / np.linalg.norm(q - p)
+            row[tests.SECOND : tests.ONE] = (s - r) / np.linalg.norm(s - r)
+        else:
+            n = np.cross(q - p, r - p) if kind == tests.F1V2 else np.cross(r - q, s - q)
+            row[tests.FIRST : tests.SECOND] = line.sign * n / np.linalg.norm(n)
+        row[tests.ONE : tests.TWO], row[tests.TWO : tests.PARTS] = p - one, s - two
+        row[tests.PARTS :] = line.parts
+        return row
+
+    @cached_property
+    def lines(self) -> Array:
+        """Features whose contact lines meet where those of the tracked ones do.
+
+        Where a vertex of one part touches an edge of the other, the planes of both faces beside that edge will do. They
+        do not turn into one another, as a face and an edge pair do in passing when the contact turns flush.
+        """
+        task = self.task
+        if len(task.tracked) != 2 or task.tracked[0].parts != task.tracked[1].parts:
+            return self.features
+        (one, two), parts = task.tracked, task.tracked[0].parts
+        met = edge_and_corner(one.site, two.site, task.movable.parts[parts[0]], task.static.parts[parts[1]])
+        if met is None:
+            return self.features
+        own, edge, corner = met
+        return np.array([self._plane(parts, own, edge, side, corner) for side in (2, 3)])
+
+    def _plane(self, parts: tuple[int, int], own: int, edge: int, side: int, corner: int) -> Array:
+        """Return as a feature the plane of a face beside an edge, with a corner of the other part."""
+        bodies = (self.task.movable, self.task.static)
+        part, other = bodies[own].parts[parts[own]], bodies[1 - own].parts[parts[1 - own]]
+        row = np.zeros(tests.FEATURE)
+        row[tests.KIND], row[tests.SIGN] = (tests.F1V2, tests.V1F2)[own], 1.0
+        row[tests.FIRST : tests.SECOND] = (1.0, -1.0)[own] * part.normals[part.edges[edge, side]]
+        points = part.vertices[part.edges[edge, 0]] - part.seed, other.vertices[corner] - other.seed
+        row[tests.ONE : tests.TWO], row[tests.TWO : tests.PARTS] = points if own == 0 else points[::-1]
+        row[tests.PARTS :] = parts
+        return row
+
+    @cached_property
+    def movable(self) -> list[Solid]:
+        """The movable parts at the scale made."""
+        task = self.task
+        return [Solid.of(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
+
+    @cached_property
+    def opponents(self) -> list[Solid]:
+        """The opponents as placed, about s_2."""
+        made = []
+        for own in self.task.opponents:
+            part = own.part
+            placed = part.seed - self.task.static.seed + own.scale * (part.vertices - part.seed)
+            if self.swollen and own.need > 0.0:
+                part = _swollen(part, placed, own.need)
+                placed = part.vertices
+            made.append(Solid.of(part, placed))
+        return made
+
+    @cached_property
+    def drawn(self) -> tuple[Array, Array, Array, Array]:
+        """Vertices of both bodies about their seeds, and where each part's begin."""
+        found = []
+        for body in (self.task.movable, self.task.static):
+            found.append(np.concatenate([part.vertices - body.seed for part in body.parts]))
+            found.append(np.cumsum([0, *(len(part.vertices) for part in body.parts)]))
+        one, starts1, two, starts2 = found
+        return one, starts1, two, starts2
+
+    def poses(self, cells: Cells) -> Array:
+        """Return the enclosures of the relative pose over each cell, (n, 12, k + 2)."""
+        q: list[Any] = [y * (1.0 / w) for y, w in zip(cells.coordinates(), self.task.weights.tolist(), strict=True)]
+        with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and passes no test
+            matrix = self.motion.composed(q, (0.0, 0.0, 0.0), tuple(self.offset.tolist()))
+        entries = [matrix[i][j] for i in range(3) for j in range(3)]
+        entries += [self.offset[i] - matrix[i][3] for i in range(3)]
+        T = np.zeros((len(cells.faces), 12, len(q) + 2))
+        for place, entry in enumerate(entries):
+            if isinstance(entry, Enclosure):
+                T[:, place] = entry.data
+            else:
+                T[:, place, 0] = entry
+        return T
+
+    @cached_property
+    def closing(self) -> list[int]:
+        """Reasons that exclude all motions further out in the same direction."""
+        own: list[int] = [Reason.LOOSE, Reason.LEFT] if self.task.coherent else []
+        return [*own, Reason.OUTSIDE] if self.task.allows(self.task.rest) else own
+
+    @cached_property
+    def closes(self) -> NDArray[np.bool_]:
+        """Whether each reason, by its number, is of `closing`."""
+        return np.isin(np.arange(len(Reason)), self.closing)
+
+    @cached_property
+    def domain(self) -> Array:
+        """Limits of the parameters, (k, 2), and where further motions repeat others or lead out of reach.
+
+        For goals that ask for poses alone: a turn beyond half a revolution repeats a smaller one, where the limits have
+        that one, and the amount is no larger. Where the seed only
+        shifts, by t, the target pair is apart once |t| exceeds the way between the seeds and both reaches.
+        Nor is anything wanted that displaces a vertex by more than `upper`, where the amount is the displacement.
+        """
+        task = self.task
+        limits = np.array(task.limits)
+        if task.amount_kind == "displacement" and np.isfinite(self.upper):
+            reach = self._displaced()
+            limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
+        if task.tracked:
+            return limits
+        steps = [step for step in task.motion.steps for _ in step.own_parameters]
+        for k, step in enumerate(steps):
+            if step.closed and not isinstance(task.amount_kind, OwnAmount):
+                low, high = limits[k]
+                limits[k] = max(low, min(-np.pi, high - 2.0 * np.pi)), min(high, max(np.pi, low + 2.0 * np.pi))
+        seeded = all(isinstance(step, Translation) or getattr(step, "centre", "") == "seed" for step in steps)
+        shifts = np.array([step.direction for step in steps if isinstance(step, Translation)])
+        if seeded and task.must_touch and len(shifts):
+            least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
+            away = sum(max(np.linalg.norm(solid.vertices, axis=1).max() for solid in own) for own in self._partners)
+            if least > DEFAULT.nominal:
+                reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
+                for k, step in enumerate(steps):
+                    if isinstance(step, Translation):
+                        limits[k] = max(limits[k, 0], -reach), min(limits[k, 1], reach)
+        return limits
+
+    def _displaced(self) -> Array:
+        """Return how far each parameter may be from zero for no vertex to be displaced by more than `upper`, (k,).
+
+        A turn by q about a line displaces the one end of a vector against the other by 2 |sin(q / 2)| times what of it
+        is across the line, which is twice `upper` at most; turns beyond half a revolution repeat smaller ones where
+        that is all that is asked. What a step shifts is displacement besides, of the vertex nearest to the line.
+        """
+        task, upper = self.task, self.upper
+        steps, count = task.motion.steps, len(task.weights)
+        points, far = task.made_vertices, np.full(count, np.inf)
+        shifts = [step.direction for step in steps if isinstance(step, Translation)]
+        if len(shifts) == len(steps):
+            least = float(np.linalg.svd(np.array(shifts), compute_uv=False)[-1])
+            return np.full(count, upper / least) if count <= 3 and least > DEFAULT.nominal else far
+        if len(steps) == 1 and isinstance(steps[0], Screw) and not isinstance(steps[0].pitch, str):
+            return np.array([upper / abs(steps[0].pitch) if 0.0 < abs(steps[0].pitch) < np.inf else np.inf])
+        line = self._turned_about()
+        if line is None:
+            return far
+        centre, axis = line
+        across = (points - centre) - np.outer((points - centre) @ axis, axis)
+        sine = min(upper / max(np.linalg.norm(across[:, None] - across, axis=2).max(), upper), 1.0)
+        kinds = [kind for _, kind in task.motion.parameters]
+        angle = 2.0 * np.arcsin(sine) if sine < 1.0 else np.pi
+        low, high = task.limits[kinds.index("rotation")]
+        all_turns = not np.isfinite([low, high]).any() or max(-low, high) <= 2.0 * np.pi - angle
+        if (task.coherent and count > 1) or not all_turns:
+            angle = np.inf
+        shift = upper + 2.0 * sine * np.linalg.norm(across, axis=1).min()
+        return np.array([angle if kind == "rotation" else shift for kind in kinds])
+
+    def _turned_about(self) -> tuple[Array, Array] | None:
+        """Return a point and the direction of the line about which a motion of one turn and one shift turns."""
+        steps, (one, two) = self.task.motion.steps, (self.task.movable.seed, self.task.static.seed)
+        if len(steps) == 1 and isinstance(steps[0], Screw):
+            point, axis = (one, two - one) if isinstance(steps[0].axis, str) else np.array(steps[0].axis)
+            return point, axis / np.linalg.norm(axis)
+        turns = [step for step in steps if isinstance(step, Rotation)]
+        if len(turns) != 1 or len(steps) > 2 or not all(isinstance(step, Rotation | Translation) for step in steps):
+            return None
+        centre = {"seed": one, "origin": np.zeros(3)}.get(turns[0].centre) if isinstance(turns[0].centre, str) else None
+        return np.array(turns[0].centre if centre is None else centre), np.array(turns[0].direction)
+
+    @property
+    def _partners(self) -> tuple[list[Solid], list[Solid]]:
+        return self.movable, self.opponents[: len(self.task.static.parts)]
+
+    def amounts(self, cells: Cells, T: Array) -> Array:
+        """Return a lower bound of the amount over each cell, (n,)."""
+        task = self.task
+        if task.weighted:
+            return cells.stretch[:, 0] * cells.nearest
+        if isinstance(task.amount_kind, OwnAmount):
+            q = [y * (1.0 / w) for y, w in zip(cells.coordinates(), task.weights.tolist(), strict=True)]
+            with np.errstate(all="ignore"):
+                (amount,) = interpreted(task.amount_kind.function, q)
+            return np.asarray(amount.low if isinstance(amount, Enclosure) else np.full(len(T), amount))
+        # displacement of each vertex, (n, v, 3, k + 2): linear in the pose
+        points = np.concatenate([solid.vertices for solid in self.movable])
+        turned = np.einsum("vj,nijm->nvim", points, T[:, :9].reshape(len(T), 3, 3, -1))
+        turned[..., -1] = np.einsum("vj,nij->nvi", np.abs(points), T[:, :9, -1].reshape(len(T), 3, 3))
+        turned[..., 0] += self.offset - points[:, :]
+        turned[..., :-1] -= T[:, None, 9:12, :-1]
+        turned[..., -1] += T[:, None, 9:12, -1]
+        way = turned[..., 0] / np.maximum(np.linalg.norm(turned[..., 0], axis=2, keepdims=True), 1e-300)
+        along = np.einsum("nvi,nvim->nvm", way, turned)
+        off = np.einsum("nvi,nvi->nv", np.abs(way), turned[..., -1])
+        low = along[..., 0] - np.abs(along[..., 1:-1]).sum(axis=2) - off
+        return np.asarray(np.maximum(low.max(axis=1), 0.0))
+
+    # -------------------------------------------------------------------------------------------------------- reasons
+
+    def reasons(self, cells: Cells, enough: float = np.inf) -> tuple[Ints, Array]:
+        """Return why each cell is excluded, as far as one test tells, (n,), and its witness rows, (n, r, 16).
+
+        Motions of an amount of at least `enough` are not wanted either, unless the amount is the weighted one.
+        """
+        count = len(cells.faces)
+        codes, witness = np.zeros(count, dtype=np.int64), np.zeros((count, self.rows, WITNESS))
+        self._outside(cells, codes, witness[:, 0])
+        T = self.poses(cells)
+        T[~np.isfinite(T).all(axis=(1, 2))] = np.nan
+        if not self.task.weighted:
+            codes[(codes == Reason.OPEN) & (self.amounts(cells, T) >= enough)] = Reason.COSTLY
+        if self.task.tracked:
+            self._tracked(T, codes, witness[:, 0])
+        if np.isfinite(self.needs).any():
+            self._pairs(T, codes, witness)
+        return codes, witness
+
+    @cached_property
+    def needs(self) -> Array:
+        """Least gap of each opponent: none may overlap where a tracked contact is to end at the target pair."""
+        ends_there = self.task.goal in ("at", "seat")
+        return np.maximum(self.task.needs, 0.0) if ends_there else np.asarray(self.task.needs)
+
+    @property
+    def rows(self) -> int:
+        """Witness rows that a cell may need: one, or one for each part pair that has to be apart."""
+        return len(self.movable) * len(self.task.static.parts) if self.task.must_touch else 1
+
+    def _outside(self, cells: Cells, codes: Ints, witness: Array) -> None:
+        task = self.task
+        y = cells.coordinates()
+        room = DEFAULT.requirement * task.size
+        for k, (own, weight, (low, high)) in enumerate(zip(y, task.weights, self.domain, strict=True)):
+            if not (np.isfinite(low) or np.isfinite(high)):
+                continue
+            out = (own.low > high * weight + room) | (own.high < low * weight - room)
+            codes[out], witness[out, 0] = Reason.OUTSIDE, k
+
+    def _tracked(self, T: Array, codes: Ints, witness: Array) -> None:
+        task = self.task
+        own, margin = self.features[: len(task.tracked)], DEFAULT.cut * task.size
+        one, starts1, two, starts2 = self.drawn
+        lost = np.zeros_like(codes)
+        least = LEAST_SCALE * task.target
+        tests.support_cells(T, codes, own, one, starts1, two, starts2, least, margin, lost, witness)
+        codes[:] = np.where(codes == Reason.OPEN, lost, codes)
+        beyond = task.goal == "beyond"
+        lines = self.features if task.goal == "seat" else self.lines
+        signs = task.signs if beyond else np.zeros(2)
+        tests.goal_cells(T, codes, lines, task.target, signs, self.margin, codes, witness)
+        if len(own) == 2 and len(task.movable.parts) == len(task.static.parts) == 1:
+            sites = np.empty((len(T), tests.FEATURE))
+            tests.tracked_sites(T, codes, self.lines, *self.pair, sites)
+            tests.left_cells(
+                T, codes, self.lines, task.target, sites, one, starts1, two, starts2, margin, codes, witness
+            )
+
+    @cached_property
+    def pair(self) -> tuple[Array | Ints, ...]:
+        """The two parts of convex bodies at scale 1, about their seeds."""
+        bodies = (self.task.movable, self.task.static)
+        one, two = (Solid.of(body.parts[0], body.parts[0].vertices - body.seed).arrays for body in bodies)
+        return (*one, *two)
+
+    def _pairs(self, T: Array, codes: Ints, witness: Array) -> None:
+        task, partners = self.task, len(self.task.static.parts)
+        if task.must_touch:
+            all_apart = codes == Reason.OPEN
+            sites = np.zeros((len(T), self.rows, WITNESS))
+            for row, (i, j) in enumerate(product(range(len(self.movable)), range(partners))):
+                flags = np.zeros(len(T), dtype=bool)
+                solids = self.movable[i].arrays, self.opponents[j].arrays
+                tests.apart_cells(T, ~all_apart, *solids[0], *solids[1], self.margin, flags, sites[:, row])
+                sites[:, row, tests.PARTS :] = i, j
+                all_apart &= flags
+            codes[all_apart], witness[all_apart] = Reason.APART, sites[all_apart]
+        for i, j in product(range(len(self.movable)), range(len(self.opponents))):
+            if np.isfinite(self.needs[j]):
+                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
+                solids = self.movable[i].arrays, self.opponents[j].arrays
+                tests.meet_cells(T, codes, *solids[0], *solids[1], self.margin, flags, rows)
+                rows[:, :2] = i, j
+                codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
+            if task.needs[j] > 0 and not self.swollen:
+                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
+                tests.near_cells(T, codes, *solids[0], *solids[1], float(task.needs[j]), self.margin, flags, rows)
+                rows[:, :2] = i, j
+                codes[flags], witness[flags, 0] = Reason.NEAR, rows[flags]

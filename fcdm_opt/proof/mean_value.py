@@ -1,0 +1,271 @@
+"""Bounds over cells of motions by the mean value form: f(centre) and slopes over the cell times half widths.
+
+A motion is q = y / weights, y = s v: v on a face of the cube [-1, 1]^k, numbered 2 axis (+1) and 2 axis + 1 (-1), its
+other coordinates in a box; s in a stretch. All derivatives are CasADi's; all numbers are intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.motion.own_motion import OwnMotion
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.proof.intervals import Interval, Program
+
+Bools = NDArray[np.bool_]
+
+POSE = 12  # numbers of a pose: R, row by row, and d = s_2 - moved s_1
+OPTIONS = {"cse": True}
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Cells, or pieces of them: `rows`, (n,), tells of which cell each is.
+
+    `low` and `high`, (n, k), are the ends of s, then of the box coordinates; `faces`, (n,), those of the cube.
+    """
+
+    rows: Ints
+    faces: Ints
+    low: Array
+    high: Array
+
+    def __getitem__(self, key: Any) -> Pieces:
+        return Pieces(self.rows[key], self.faces[key], self.low[key], self.high[key])
+
+    def halved(self) -> Pieces:
+        """Return both halves of each, cut across what is longest as an amount."""
+        lengths = self.high - self.low
+        lengths[:, 1:] *= self.high[:, :1]
+        row, axis = np.arange(len(self.rows)), lengths.argmax(axis=1)
+        low, high = np.concatenate([self.low, self.low]), np.concatenate([self.high, self.high])
+        high[row, axis] = low[len(row) + row, axis] = self.centre[row, axis]
+        return Pieces(np.tile(self.rows, 2), np.tile(self.faces, 2), low, high)
+
+    @property
+    def centres(self) -> Pieces:
+        """Their centres alone."""
+        return Pieces(self.rows, self.faces, self.centre, self.centre)
+
+    @cached_property
+    def centre(self) -> Array:
+        """A point of each, (n, k)."""
+        return 0.5 * self.low + 0.5 * self.high
+
+    @cached_property
+    def half(self) -> Array:
+        """How far each reaches from its centre, (n, k)."""
+        return np.nextafter(np.maximum(self.high - self.centre, self.centre - self.low), np.inf)
+
+    @property
+    def axes(self) -> Ints:
+        """The axis of each one's face, (n,)."""
+        return self.faces >> 1
+
+    @cached_property
+    def others(self) -> Ints:
+        """The axes that the box coordinates belong to, (n, k - 1)."""
+        places = np.arange(self.low.shape[1] - 1)
+        return places + (places >= self.axes[:, None])
+
+    def directions(self, *, over: bool) -> tuple[Interval, Interval]:
+        """Return s, (n,), and v, (n, k): all of the pieces, or their centres."""
+        n, k = self.low.shape
+        middle, radius = np.empty((n, k)), np.zeros((n, k))
+        rows = np.arange(n)
+        middle[rows, self.axes] = 1.0 - 2.0 * (self.faces & 1)
+        middle[rows[:, None], self.others] = self.centre[:, 1:]
+        if over:
+            radius[rows[:, None], self.others] = self.half[:, 1:]
+        return Interval(self.centre[:, 0], self.half[:, 0] if over else 0.0), Interval(middle, radius)
+
+    def coordinates(self, *, over: bool) -> list[Interval]:
+        """Return y, k numbers (n,), over the pieces or at their centres."""
+        s, v = self.directions(over=over)
+        return [s * v[:, k] for k in range(self.low.shape[1])]
+
+
+@dataclass(frozen=True, eq=False)
+class Expression:
+    """Functions of a pose and of given numbers, and their derivatives by the pose.
+
+    Attributes
+    ----------
+    values : Program
+        (pose, given) -> values.
+    slopes : Program
+        (pose, given) -> values, derivatives column by column.
+    count : int
+        Number of values.
+    """
+
+    values: Program
+    slopes: Program
+    count: int
+
+    @classmethod
+    def of(cls, size: int, build: Callable[[Any, Any, Any], Any]) -> Expression:
+        """Build from a function (R, d, given) -> value or tuple of values; `size` numbers are given."""
+        import casadi
+
+        pose, given = casadi.SX.sym("pose", POSE), casadi.SX.sym("given", size)
+        built = build(casadi.reshape(pose[:9], 3, 3).T, pose[9:], given)
+        values = casadi.densify(casadi.vertcat(*built) if isinstance(built, tuple) else built)
+        slopes = casadi.vec(casadi.densify(casadi.jacobian(values, pose)))
+        return cls(
+            Program(casadi.Function("values", [pose, given], [values], OPTIONS)),
+            Program(casadi.Function("slopes", [pose, given], [values, slopes], OPTIONS)),
+            values.shape[0],
+        )
+
+
+class Place(NamedTuple):
+    """A number that depends on the variables of a piece: at its centre, over it, (n, 1), and its changes, (n, 1, k)."""
+
+    centre: Interval
+    over: Interval
+    change: Interval
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """The poses of pieces: at their centres and over them, twelve numbers (n, 1) each, and how they change.
+
+    `change`, (n, 12, k), are slopes over the piece by s and the box coordinates, times the half widths. `jumps`,
+    (n, 1), tells where the motion may not be continuous.
+    """
+
+    pieces: Pieces
+    centre: list[Interval]
+    over: list[Interval]
+    change: Interval
+    jumps: Bools
+
+    def __getitem__(self, rows: Ints) -> Poses:
+        if len(rows) == len(self.pieces.rows):
+            return self
+        centre, over = ([x[rows] for x in numbers] for numbers in (self.centre, self.over))
+        return Poses(self.pieces[rows], centre, over, self.change[rows], self.jumps[rows])
+
+    @property
+    def middles(self) -> tuple[Array, Array]:
+        """R and d at the centres in plain floats, (n, 3, 3) and (n, 3)."""
+        numbers = np.concatenate([x.middle for x in self.centre], axis=1)
+        return numbers[:, :9].reshape(-1, 3, 3), numbers[:, 9:]
+
+    def bounds(
+        self, expression: Expression, given: Sequence[Interval], place: Place | None = None
+    ) -> tuple[list[Array], list[Array]]:
+        """Return lower and upper bounds of each value of an expression, (n, rows) each.
+
+        Parameters
+        ----------
+        given : sequence of Interval
+            Each (n, rows) or what broadcasts to it.
+        place : Place, optional
+            The last of the given numbers, where it is not fixed over a piece; the expression's last value is then the
+            first one's derivative by it.
+        """
+        at = ([*given, place.centre], [*given, place.over]) if place else (given, given)
+        (still,), _ = expression.values(self.centre, at[0])
+        (over, slopes), _ = expression.slopes(self.over, at[1])
+        lows, highs = [], []
+        for m in range(expression.count):
+            change = _together(slopes[m :: expression.count], len(self.jumps)).contracted(self.change)
+            if place and m == 0:
+                rate = over[-1]
+                change = change + Interval(rate.middle[..., None], rate.radius[..., None]) * place.change
+            low, high = _spread(still[m], change), over[m]
+            jumps = self.jumps | ~np.isfinite(low.radius)
+            lows.append(np.where(jumps, high.low, np.fmax(low.low, high.low)))
+            highs.append(np.where(jumps, high.high, np.fmin(low.high, high.high)))
+        return lows, highs
+
+
+class Kinematics:
+    """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells."""
+
+    def __init__(self, problem: Problem) -> None:
+        import casadi
+
+        self._count = len(problem.weights)
+        origin = _origin(problem.motion, problem.movable.seed)
+        y, seeds = casadi.SX.sym("y", self._count), casadi.SX.sym("seeds", 6)
+        seen = problem.motion.seen_from(origin) if origin.any() else problem.motion
+        q = casadi.vertcat(*(y[k] / w for k, w in enumerate(problem.weights.tolist())))
+        T = seen.symbolic(q, seeds[:3], seeds[3:])
+        moved = T[:3, :3] @ seeds[:3] + T[:3, 3]
+        pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), seeds[3:] - moved))
+        slopes = casadi.vec(casadi.densify(casadi.jacobian(pose, y)))
+        self._pose = Program(casadi.Function("pose", [y, seeds], [pose], OPTIONS))
+        self._slopes = Program(casadi.Function("slopes", [y, seeds], [slopes], OPTIONS))
+        exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
+        self._seeds = [own[k] for own in exact for k in range(3)]
+        # the package's own motions are smooth; where a series takes over, they jump by less than 1e-20
+        self._smooth = not any(isinstance(step, OwnMotion) for step in problem.motion.steps)
+
+    def poses(self, pieces: Pieces) -> Poses:
+        """Return the poses of pieces."""
+        n, k = pieces.low.shape
+        (centre,), _ = self._pose(pieces.coordinates(over=False), self._seeds)
+        y = pieces.coordinates(over=True)
+        (natural,), jumps = self._pose(y, self._seeds)
+        (flat,), _ = self._slopes(y, self._seeds)
+        slopes = _together([_column(x, n) for x in flat], n).shaped((n, k, POSE)).turned((0, 2, 1))  # by y
+        s, v = pieces.directions(over=True)
+        by_s = slopes.contracted(v.shaped((n, k, 1)))
+        others = slopes.taken(np.broadcast_to(pieces.others[:, None, :], (n, POSE, k - 1))) * s.shaped((n, 1, 1))
+        change = by_s.beside(others) * Interval(pieces.half[:, None, :])
+        broken = np.broadcast_to(np.asarray(jumps) & (not self._smooth), n)[:, None]
+        over, still = [], []
+        for p in range(POSE):
+            at, wide = (_column(x, n) for x in (centre[p], natural[p]))
+            tight = wide.tighter(_spread(at, change[:, p : p + 1]))
+            still.append(at)
+            over.append(
+                Interval(np.where(broken, wide.middle, tight.middle), np.where(broken, wide.radius, tight.radius))
+            )
+        return Poses(pieces, still, over, change, broken)
+
+
+def _spread(centre: Interval, change: Interval) -> Interval:
+    """Return a number that is off its value at the centre by changes, along the last axis, at most."""
+    return centre + Interval(0.0, change.size.sum(axis=-1) * (1.0 + 2.0**-48))
+
+
+def _column(x: Interval, count: int) -> Interval:
+    """Return numbers as a column."""
+    return Interval(*(np.array(np.broadcast_to(side, count))[:, None] for side in (x.middle, x.radius)))
+
+
+def _together(numbers: Sequence[Interval], count: int) -> Interval:
+    """Return numbers (n, rows) or what broadcasts to it as one array (n, rows, numbers)."""
+    shape = np.broadcast_shapes(
+        (count, 1), *(np.shape(x.middle) for x in numbers), *(np.shape(x.radius) for x in numbers)
+    )
+    sides = ([np.broadcast_to(getattr(x, side), shape) for x in numbers] for side in ("middle", "radius"))
+    return Interval(*(np.stack(side, axis=-1) for side in sides))
+
+
+def _origin(motion: Motion, seed: Array) -> Array:
+    """Return where to see a motion from: the seed, if its fixed points can be written so without rounding, else 0."""
+    points = []
+    for step in motion.steps:
+        if isinstance(step, Rotation) and step.centre != "seed":
+            points.append((0.0, 0.0, 0.0) if isinstance(step.centre, str) else step.centre)
+        elif isinstance(step, Screw) and not isinstance(step.axis, str):
+            points.append(step.axis[0])
+        elif not isinstance(step, Translation | Rotation | Screw | Free):
+            return np.zeros(3)
+    numbers = [(float(x), float(s)) for point in points for x, s in zip(point, seed, strict=True)]
+    exact = all(Fraction(x) - Fraction(s) == Fraction(x - s) for x, s in numbers)
+    return np.array(seed) if exact else np.zeros(3)

@@ -1,0 +1,295 @@
+"""First contact along one parameter: safe steps to second order, compiled.
+
+A motion of one translation, rotation or screw turns body 1 steadily about a fixed line, so that every point's velocity
+is known and its acceleration is as large everywhere: the turning rate squared times its distance from the line. That
+bounds how long two parts stay apart along the direction in which they are, how long a point of one that is inside the
+other stays there, and how long two points stay nearer than the clearance; near a contact such a step ends short of it
+by the square of what was left.
+
+Positions are about the moved seed at rest. A way is (direction of the line, a point on it, turn, shift), the latter
+two per unit of amount. Solids are packed as `turns` packs them: points, (normal, level) of each face, edges as `cells`
+takes them, and the first row of each part in these; opponents are about s_2, each with the least gap it needs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import E1E2, F1V2, kernel
+from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, nearest_points, placed
+
+HALVINGS = 40  # of the time for which two points stay near
+EAGER = 60  # steps at first that may be finest: near a contact they shrink fast, and prove more
+TURNS, FALSI = 200, 60  # trials for a root, and of them those by regula falsi
+SITE = 16
+
+
+@kernel
+def _pose(way, amount, R, m):
+    """Set the rotation, row by row, and the displacement of the seed."""
+    u, c, angle = way[0], way[1], way[2, 0] * amount
+    # 2 sin^2 loses nothing at small angles
+    s, v = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        R[3 * i + i] = 1.0 - v * (1.0 - u[i] * u[i])
+        R[3 * i + j] = v * u[i] * u[j] - s * u[k]
+        R[3 * i + k] = v * u[i] * u[k] + s * u[j]
+    for i in range(3):
+        m[i] = c[i] + way[2, 1] * amount * u[i]
+        for j in range(3):
+            m[i] -= R[3 * i + j] * c[j]
+
+
+@kernel
+def _velocity(way, x, out):
+    """Set the velocity of a point of body 1 at x; return its distance from the line."""
+    u, c, turn, shift = way[0], way[1], way[2, 0], way[2, 1]
+    square = 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        across = u[j] * (x[k] - c[k]) - u[k] * (x[j] - c[j])
+        square += across * across
+        out[i] = turn * across + shift * u[i]
+    return np.sqrt(square)
+
+
+@kernel
+def _time(room, rate, bend):
+    """Return the time t > 0 at which rate t + bend t t / 2 reaches the room."""
+    if room <= 0.0:
+        return 0.0
+    if bend <= 0.0:
+        return room / rate if rate > 0.0 else np.inf
+    return 2.0 * room / (rate + np.sqrt(rate * rate + 2.0 * bend * room))
+
+
+@kernel
+def _apart(way, sense, R, m, d, n, one, two):
+    """Return how long a direction keeps two polyhedra apart."""
+    least = np.inf
+    for v in range(len(two)):
+        least = min(least, n[0] * two[v, 0] + n[1] * two[v, 1] + n[2] * two[v, 2])
+    x, rates = np.empty(3), np.empty(3)
+    leaning = n[0] * way[0, 0] + n[1] * way[0, 1] + n[2] * way[0, 2]
+    bend = way[2, 0] ** 2 * np.sqrt(max(1.0 - leaning * leaning, 0.0))
+    level = least + n[0] * (d[0] + m[0]) + n[1] * (d[1] + m[1]) + n[2] * (d[2] + m[2])
+    time = np.inf
+    for v in range(len(one)):
+        height = rate = 0.0
+        for j in range(3):
+            x[j] = m[j] + R[3 * j] * one[v, 0] + R[3 * j + 1] * one[v, 1] + R[3 * j + 2] * one[v, 2]
+        radius = _velocity(way, x, rates)
+        for j in range(3):
+            height += n[j] * x[j]
+            rate += n[j] * rates[j]
+        time = min(time, _time(level - height, sense * rate, bend * radius))
+    return time
+
+
+@kernel
+def _held(way, sense, R, m, d, body, point, normals, levels, known, scratch):
+    """Return how long a point of a body, in its own axes, stays inside the other polyhedron; `known`: in vain.
+
+    `scratch` is overwritten: (3, 3).
+    """
+    p, x, rates = scratch[0], scratch[1], scratch[2]
+    for j in range(3):
+        if body == 0:
+            x[j] = m[j] + R[3 * j] * point[0] + R[3 * j + 1] * point[1] + R[3 * j + 2] * point[2]
+        else:
+            x[j] = m[j] + d[j] + point[j]
+    radius = _velocity(way, x, rates)
+    for j in range(3):  # in the axes of the other body
+        if body == 0:
+            p[j] = x[j] - m[j] - d[j]
+        else:
+            p[j] = R[j] * (point[0] + d[0]) + R[3 + j] * (point[1] + d[1]) + R[6 + j] * (point[2] + d[2])
+    if body == 1:  # body 1's axes turn away under it
+        for j in range(3):
+            x[j] = -(R[j] * rates[0] + R[3 + j] * rates[1] + R[6 + j] * rates[2])
+        rates[:] = x
+    bend, time = way[2, 0] ** 2 * radius, np.inf
+    for i in range(len(normals)):
+        room, rate = levels[i], 0.0
+        for j in range(3):
+            room -= normals[i, j] * p[j]
+            rate += normals[i, j] * rates[j]
+        time = min(time, _time(room, sense * rate, bend))
+        if time <= known:
+            return known
+    return time
+
+
+@kernel
+def _overlapping(way, sense, R, m, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
+    """Return how long two polyhedra overlap at least: by a vertex of one inside the other, or a point of an edge."""
+    best = 0.0
+    p, u, point, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for body in range(2):
+        points, edges = (one, edges1) if body == 0 else (two, edges2)
+        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
+        for v in range(len(points)):
+            best = _held(way, sense, R, m, d, body, points[v], normals, levels, best, scratch)
+        for e in range(len(edges)):
+            placed(R, d, body, points[edges[e, 0]], p)
+            placed(R, d, body, points[edges[e, 1]], u)
+            for j in range(3):
+                u[j] -= p[j]
+            low, high = clipped(p, u, normals, levels, 0.0)
+            if high > low:
+                middle = 0.5 * (low + high)
+                for j in range(3):
+                    start = points[edges[e, 0], j]
+                    point[j] = start + middle * (points[edges[e, 1], j] - start)
+                best = _held(way, sense, R, m, d, body, point, normals, levels, best, scratch)
+    return best
+
+
+@kernel
+def _near(way, sense, R, m, d, x, y, need):
+    """Return how long a point of body 1, in its axes, and one of the other about s_2 stay nearer than `need`."""
+    p, rates, between = np.empty(3), np.empty(3), np.empty(3)
+    for j in range(3):
+        p[j] = m[j] + R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2]
+        between[j] = p[j] - m[j] - d[j] - y[j]
+    bend = way[2, 0] ** 2 * _velocity(way, p, rates)
+    low, high, doubling = 0.0, need, True
+    for _ in range(HALVINGS):
+        t = high if doubling else 0.5 * (low + high)
+        square = 0.0
+        for j in range(3):
+            square += (between[j] + sense * t * rates[j]) ** 2
+        if np.sqrt(square) + 0.5 * bend * t * t < need:
+            low, high = t, (2.0 * t if doubling else high)
+        else:
+            high, doubling = t, False
+    return low
+
+
+@kernel
+def _looked(way, sense, amount, ones, twos, offset, needs, partner, touch, slack, timed, found):
+    """Set what holds at a pose: excess over the needed gap of the partner's parts and of the others, and times.
+
+    found: partner's least excess, the others', how long the partner's state lasts (apart or not), and how long one of
+    the others is too near. With `touch` the partner's state is that of all pairs; without, the others count with it.
+    """
+    R, m, d = np.empty(9), np.empty(3), np.empty(3)
+    _pose(way, amount, R, m)
+    for j in range(3):
+        d[j] = offset[j] - m[j]
+    points1, faces1, edges1, places1 = ones
+    points2, faces2, edges2, places2 = twos
+    site, n, e = np.zeros(SITE), np.empty(3), np.empty(3)
+    x, y = np.empty(3), np.empty(3)
+    excess, others, apart, short, others_short = np.inf, np.inf, np.inf, 0.0, 0.0
+    for i in range(len(places1) - 1):
+        a, b = places1[i], places1[i + 1]
+        one, normals1, levels1 = points1[a[0] : b[0]], faces1[a[1] : b[1], :3], faces1[a[1] : b[1], 3]
+        own1 = edges1[a[2] : b[2]]
+        for c in range(len(places2) - 1):
+            need = needs[c]
+            if need == -np.inf:
+                continue
+            a2, b2 = places2[c], places2[c + 1]
+            two, normals2, levels2 = points2[a2[0] : b2[0]], faces2[a2[1] : b2[1], :3], faces2[a2[1] : b2[1], 3]
+            own2 = edges2[a2[2] : b2[2]]
+            gap = best_site(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, True, site)
+            miss = gap - need
+            if need > 0.0 and 0.0 < gap < need:  # facets understate the distance of corners and edges
+                gap = nearest_points(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, slack, x, y)
+                miss = gap - need
+            ours = c < partner or not touch
+            if ours:
+                excess = min(excess, miss)
+            else:
+                others = min(others, miss)
+            if not timed:
+                continue
+            if miss < 0.0:
+                if gap > 0.0:
+                    time = _near(way, sense, R, m, d, x, y, need)
+                else:
+                    time = _overlapping(
+                        way, sense, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2
+                    )  # fmt: skip
+                    if gap > -need:  # coming apart, they stay near
+                        nearest_points(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, slack, x, y)
+                        time = max(time, _near(way, sense, R, m, d, x, y, need))
+                if ours:
+                    short = max(short, time)
+                else:
+                    others_short = max(others_short, time)
+            elif touch and ours:
+                if site[KIND] == E1E2:
+                    for j in range(3):
+                        e[j] = R[3 * j] * site[FIRST] + R[3 * j + 1] * site[FIRST + 1] + R[3 * j + 2] * site[FIRST + 2]
+                    length = 0.0
+                    for j in range(3):
+                        k, q = (j + 1) % 3, (j + 2) % 3
+                        n[j] = site[SIGN] * (e[k] * site[SECOND + q] - e[q] * site[SECOND + k])
+                        length += n[j] * n[j]
+                    for j in range(3):
+                        n[j] /= np.sqrt(length)
+                elif site[KIND] == F1V2:
+                    for j in range(3):
+                        n[j] = R[3 * j] * site[FIRST] + R[3 * j + 1] * site[FIRST + 1] + R[3 * j + 2] * site[FIRST + 2]
+                else:
+                    n[:] = site[FIRST:SECOND]
+                apart = min(apart, _apart(way, sense, R, m, d, n, one, two))
+    found[0], found[1], found[3] = excess, others, others_short
+    found[2] = short if excess < 0.0 else apart
+
+
+@kernel
+def first(way, sense, ones, twos, offset, needs, partner, touch, limit, start, floor, finest, most, fine, slack):
+    """Return (amount, clear to) of the first motion one way that does, see `rays.Contact`.
+
+    With `touch` a change of side at which nothing else is too near; without, where all that is needed is reached.
+    Steps are `floor` at least, the first ones `finest`.
+    """
+    here, proved, sure = start, 0.0, True
+    now, ahead = np.empty(4), np.empty(4)
+    _looked(way, sense, sense * here, ones, twos, offset, needs, partner, touch, slack, True, now)
+    side = -1.0 if now[0] < 0.0 else 1.0
+    for turn in range(most):
+        if here >= limit:
+            return np.inf, (limit if sure else proved)
+        if not touch and now[0] >= 0.0:
+            return here, (here if sure else proved)
+        step = now[2]
+        forbidden = touch and now[1] < 0.0 and now[3] > step
+        if forbidden:
+            step = now[3]
+        proved = here if sure else proved
+        least = floor if turn >= EAGER else finest
+        sure = sure and (step >= least or here + step >= limit)
+        there = min(here + max(step, least), limit)
+        _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
+        if forbidden and step >= least:  # all the way: contacts there do not count
+            side = -1.0 if ahead[0] < 0.0 else 1.0
+        elif ahead[0] * side <= 0.0 and ahead[0] * now[0] <= 0.0:
+            low, high, below, above = here, there, now[0], ahead[0]
+            kept = 0  # of which end the last trial was
+            for trial in range(TURNS):  # regula falsi (Illinois), then halves
+                if above == 0.0 or high - low <= fine * high:
+                    break
+                middle = high - above * (high - low) / (above - below)
+                if trial > FALSI or not low < middle < high:
+                    middle = 0.5 * (low + high)
+                    if not low < middle < high:
+                        break
+                _looked(way, sense, sense * middle, ones, twos, offset, needs, partner, touch, slack, False, ahead)
+                if ahead[0] * side > 0.0:
+                    low, below, above, kept = middle, ahead[0], (0.5 * above if kept == 1 else above), 1
+                else:
+                    high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
+            there = high
+            _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, False, ahead)
+            if ahead[1] >= -slack:
+                return there, proved
+            _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
+            side = -side
+        here = there
+        now[:] = ahead
+    return np.inf, proved

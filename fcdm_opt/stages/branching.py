@@ -1,0 +1,330 @@
+"""Stage 5 and certificates: the least motion by branch and bound, with the proof that nothing smaller will do."""
+
+from __future__ import annotations
+
+import operator
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.model.bounds import displacement_bound, search_rate
+from fcdm_opt.model.seats import tilts
+from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.motion.motions import Free, Translation
+from fcdm_opt.problem.evidence import Evidence
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.columns import farthest, prove
+from fcdm_opt.stages import polar, ways_apart
+from fcdm_opt.stages.descent import STAGE as DESCENT
+from fcdm_opt.stages.descent import descent
+from fcdm_opt.stages.relaxation import Found, choices
+from fcdm_opt.stages.translations import bound_below, translations
+from fcdm_opt.stages.turns import least_over_turns
+from fcdm_opt.tolerances import DEFAULT
+
+AXES = tuple(map(Translation, "xyz"))  # what a free motion shifts along
+STAGE_APART = "4: descent over the ways apart"
+STAGE, TURNED = "5: branch and bound over all motions", "5: branch and bound over rotations"
+MOST_PARAMETERS = 2  # for which the search is complete in a moment
+MOST_CHECKED = 3  # for which the checker of evidence follows
+GAP, FINE_GAP = 1e-4, 1e-7  # of a certificate; of the stage, which is to find the least motion by itself
+SHOWN_GAP, SHOWN_SHARE = 1e-2, 0.05  # of what is proved without being asked for; of a certificate's cells, see `proved`
+CONFIRMED_GAP, COARSE_GAP = 1e-6, 1e-3  # of looking for something better; the latter over rotations
+LARGE = 0.15  # of the size: amounts beyond this are large
+CELLS = {1: 20_000, 2: 100_000, 3: 200_000}  # looked at, at most
+CELLS_MORE = 60_000  # the same, for more parameters
+FEWEST = 100  # cells that are looked at however large the scene
+CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
+DENYING = 2e6  # the same, of three parameters within limits: about a second, less than the program takes to give up
+SECONDS = 20.0  # for the search over rotations
+LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
+BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
+NEAR = (1e-3, 3e-2, 0.3)  # relative: radius of the descent from a motion that is held back, until one finds a motion
+FEW_PAIRS = 100  # part pairs up to which more motions are descended from
+SPREAD = 0.3  # the same, from motions that are not the least for certain
+GAINED = 1e-5  # relative: smaller gains may come from what counts as met, where a gap opens with the square of a turn
+NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
+
+
+def branch_and_bound(task: Task) -> Answer | None:
+    """Find the least motion with one or two parameters, or prove that there is none; of three only the latter."""
+    if len(task.weights) > MOST_PARAMETERS:
+        return _denied(task)
+    if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
+        return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
+    answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), aims=[(FINE_GAP, PROVING)])[0]
+    if answer.q is not None or (answer.lower_bound < farthest(task) and not polar.nothing(task)):
+        return answer
+    beyond = descent(replace(task, coherent=False)) if task.coherent else None
+    left = beyond is not None and beyond.q is not None
+    return replace(answer, status=Status.LEFT_COHERENT_RANGE if left else answer.status, last=True)
+
+
+def _denied(task: Task) -> Answer | None:
+    """Return that limits leave no motion, where that is soon proved; None where it is not.
+
+    It is asked where descent found nothing. Without limits there nearly always is a motion, and keep-outs and tracked
+    contacts leave descent without one too often for the proof to be tried in vain.
+    """
+    limited = np.isfinite(task.limits).any()
+    if len(task.weights) > MOST_CHECKED or task.tracked or task.keep_out or not (task.weighted and limited):
+        return None
+    try:
+        proof = prove(task, np.inf, aims=[(GAP, _most(task, DENYING))])
+    except NotImplementedError:  # as in `bounded`
+        return None
+    return None if np.isfinite(proof.lower_bound) else Answer(Status.INFEASIBLE, None, STAGE, np.inf)
+
+
+def confirmed(task: Task, answer: Answer) -> Answer:
+    """Return an answer that local searches found, or a better one, where they may have missed the least: no proof.
+
+    That is so among keep-outs and several part pairs, and where the motion is large; of one and two parameters all
+    motions are looked at then, with translations in all directions all rotations.
+    """
+    if not task.weighted or answer.q is None or _closed(task, answer, FINE_GAP):
+        return answer
+    if len(task.weights) > MOST_PARAMETERS:
+        pairs = len(task.movable.vertices) * len(task.static.vertices)
+        return _turned(task, answer, COARSE_GAP)[0] if task.part_pairs == 1 and pairs <= LARGEST else answer
+    if not _doubtful(task, answer):
+        return answer
+    return bounded(task, answer, aims=[(CONFIRMED_GAP, CONFIRMING)])[0]
+
+
+def proved(
+    task: Task, answer: Answer, *, gap: float, seconds: float | None = None, share: float = 1.0
+) -> tuple[Answer, Evidence | None]:
+    """Return an answer with a lower bound that is proved, and what proves it; a better motion if one comes up.
+
+    Parameters
+    ----------
+    task : Task
+    answer : Answer
+        What the stages found.
+    gap : float
+        Relative gap between amount and bound that is enough.
+    seconds : float, optional
+        Wall time after which to stop in place of a number of cells, which does not depend on the machine.
+    share : float
+        Of the cells that are looked at for three parameters and more, which seldom end by themselves.
+    """
+    if not np.isfinite(answer.lower_bound) and (share < 1.0 or answer.stage != STAGE):
+        return answer, None  # without a motion; cells show it where they have shown it
+    if answer.q is not None and not answer.q.any():
+        return answer, None
+    if answer.q is not None and task.motion.shifts and task.weighted and not task.tracked and task.needs.max() > 0.0:
+        amount = _amount(task, answer)
+        answer = replace(answer, lower_bound=max(answer.lower_bound, min(bound_below(task, amount), amount)))
+    if answer.q is not None and _closed(task, answer, FINE_GAP):
+        few = len(task.weights) <= MOST_PARAMETERS or task.tested_vertices * CELLS[MOST_CHECKED] <= CONFIRMING
+        if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price
+            return answer, None
+    until = np.inf if seconds is None else perf_counter() + seconds
+    checked = share == 1.0
+    if (turned := _turned_back(task)) is not None:
+        still = replace(task, limits=frozen(np.where(turned[:, None], 0.0, task.limits)))
+        bound = bounded(still, answer, aims=[(gap, PROVING)], until=until, checked=False)[0].lower_bound
+        bound = min(bound, np.pi * float(task.weights[turned].sum()), _amount(task, answer))
+        answer = replace(answer, lower_bound=max(bound, answer.lower_bound))
+        if not checked and _closed(task, answer, gap * (1.0 + DEFAULT.nominal)):
+            return answer, None
+    if checked and task.needs.max() > 0.0:  # what the checker of evidence knows of clearances shows less
+        answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
+    if len(task.weights) <= MOST_PARAMETERS:
+        fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
+        aims = [*([(CONFIRMED_GAP, CONFIRMING)] if fine else []), (gap, PROVING)]
+        return bounded(task, answer, aims=aims, until=until, checked=checked)
+    answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
+    if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
+        answer = spread(task, answer, _beside(task, answer.q))
+        closed = _closed(task, answer, gap)
+    if closed or perf_counter() > until:
+        return answer, None
+    return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until, checked=checked)
+
+
+def _turned_back(task: Task) -> NDArray[np.bool_] | None:
+    """Return which parameter of a task turns, (k,), if only one does and it tilts a face that must be flush in the end.
+
+    Such a face is flush again after half a revolution at the soonest. None elsewhere; what must stay flush on the way
+    has limits that say so.
+    """
+    turning = np.asarray(task.spins.any(axis=1))
+    faces = [seat for seat in task.seats if seat.whole]
+    if task.coherent or turning.sum() != 1 or turning.all() or not faces:
+        return None
+    tilted = np.abs(tilts(faces, task.spins)[:, turning]).max(initial=0.0) > DEFAULT.nominal
+    return turning if tilted and task.allows(task.rest) else None
+
+
+def least_apart(task: Task) -> Answer | None:
+    """Stage 4, where rows of one choice at a time do not do: descent over all ways apart; None where it finds none."""
+    answer = Answer(Status.NOT_FOUND, None, STAGE_APART, displacement_bound(task))
+    answer = spread(task, answer, [*_unturned(task), task.start])
+    return None if answer.q is None else answer
+
+
+def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
+    """Return an answer, or a better one that a descent over all ways apart finds from it, or from further motions."""
+    if not ways_apart.suits(task):
+        return answer
+    best, slack = _amount(task, answer), DEFAULT.cut * task.size / search_rate(task)  # what counts as met may gain that
+    for start in starts if answer.q is None else (answer.q, *starts):
+        found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
+        if found is not None and found.amount < best * (1.0 - GAINED) - slack:
+            bound = min(answer.lower_bound, found.amount)
+            answer, best = (
+                Answer(Status.SOLVED, found.q, STAGE_APART, bound, found.active, found.modelled),
+                found.amount,
+            )
+    return answer
+
+
+def _unturned(task: Task) -> list[Array]:
+    """Return the least motion found that turns nothing, if the motion both shifts and turns and one is found."""
+    turning = np.asarray(task.spins.any(axis=1))
+    if not ways_apart.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
+        return []
+    still = replace(task, limits=frozen(np.where(turning[:, None], 0.0, task.limits)))
+    steps = [own for step in task.motion.steps for own in (AXES if isinstance(step, Free) else (step,))]
+    shifts = [step for step in steps if isinstance(step, Translation)]
+    if len(shifts) == (~turning).sum() > 1:  # exact
+        motion = reduce(operator.rshift, shifts)
+        least = translations(replace(task, motion=motion, weights=task.weights[~turning], limits=task.limits[~turning]))
+        if least is not None and least.q is not None:
+            q = task.rest
+            q[~turning] = least.q
+            return [q]
+    found = ways_apart.descended(still, task.start, LARGE * task.size)
+    return [] if found is None else [found.q]
+
+
+def _beside(task: Task, q: Array) -> list[Array]:
+    """Return motions turned a little from one, both ways about each axis, where parallel faces are no more so."""
+    steps = np.diag(SPREAD * task.amount(q) / task.weights)
+    return [q + sign * steps[k] for k in np.flatnonzero(task.spins.any(axis=1)) for sign in (1.0, -1.0)]
+
+
+def _closed(task: Task, answer: Answer, gap: float) -> bool:
+    """Tell whether a motion's bound is its amount already, or as near as that."""
+    return answer.lower_bound >= _amount(task, answer) * (1.0 - gap)
+
+
+def _doubtful(task: Task, answer: Answer) -> bool:
+    """Tell whether local searches may have missed the least motion."""
+    if answer.stage == polar.STAGE:
+        return not task.coherent  # no local search, but one that ends where the contact is lost
+    large = answer.q is not None and task.amount(answer.q) > LARGE * task.size
+    return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
+
+
+def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: float = np.inf) -> tuple[Answer, bool]:
+    """Return an answer with a bound by a search over rotations, and whether that is as near as asked."""
+    seconds = min(SECONDS, until - perf_counter()) if np.isinf(until) else until - perf_counter()
+    found = least_over_turns(task, upper=answer, gap=gap, seconds=seconds, share=share)
+    if found is None:
+        return answer, False
+    amount = _amount(task, answer)
+    if found.q is not None and found.upper < amount * (1.0 - DEFAULT.nominal):
+        better = near(task, found.q)
+        if better is not None and better.amount < amount:
+            answer = Answer(Status.SOLVED, better.q, TURNED, found.lower, better.active, better.modelled)
+    bound = max(found.lower, answer.lower_bound)
+    answer = replace(answer, lower_bound=min(bound, _amount(task, answer)))
+    return answer, _closed(task, answer, gap)
+
+
+def _amount(task: Task, answer: Answer) -> float:
+    """Return the amount of an answer, infinite where it has no motion."""
+    return np.inf if answer.q is None else task.amount(answer.q)
+
+
+def bounded(
+    task: Task,
+    answer: Answer,
+    *,
+    aims: Sequence[tuple[float, float]],
+    share: float = 1.0,
+    until: float = np.inf,
+    checked: bool = True,
+) -> tuple[Answer, Evidence | None]:
+    """Return an answer with a bound by `prove`, better or settled where that is so.
+
+    Parameters
+    ----------
+    task : Task
+    answer : Answer
+        What is known: a motion, or none yet.
+    aims : sequence of (gap, effort)
+        Relative gaps between bound and amount that are enough, the finest first, and up to which effort, in cells
+        times vertices of a cell's tests; after the last the bound is what it is.
+    share : float
+        Of the efforts, and of `CELLS`.
+    until : float
+        `perf_counter` at which to stop in place of an effort.
+    checked : bool
+        As of `prove`.
+    """
+    known, upper = answer.q, _amount(task, answer)
+    better: Found | None = None
+
+    def search(q: Array) -> Array | None:
+        nonlocal better
+        if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
+            return None  # the bound is held back by the motion known
+        found = near(task, q)
+        if found is None or not found.amount < upper * (1.0 - GAINED):
+            return None
+        better = found if better is None or found.amount < better.amount else better
+        return found.q
+
+    try:
+        timed = np.isfinite(until)
+        cells = [(gap, sys.maxsize if timed else _most(task, effort, share)) for gap, effort in aims]
+        aimed = cells[-1:] if timed else cells
+        proof = prove(task, upper, aims=aimed, until=until, search=search, checked=checked)
+    except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
+        return answer, None
+    bound = max(proof.lower_bound, answer.lower_bound)
+    if task.weighted and bound > np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)):
+        bound = np.inf  # the limits allow no motion as large
+    if proof.q is not None and better is not None:
+        answer = Answer(Status.SOLVED, better.q, STAGE, 0.0, better.active, better.modelled)
+    elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:
+        answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
+    kept = proof.evidence if task.weighted and len(task.weights) <= MOST_CHECKED else None
+    return replace(answer, lower_bound=min(bound, _amount(task, answer))), kept
+
+
+def _most(task: Task, effort: float, share: float = 1.0) -> int:
+    """Return how many cells an effort allows, or a share of it."""
+    most = CELLS.get(len(task.weights), CELLS_MORE)
+    return int(np.clip(share * effort / task.tested_vertices, FEWEST, share * most))
+
+
+def near(task: Task, q: Array) -> Found | None:
+    """Return the least motion that a local search from a motion finds.
+
+    It is to beat motions that meet the requirement exactly, so what it gains may not come from the slack.
+    """
+    if ways_apart.suits(task):
+        for share in NEAR:
+            found = ways_apart.descended(task, q, share * max(task.amount(q), DEFAULT.least_unit * task.unit))
+            if found is not None:
+                return found
+        return None
+    better = [relaxation.smallest([q], "sqpmethod") for relaxation in choices(task, q, near=True)]
+    done = [found for found in better if found is not None and task.meets(found.q, DEFAULT.cut)]
+    for nudge in NUDGES:
+        at = np.clip(q * (1.0 + nudge), *task.limits.T)
+        if task.meets(at, DEFAULT.cut):
+            done.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled_by_gaps(at)))
+            break
+    return min(done, key=lambda own: own.amount, default=None)

@@ -1,0 +1,392 @@
+"""Stage 4, first: descent over contact rows, compiled; what it does not model or find is left to the program.
+
+In weighted coordinates the amount is a distance, so that each step is a least distance problem over linearised rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.model.bounds import displacement_bound, search_rate
+from fcdm_opt.model.task import Answer, Parts, Task
+from fcdm_opt.problem.problem import MOST_TURNED
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.stages import compiled, rays
+from fcdm_opt.stages.tape import Tape, tape
+from fcdm_opt.tolerances import DEFAULT
+
+ROOM = 160  # rows of one descent
+REACH, WIDE = 3.0, (50.0, 15.0, 5.0)  # starts away from rest, in typical amounts, and where those find nothing
+PROBES, FRACTIONS = 5, (0.98, 0.7, 0.4)  # improvements by probing, at most, and where
+CHOICES, MOST_APART = 12, 24  # ways apart of a pair that are tried, and pairs kept apart
+MOST_JOINT = 100  # starts that share rows
+ASTRAY = 2.0  # factor by which a motion may differ from what rows promised before rays are searched
+EAGER = 0.7  # ways whose promise times this is no better than what is known are not tried
+ON_THE_WAY = "the nearest contact on the way"
+STAGE = "4: descent over contact rows"
+
+
+class Way(NamedTuple):
+    """A site, (kind, i, j, part of 1, part of 2), and the orientation of its normal where it is of edges."""
+
+    site: tuple[int, ...]
+    hand: float
+
+    @property
+    def parts(self) -> Parts:
+        """The part pair."""
+        return self.site[3], self.site[4]
+
+
+class Settled(NamedTuple):
+    """A least motion: z, its length, what stops it, the sites that keep pairs apart; and what was modelled."""
+
+    z: Array
+    amount: float
+    active: tuple[str, ...]
+    chosen: list[Way]
+    rows: int
+    features: int
+    parts: set[Parts]
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """A task in the arrays that the kernels take; z = weights * q / unit.
+
+    Attributes
+    ----------
+    task : Task
+    tape : Tape
+    asks : bool
+        Whether the state of the target pair is among what is asked.
+    """
+
+    task: Task
+    tape: Tape
+    asks: bool
+
+    @cached_property
+    def scale(self) -> Array:
+        """Parameter per z, (k,)."""
+        return self.task.unit / self.task.weights
+
+    @cached_property
+    def turning(self) -> Array:
+        """Which parameters are angles, (k,)."""
+        return np.array([kind == "rotation" for _, kind in self.task.motion.parameters])
+
+    @cached_property
+    def scene(self) -> tuple[Any, ...]:
+        """What every kernel takes first."""
+        task, own = self.task, self.tape
+        motion = own.scaled(self.scale, task.movable.seed, task.static.seed)
+        rows = [(*feature.site, *feature.parts) for feature in task.tracked]
+        tracked = np.array(rows, dtype=np.int64).reshape(-1, 5)
+        signs = np.array([feature.sign for feature in task.tracked])
+        pairs = np.array([task.nominal, task.target, (task.need if self.asks else -np.inf, 0.0)])
+        points = (DEFAULT.path_points - 1, task.coherent, DEFAULT.path_turn, MOST_TURNED, DEFAULT.cut * task.size)
+        path = np.array([*points, *self.turning], dtype=np.float64)
+        return motion, task.movable.packed, task.static.packed, tracked, signs, pairs, path
+
+    @cached_property
+    def steepest(self) -> Array:
+        """Longest step in each z: angles and shares of the size."""
+        return np.where(self.turning, 1.0, self.task.size) * compiled.STEEPEST / self.scale
+
+    @cached_property
+    def rows(self) -> tuple[Ints, Array, int]:
+        """The rows of limits and goal, with room for more, and how many there are."""
+        task, table, numbers = self.task, np.zeros((ROOM, compiled.ROW), dtype=np.int64), np.zeros((ROOM, 3))
+        made: list[tuple[dict[int, int], float, float]] = []
+        for k, limits in enumerate(task.limits.tolist()):
+            for hand, end in zip((1.0, -1.0), limits, strict=True):
+                if np.isfinite(end):
+                    made.append(({compiled.TYPE: compiled.BOUND, compiled.V: k}, hand, end / self.scale[k]))
+        if len(task.tracked) == 1:
+            made.append(({compiled.TYPE: compiled.ON, compiled.EQUAL: 1}, 1.0, 0.0))
+        elif task.tracked:
+            for body in (0, 1):
+                own = {compiled.TYPE: compiled.REACH, compiled.BODY: body, compiled.EQUAL: int(task.goal == "at")}
+                made.append((own, float(task.signs[body] or 1.0), 0.0))
+        for k, (entries, hand, level) in enumerate(made):
+            for column, value in entries.items():
+                table[k, column] = value
+            numbers[k] = 1.0, hand, level
+        return table, numbers, len(made)
+
+    # ------------------------------------------------------------------------------------------------- one descent
+
+    def settle(
+        self, starts: Array, enough: float, chosen: Sequence[Way] = (), closing: Parts | None = None
+    ) -> Settled | None:
+        """Return the least motion found from several starts, (n, k).
+
+        Parameters
+        ----------
+        starts : (n, k) array
+        enough : float
+            Only what is smaller is of interest.
+        chosen : sequence of Way
+            Sites that keep their part pairs apart.
+        closing : (i, j), optional
+            The part pair that must not stay apart.
+        """
+        ints, reals, count = self.rows[0].copy(), self.rows[1].copy(), self.rows[2]
+        sites, hands = np.zeros((MOST_APART, 5), dtype=np.int64), np.zeros(MOST_APART)
+        for k, way in enumerate(chosen):
+            sites[k], hands[k] = way
+        starts, duals = starts.copy(), np.zeros(ROOM)
+        ended, count, made = compiled.settle_all(
+            *self.scene,
+            ints,
+            reals,
+            count,
+            sites,
+            hands,
+            len(chosen),
+            np.array((-1, -1) if closing is None else closing),
+            self.steepest,
+            starts,
+            0.1 * DEFAULT.cut * self.task.unit,
+            enough,
+            duals,
+        )
+        if ended != compiled.FOUND:
+            return None
+        ways = [Way(tuple(site), hand) for site, hand in zip(sites[:made].tolist(), hands[:made].tolist(), strict=True)]
+        return self._settled(starts[0], ints[:count], reals[:count, compiled.HAND], duals, ways, closing)
+
+    def settle_jointly(self, starts: Array) -> Settled | None:
+        """Return the least motion found that keeps the tracked contact, with rows that several starts share."""
+        ints, reals, count = self.rows[0].copy(), self.rows[1].copy(), self.rows[2]
+        starts, duals = starts.copy(), np.zeros(ROOM)
+        ended, count = compiled.settle_jointly(*self.scene, ints, reals, count, self.steepest, starts, duals)
+        if ended != compiled.FOUND:
+            return None
+        return self._settled(starts[0], ints[:count], reals[:count, compiled.HAND], duals, [], None)
+
+    def _settled(
+        self, z: Array, ints: Ints, hands: Array, duals: Array, ways: list[Way], closing: Parts | None
+    ) -> Settled:
+        kept = {feature.parts for feature in self.task.tracked} | ({closing} if closing is not None else set())
+        rows = zip(ints, hands, duals, strict=False)
+        active = tuple(dict.fromkeys(self._named(row, hand) for row, hand, dual in rows if dual != 0))
+        kinds = ints[:, compiled.TYPE]
+        sited = ints[(kinds == compiled.SIDE) | (kinds == compiled.GAP), compiled.KIND : compiled.P2 + 1]
+        behind = ints[kinds == compiled.BEHIND, compiled.KIND : compiled.V + 1]
+        features = {*map(tuple, sited.tolist()), *map(tuple, behind.tolist())}
+        kept |= {way.parts for way in ways} | {(one, two) for *_, one, two in sited.tolist()}
+        count = int((kinds != compiled.BOUND).sum())
+        return Settled(z, float(np.linalg.norm(z)), active, ways, count, len(features) + len(self.task.tracked), kept)
+
+    def _named(self, row: Ints, hand: float) -> str:
+        task, kind, parts = self.task, row[compiled.TYPE], (int(row[compiled.P1]), int(row[compiled.P2]))
+        if kind == compiled.REACH:
+            return f"rho_{row[compiled.BODY] + 1} reaches its target"
+        if kind == compiled.ON:
+            return "target on the moved segment"
+        if kind == compiled.BOUND:
+            return "a limit"
+        if kind == compiled.BEHIND:
+            body = int(row[compiled.BODY])
+            return f"a vertex of body {body}, part {parts[body - 1] + 1}, behind the tracked feature"
+        pair = task.named(parts)
+        if kind == compiled.SIDE:
+            return f"{pair} stays {'apart' if hand > 0 else 'in contact'} on the way"
+        return f"{pair} stays apart" if hand > 0 else f"{pair} closes"
+
+    # ------------------------------------------------------------------------------------------------------- starts
+
+    @cached_property
+    def starts(self) -> Array:
+        """The allowed motion nearest to rest, and starts along each parameter, (1 + 2 k, k)."""
+        reach = np.diag(np.where(self.turning, np.minimum(REACH, 1.0 / self.scale), REACH))
+        first = self.task.start / self.scale
+        low, high = self.task.limits.T / self.scale
+        made: Array = np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
+        return made
+
+    @cached_property
+    def directions(self) -> Array:
+        """Fixed directions, unit, see `rays.directions`."""
+        return rays.directions(self.task) * self.task.weights
+
+    def _wide(self) -> Array:
+        steps = [np.where(self.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
+        return np.vstack([self.directions * own for own in steps])
+
+    # ------------------------------------------------------------------------------------------- tracked contact
+
+    def least_tracked(self) -> Settled | None:
+        """Return the least motion found that keeps the tracked contact, whatever the target pair's state."""
+        best = self.settle(self.starts, np.inf)
+        if best is None or best.amount > WIDE[-1]:
+            best = self.settle(self._wide(), self._below(best)) or best
+            for starts in (self.starts, self._wide()[:MOST_JOINT]):
+                joint = self.settle_jointly(starts)
+                best = joint if joint is not None and joint.amount < self._below(best) else best
+        if best is None or self.task.goal != "beyond":
+            return best
+        low, high = self.task.limits.T / self.scale
+        for _ in range(PROBES):
+            trials = np.vstack([fraction * best.amount * self.directions for fraction in FRACTIONS])
+            trials = trials[((trials >= low) & (trials <= high)).all(axis=1)]
+            k = compiled.first_beyond(*self.scene, trials, self.task.signs, DEFAULT.line)
+            better = None if k < 0 else self.settle(trials[k : k + 1], best.amount * (1.0 - DEFAULT.nominal))
+            if better is None:
+                break
+            best = better
+        return best
+
+    def least_paired(self, loose: Settled) -> Settled | None:
+        """Return the least motion found that gives the target pair its state besides; `loose` is without."""
+        task, starts = self.task, np.vstack([loose.z, self.starts])
+        gaps = task.pair_gaps(loose.z * self.scale)
+        low = [parts for parts in np.ndindex(gaps.shape) if gaps[parts] < task.need]
+        order = sorted(np.ndindex(gaps.shape), key=lambda parts: float(gaps[parts]))
+        best: Settled | None = None
+        for closing in [*([None] if low or not task.must_touch else []), *(order[:CHOICES] if task.must_touch else [])]:
+            for _, chosen in self._combined({parts: self.ways(loose.z, parts) for parts in low}):
+                best = self.settle(starts, self._below(best), chosen, closing) or best
+        return best
+
+    # ------------------------------------------------------------------------------------------- touch and clear
+
+    def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way, float]]:
+        """Return (amount to first order, site, separation) of the ways in which a part pair can come apart."""
+        sites, hands, normals, gaps, steep = compiled.ways(*self.scene, z, *parts)
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            amounts = np.nan_to_num((self.task.need - gaps) / steep, nan=np.inf)
+        found: list[tuple[float, Way, float]] = []
+        known = np.empty((0, 3))
+        for k in np.argsort(amounts, kind="stable").tolist():
+            if not (known @ normals[k] > 1.0 - DEFAULT.nominal).any():
+                known = np.vstack([known, normals[k]])
+                found.append((float(amounts[k]), Way((*sites[k].tolist(), *parts), float(hands[k])), float(gaps[k])))
+            if len(found) == CHOICES:
+                break
+        return found
+
+    def _combined(self, low: dict[Parts, list[tuple[float, Way, float]]]) -> Iterator[tuple[float, list[Way]]]:
+        """Yield (promise, sites) of the choices of one way for each pair: the first of all, or one other."""
+        first = [options[0] for options in low.values()]
+        tries = [first]
+        for place, options in enumerate(low.values()):
+            tries += [[*first[:place], option, *first[place + 1 :]] for option in options[1:]]
+        made = [(max((amount for amount, *_ in own), default=0.0), [way for _, way, _ in own]) for own in tries]
+        yield from sorted(made, key=lambda own: own[0])
+
+    def least_free(self) -> Settled | None:
+        """Return the least motion found that undoes overlaps, or closes a gap."""
+        task, starts = self.task, self.starts
+        gaps = task.pair_gaps(task.start)
+        order = sorted(np.ndindex(gaps.shape), key=lambda parts: float(gaps[parts]))
+        low = {parts: self.ways(starts[0], parts) for parts in order if gaps[parts] < task.need}
+        if len(low) > MOST_APART // 2:
+            return None
+        best: Settled | None = None
+        if low or not task.must_touch:
+            for first in (starts[:1], starts):
+                for promise, chosen in self._combined(low) if best is None else ():
+                    if best is not None and promise * EAGER >= best.amount:
+                        break
+                    best = self.settle(first, self._below(best), chosen) or best
+            promise = next((promise for promise, _ in self._combined(low)), 0.0)
+            if best is not None and not best.amount / ASTRAY <= promise <= best.amount * ASTRAY:
+                best = self._from_rays(best) or best
+        else:
+            rate = search_rate(task) * task.unit
+            for parts in order[:CHOICES]:
+                if best is not None and gaps[parts] / rate >= best.amount:
+                    break
+                best = self.settle(starts, self._below(best), (), parts) or best
+            best = best or self._from_rays()
+        for _ in range(PROBES):
+            better = self._beside(best) if best is not None else None
+            if better is None:
+                break
+            best = better
+        return best
+
+    def _from_rays(self, known: Settled | None = None) -> Settled | None:
+        """Return the least motion found from the first contacts along the parameters, if it is less than one known."""
+        task, best = self.task, known
+        overlaps = task.misses(task.rest)[0] < 0
+        for direction in rays.directions(task, ()):
+            limit = min(rays.reach(task, direction), self._below(best) * task.unit)
+            contact = rays.first_contact(task, direction, limit)
+            if np.isfinite(contact.amount):
+                gaps = task.pair_gaps(contact.amount * direction)
+                one, two = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+                pair, start = (int(one), int(two)), contact.amount * direction / self.scale
+                amount = float(np.linalg.norm(start))
+                chosen = [way for _, way, _ in self.ways(start, pair)[:1]] if overlaps else []
+                found = self.settle(start[None], self._below(best), chosen, None if chosen else pair)
+                if found is None and amount < self._below(best):
+                    found = Settled(start, amount, (ON_THE_WAY,), [], 1, 1, {pair})
+                best = found or best
+        return None if best is known else best
+
+    def _beside(self, best: Settled) -> Settled | None:
+        """Return a smaller motion than one known, along other sites that keep its pairs apart there."""
+        found: Settled | None = None
+        slack = DEFAULT.requirement * self.task.size
+        for place, own in enumerate(best.chosen):
+            for _, way, gap in self.ways(best.z, own.parts):
+                if gap >= self.task.need - slack and way != own:
+                    chosen = [*best.chosen[:place], way, *best.chosen[place + 1 :]]
+                    found = self.settle(best.z[None], self._below(found or best), chosen) or found
+        return found
+
+    def _below(self, best: Settled | None) -> float:
+        return np.inf if best is None else best.amount * (1.0 - DEFAULT.nominal)
+
+
+def descent(task: Task) -> Answer | None:
+    """Stage 4 by descent; None where it models something else or finds nothing."""
+    if task.goal == "seat" or any(task.flush) or not task.weighted or (task.need > 0 and task.tracked):
+        return None
+    if task.keep_out:
+        return _kept_clear(task)
+    program = tape(task.motion)
+    if program is None:
+        return None
+    own = Descent(task, program, task.must_clear and not task.tracked)
+    best = own.least_tracked() if task.tracked else own.least_free()
+    paired = best is not None and task.tracked and task.must_clear
+    if best is not None and paired and not task.meets(best.z * own.scale, DEFAULT.requirement, path=False):
+        best = replace(own, asks=True).least_paired(best)
+    if best is None:
+        return None
+    q = np.clip(best.z * own.scale, task.limits[:, 0], task.limits[:, 1])
+    if not task.meets(q, DEFAULT.requirement, path=False):  # the path has been looked at
+        return None
+    if task.need > 0 and not _along_facets(task, q):
+        return None
+    counts = task.modelled(best.parts, variables=len(q), constraints=best.rows, features=best.features)
+    return Answer(Status.SOLVED, q, STAGE, min(displacement_bound(task), task.amount(q)), best.active, counts)
+
+
+def _kept_clear(task: Task) -> Answer | None:
+    """Return the answer without keep-outs, where it keeps clear of them."""
+    answer = descent(replace(task, keep_out=()))
+    if answer is None or answer.q is None or not task.meets(answer.q, DEFAULT.requirement, path=False):
+        return None
+    totals = {name: count for name, count in task.modelled().items() if name.endswith("_total")}
+    return replace(answer, modelled={**(answer.modelled or {}), **totals})
+
+
+def _along_facets(task: Task, q: Array) -> bool:
+    """Tell whether the nearest pairs are as near as along facets: of corners' distances other motions are least."""
+    gaps = task.pair_gaps(q)
+    slack = DEFAULT.requirement * task.size
+    tight = [(i, j) for i, j in np.ndindex(gaps.shape) if gaps[i, j] < task.need + slack]
+    ways = {parts: task.way_between(parts, q) for parts in tight}
+    return bool((task.pair_gaps(q, ways) - gaps <= slack).all())

@@ -1,0 +1,270 @@
+"""First contact of the target pair along a ray of motions, by conservative advancement.
+
+The signed distance changes by no more than the largest displacement of a vertex, so from a gap g the pair cannot pass
+its needed gap within an amount |g - need| / rate. Along one parameter the rate is the same everywhere on the way, and
+steps of that size miss no contact; along a ray in several parameters they are a rule of search, and prove nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
+from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.model.bounds import search_rate
+from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.stages import along, compiled
+from fcdm_opt.stages.tape import Tape, tape
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS = 2000  # safe steps along one ray, at most
+TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
+SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
+FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
+
+
+class Contact(NamedTuple):
+    """The first contact along a ray.
+
+    Attributes
+    ----------
+    amount : float
+        Where the needed gap is reached; infinite if it is not.
+    clear_to : float
+        Proved: not reached before this amount; 0 where nothing is proved.
+    """
+
+    amount: float
+    clear_to: float
+
+
+class Steady:
+    """A task whose motion is one translation, rotation or screw: its two ways, see `along`.
+
+    Parameters
+    ----------
+    task : Task
+        With goal "touch" or "clear".
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+
+    @staticmethod
+    def suits(task: Task) -> bool:
+        """Tell whether a task is of that kind."""
+        return len(task.weights) == 1 and len(task.motion.steps) == 1 and task.bounded
+
+    @cached_property
+    def _way(self) -> Array:
+        """Direction of the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
+        task = self.task
+        seed = task.movable.seed
+        rate = task.motion.kinematics(seed, task.static.seed).rates(task.rest)[1][0] / task.weights[0]
+        w, v = np.array([rate[2, 1], rate[0, 2], rate[1, 0]]), rate[:3, :3] @ seed + rate[:3, 3]
+        turn = math.sqrt(w @ w)
+        if turn == 0.0:
+            shift = math.sqrt(v @ v)
+            return np.array([v / shift, np.zeros(3), (0.0, shift, 0.0)])
+        return np.array([w / turn, crossed(w, v) / turn**2, (turn, v @ w / turn, 0.0)])
+
+    @cached_property
+    def _solids(self) -> tuple[Any, Any, Array]:
+        """Body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
+        task = self.task
+        movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
+        others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.opponents]
+        return _together(movable), _together(others), np.array(task.needs)
+
+    @cached_property
+    def _speed(self) -> float:
+        """The fastest vertex."""
+        points, (axis, centre, (turn, shift, _)) = self._solids[0][0], self._way
+        arms = points - centre
+        arms = arms - np.outer(arms @ axis, axis)
+        return math.hypot(turn * math.sqrt((arms * arms).sum(axis=1).max()), shift)
+
+    @property
+    def likelier(self) -> int:
+        """Which way seems to lead to the first contact sooner: 0 forwards, 1 backwards; any choice does."""
+        task, (axis, centre, (turn, shift, _)) = self.task, self._way
+        gaps = task.pair_gaps(task.rest)
+        i, j = divmod(int(gaps.argmin()), gaps.shape[1])
+        _, rows, separations = task.separations((i, j), task.pose(task.rest))
+        normal, places = rows[separations.argmax(), :3], self._solids[0][3]
+        points = self._solids[0][0][places[i, 0] : places[i + 1, 0]]
+        foremost = points[(points @ normal).argmax()]
+        nearing = normal @ (turn * crossed(axis, foremost - centre) + shift * axis)
+        return int((nearing > 0) == (float(gaps[i, j]) < task.opponents[j].need))
+
+    def first_contact(self, sense: float, limit: float, start: float = 0.0) -> Contact:
+        """Return the first contact one way, sense 1 or -1, as `first_contact` does; keep-outs are minded."""
+        task = self.task
+        steps = [share * task.size / self._speed for share in (DEFAULT.march, DEFAULT.line)]
+        found = along.first(
+            self._way,
+            sense,
+            *self._solids[:2],
+            task.static.seed - task.movable.seed,
+            self._solids[2],
+            len(task.static.parts),
+            task.must_touch,
+            limit,
+            start,
+            *steps,
+            STEPS,
+            DEFAULT.line,
+            DEFAULT.line * task.size,
+        )
+        return Contact(*found)
+
+
+def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array, Ints]:
+    """Return points, normals with levels and edges of a part at a scale, about a point `offset` from its seed."""
+    reals, ints = part.packed
+    n, f = int(ints[0]), int(ints[1])
+    points, faces = scale * reals[:n, :3] + offset, reals[n : n + f].copy()
+    faces[:, 3] = (faces[:, :3] @ points.T).max(axis=1)
+    return points, faces, part.edges
+
+
+def _together(solids: list[tuple[Array, Array, Ints]]) -> tuple[Array, Array, Ints, Ints]:
+    """Return solids one after the other, and the first row of each in points, faces and edges."""
+    sizes = [[len(table) for table in own] for own in solids]
+    places = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(sizes, axis=0)])
+    points, faces, edges = (own[0] if len(own) == 1 else np.concatenate(own) for own in zip(*solids, strict=True))
+    return points, faces, np.array(edges), places
+
+
+def directions(task: Task, shares: tuple[float, ...] = SHARES) -> Array:
+    """Return fixed directions in the parameters, per unit of amount: the axes both ways, and between each two."""
+    return _units(len(task.weights), shares) / task.weights
+
+
+@lru_cache(maxsize=64)
+def _units(k: int, shares: tuple[float, ...]) -> Array:
+    axes = np.vstack([np.eye(k), -np.eye(k)])
+    between = [one + share * two for one, two in combinations(axes, 2) if one @ two == 0 for share in shares]
+    rays = np.array([*axes, *between])
+    return frozen(rays / np.linalg.norm(rays, axis=1)[:, None])
+
+
+def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
+    """Return the stretch of the ray to q at whose end the target pair has just the gap it needs; q if there is none."""
+    from scipy.optimize import brentq
+
+    def miss(s: float) -> float:
+        return task.misses(s * q, normals)[0]
+
+    end = miss(1.0)
+    if abs(end) <= DEFAULT.cut * task.unit or miss(0.0) * end >= 0:
+        return q
+    shorter = q * brentq(miss, 0.0, 1.0, xtol=DEFAULT.line, rtol=4 * np.finfo(float).eps)
+    clear = task.misses(shorter, normals)[1] >= -DEFAULT.cut * task.unit
+    return shorter if clear and task.allows(shorter) else q
+
+
+def reach(task: Task, direction: Array) -> float:
+    """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or out of each other's way."""
+    seed = task.movable.seed
+    own = task.target[0] * max(_reach(part, seed) for part in task.movable.parts)
+    others = [o for o in task.opponents if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
+    away = own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others)
+    ends = [math.inf]
+    steps = [step for step in task.motion.steps for _ in step.own_parameters]
+    for step, (_, kind), slope, (low, high) in zip(steps, task.motion.parameters, direction, task.limits, strict=True):
+        if slope != 0:
+            first, last = ((low, high) if slope > 0 else (high, low)) / np.array(slope)
+            ends.append(last)
+            if kind == "translation":
+                ends.append(away / abs(slope))
+            elif step.closed or not step.bounded or len(direction) > 1:
+                ends.append(TURNS / abs(slope) + max(first, 0.0))  # limits may exclude rest
+            else:  # a screw: what it shifts in a radian
+                ends.append(away / step.own_weights(0.0)[0] / abs(slope))
+    return max(min(ends), 0.0)
+
+
+def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0) -> Contact:
+    """Return where along a ray the target pair first has just the gap it needs.
+
+    Parameters
+    ----------
+    task : Task
+        With goal "touch" or "clear".
+    direction : (k,) array
+        Parameters per unit of amount.
+    limit : float
+        Amount to go to.
+    start : float
+        Amount to go from.
+
+    Notes
+    -----
+    A contact that a keep-out forbids is passed by: the way is then searched on from there.
+    """
+    program = None if task.keep_out else tape(task.motion)
+    if program is not None:
+        return _marched(task, program, direction, limit, start)
+    from scipy.optimize import brentq
+
+    rate, slack = search_rate(task), DEFAULT.line * task.size
+
+    def miss(amount: float) -> float:
+        return task.misses(amount * direction)[0]
+
+    here, (value, clear) = start, task.misses(start * direction)
+    side = math.copysign(1.0, value)
+    floor = DEFAULT.march * task.size / rate
+    proved, sure = 0.0, len(direction) == 1 and task.bounded
+    for _ in range(STEPS):
+        if here >= limit:
+            return Contact(math.inf, limit if sure else proved)
+        step = max(abs(value), -clear) / rate
+        forbidden = -clear > abs(value) and step >= floor
+        proved = here if sure else proved
+        sure = sure and step >= floor
+        ahead = min(here + max(step, floor), limit)
+        there, cleared = task.misses(ahead * direction)
+        if forbidden:  # all the way: contacts there do not count
+            side = math.copysign(1.0, there)
+        elif there * side <= 0 and there * value <= 0:
+            if there != 0:
+                ahead = float(brentq(miss, here, ahead, xtol=DEFAULT.line * ahead, rtol=4 * np.finfo(float).eps))
+                there, cleared = task.misses(ahead * direction)
+            if cleared >= -slack:
+                return Contact(ahead, proved)
+            side = -side
+        here, value, clear = ahead, there, cleared
+    return Contact(math.inf, proved)
+
+
+def _marched(task: Task, program: Tape, direction: Array, limit: float, start: float) -> Contact:
+    """Return the first contact where no keep-out can forbid it: the same steps, compiled."""
+    rate = search_rate(task)
+    amount, clear = compiled.march(
+        program.scaled(np.ones(len(direction)), task.movable.seed, task.static.seed),
+        task.movable.packed,
+        task.static.packed,
+        np.array([task.nominal, task.target, (task.need, 0.0)]),
+        direction,
+        rate,
+        limit,
+        start,
+        DEFAULT.march * task.size / rate,
+        STEPS,
+        DEFAULT.line,
+    )
+    sure = len(direction) == 1 and task.bounded
+    return Contact(amount, clear if sure else 0.0)
+
+
+def _reach(part: ConvexPart, point: Array, scale: float = 1.0) -> float:
+    """Return the distance of a part's farthest vertex, at a scale, from a point."""
+    return float(np.linalg.norm(part.seed + scale * (part.vertices - part.seed) - point, axis=1).max())

@@ -1,0 +1,381 @@
+"""Programs that leave out what may not matter, and grow by what their solutions violate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+
+import numpy as np
+
+from fcdm_opt.curve.coherence import Fault
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.model.bounds import displacement_rate
+from fcdm_opt.model.equations import feature_points
+from fcdm_opt.model.task import Opponent, Parts, Task
+from fcdm_opt.stages import program, rays, sequential
+from fcdm_opt.stages.program import Outcome, Row
+from fcdm_opt.tolerances import DEFAULT
+
+ROUNDS = 40  # of adding violated constraints
+CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
+VARIANTS = 40  # choices for several overlapping pairs, at most
+RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
+ALTERNATIVES = 4  # directions tried for a pair that comes up on the way
+KEPT = 6  # starts of the first round that later rounds keep
+KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
+HELD = 3  # vertices of either part that a new separating plane holds at once
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A motion that meets everything: parameters, amount, what is active, what was modelled."""
+
+    q: Array
+    amount: float
+    active: tuple[str, ...]
+    modelled: dict[str, int]
+
+
+@dataclass(eq=False)
+class Relaxation:
+    """The constraints of one choice of features.
+
+    Attributes
+    ----------
+    task : Task
+    closing : (i, j) or None
+        The part pair that must not stay apart.
+    promise : float
+        What the choice needs at rest, to first order: tried in this order.
+    reached : bool
+        Whether any solution met everything but the coherence of the path.
+    came_up : dict
+        Part pairs that were left out and came into each other's way, with the motion at which they did.
+    """
+
+    task: Task
+    closing: Parts | None = None
+    promise: float = 0.0
+    reached: bool = False
+    came_up: dict[Parts, Array] = field(default_factory=dict)
+    _chosen: list[tuple[Parts, Array, Array]] = field(default_factory=list)
+    _rows: list[Row] = field(default_factory=list)
+    _planes: dict[Parts, Array] = field(default_factory=dict)
+    _known: set[tuple[object, ...]] = field(default_factory=set)
+    _features: set[tuple[object, ...]] = field(default_factory=set)
+    _on_the_way: set[Parts] = field(default_factory=set)
+    _incoherent: bool = False
+
+    def __post_init__(self) -> None:
+        if self.task.tracked:
+            self._rows += program.goal_rows(self.task)
+
+    def smallest(self, starts: list[Array], method: str, enough: float = np.inf) -> Found | None:
+        """Return the smallest motion, adding what solutions violate; None if there is none.
+
+        Parameters
+        ----------
+        starts : list of (k,) arrays
+            Where each round starts; in later rounds the first few, and the latest solution.
+        method : "sqpmethod", "ipopt" or "slsqp"
+            CasADi plugin, or `sequential`.
+        enough : float
+            Give up once the amount is no smaller: more constraints only add to it.
+        """
+        task, outcome = self.task, self._solved(starts, method)
+        for _ in range(ROUNDS):
+            if outcome is None or task.amount(outcome.q) >= enough * (1.0 - DEFAULT.cut):
+                return None
+            q, normals = outcome.q, dict(zip(self._planes, outcome.normals, strict=True))
+            self.reached = self.reached or task.meets(q, DEFAULT.requirement, normals, path=False)
+            if not self._grown(q, normals):
+                break
+            outcome = self._solved([*starts[:KEPT], q], method)
+        if outcome is None:
+            return None
+        if not task.tracked:
+            q = rays.shortened(task, q, normals)
+        if self._incoherent or not task.meets(q, DEFAULT.requirement, normals, path=False):
+            return None
+        active = tuple(dict.fromkeys(self._rows[k].name for k in outcome.active))
+        return Found(q, task.amount(q), active, self._modelled)
+
+    def _solved(self, starts: list[Array], method: str) -> Outcome | None:
+        """Return the least feasible outcome over the starts."""
+        planes = np.array(list(self._planes.values())).reshape(-1, 4)
+        outcomes = [self._minimised(start, planes, method) for start in starts]
+        stuck = self.task.tracked and not any(outcome.feasible for outcome in outcomes)
+        cornered = any(self.task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
+        if self._planes and (stuck or cornered):  # where SQP may find nothing, or stop short of the least
+            outcomes.append(program.minimise(self.task, self._rows, starts[0], planes, "ipopt"))
+        feasible = [outcome for outcome in outcomes if outcome.feasible]
+        best = min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)
+        for _ in range(RECENTRED if self._planes else 0):
+            if best is None:
+                break
+            # a solver that stopped early goes on from its planes, now measured against their own normals
+            pairs = zip(self._planes, best.normals, strict=True)
+            levels = [self._heights(parts, best.q, normal)[0].max() for parts, normal in pairs]
+            lengths = np.linalg.norm(best.normals, axis=1)[:, None]
+            planes = np.column_stack([best.normals, np.array(levels) / self.task.unit]) / lengths
+            again = self._minimised(best.q, planes, method)
+            if not again.feasible or self.task.amount(again.q) >= self.task.amount(best.q) * (1.0 - DEFAULT.nominal):
+                break
+            best = again
+        return best
+
+    def _minimised(self, start: Array, planes: Array, method: str) -> Outcome:
+        if method == "slsqp":
+            return sequential.minimise(self.task, self._rows, start, planes)
+        return program.minimise(self.task, self._rows, start, planes, method)
+
+    def _grown(self, q: Array, normals: dict[Parts, Array]) -> bool:
+        """Add the constraints that a motion violates; tell whether any is new."""
+        task = self.task
+        faults = task.path_faults(q) if task.tracked else []
+        self._incoherent = bool(faults)
+        added = [self._forbid(*fault) for fault in faults]
+        if np.isfinite(task.needs).any():
+            short = task.needs - task.pair_gaps(q, normals)
+            for parts in np.ndindex(short.shape):
+                if short[parts] <= DEFAULT.cut * task.unit:
+                    continue
+                if parts in normals:
+                    added.append(self._hold_foremost(parts, q, normals[parts]))
+                else:
+                    added.append(self._keep_apart_as_near(parts, q))
+        if self.closing is not None:
+            added.append(self.close(q, DEFAULT.cut * task.unit))
+        return any(added)
+
+    @property
+    def _modelled(self) -> dict[str, int]:
+        task = self.task
+        lines = (*task.tracked, *task.besides)
+        kept = {*self._planes, *self._on_the_way, *(line.parts for line in lines)}
+        kept |= {self.closing} if self.closing is not None else set()
+        largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
+        return task.modelled(
+            kept,
+            variables=len(task.weights) + 3 * len(self._planes) + min(largest, 1),
+            constraints=len(self._rows) + largest,
+            features=len(lines) + len(self._features),
+        )
+
+    # ------------------------------------------------------------------------------------------- kinds of constraints
+
+    def _is_new(self, *key: object) -> bool:
+        new = key not in self._known
+        self._known.add(key)
+        return new
+
+    def _forbid(self, s: float, pose: Array, fault: Fault | None) -> bool:
+        """Forbid a fault of the tracked contact at path position s."""
+        if fault is None:
+            return self._keep_flush(s, pose)
+        if not self._is_new(s, *fault.key):
+            return False
+        self._features.add(fault.key)
+        self._on_the_way.add(fault.parts)
+        task, rotation = self.task, pose[:9].reshape(3, 3)
+        feature = feature_points(task.movable, task.static, fault.site, fault.parts, fault.normal, rotation)
+        scale = feature.steepness(rotation)
+        pair = task.named(fault.parts)
+        if fault.kind == "unsupported":
+            part = (task.movable, task.static)[fault.body - 1].parts[fault.parts[fault.body - 1]]
+            name = f"a vertex of body {fault.body}, part {fault.parts[fault.body - 1] + 1}, behind the tracked feature"
+            vertex = part.vertices[fault.vertex]
+            self._rows.append(program.support_row(task, s, feature, scale, fault.body, vertex, name))
+        elif fault.kind == "overlapping":
+            self._rows.append(program.line_row(task, s, feature, scale, True, f"{pair} stays apart on the way"))
+        else:
+            self._rows.append(program.line_row(task, s, feature, scale, False, f"{pair} stays in contact on the way"))
+        return True
+
+    def _keep_flush(self, s: float, pose: Array) -> bool:
+        """Keep flush contacts that a motion opens at path position s: faces over one another, or else nothing turns.
+
+        The last is more than is needed, where a turn opens them to second order only.
+        """
+        task, added = self.task, False
+        for seat in task.seats if s == 1.0 else ():
+            if seat.misfit(pose, task.target) <= DEFAULT.cut * task.size:
+                overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
+                if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
+                    self._rows.append(program.shared_row(task, overlap, least))
+                    added = True
+        moving = (task.limits != 0).any(axis=1)
+        turning = np.flatnonzero(moving & task.spins.any(axis=1))
+        if task.seats and not added and 0 < len(turning) < moving.sum() and self._is_new("still"):
+            self._rows = [row for row in self._rows if row.template[0] not in ("turned", "aligned")]
+            self._rows += [program.still_row(task, int(k)) for k in turning]
+            added = True
+        return added
+
+    def close(self, q: Array, slack: float) -> bool:
+        """Close the closing pair along the direction in which it is furthest apart, if by more than `slack`."""
+        assert self.closing is not None
+        task, pose = self.task, self.task.pose(q)
+        sites, rows, separations = task.separations(self.closing, pose)
+        worst = int(np.argmax(separations))
+        kind, i, j = (int(x) for x in sites[worst])
+        if separations[worst] <= slack or not self._is_new("closing", kind, i, j):
+            return False
+        self._features.add((kind, i, j))
+        rotation = pose[:9].reshape(3, 3)
+        feature = feature_points(task.movable, task.static, (kind, i, j), self.closing, rows[worst, :3], rotation)
+        name = f"{task.named(self.closing)} closes"
+        self._rows.append(program.target_row(task, feature, feature.steepness(rotation), name))
+        return True
+
+    def keep_apart(self, parts: Parts, q: Array, normal: Array) -> None:
+        """Choose that a part pair stays apart along a direction, as it is at a motion; it is free to turn."""
+        self._chosen.append((parts, q, normal))
+        self._add_plane(parts, q, normal)
+
+    def alternatives(self) -> Iterator[Relaxation]:
+        """Yield the same choice with other directions for each pair that came up, which had the nearest."""
+        for came, q in self.came_up.items():
+            for _, normal in _ways_apart(self.task, came, q)[:ALTERNATIVES]:
+                other = Relaxation(self.task, self.closing)
+                if self.closing is not None:
+                    other.close(self.task.start, -np.inf)
+                for chosen in self._chosen:
+                    other.keep_apart(*chosen)
+                other.keep_apart(came, q, normal)
+                yield other
+
+    def _add_plane(self, parts: Parts, q: Array, normal: Array) -> None:
+        heights = self._heights(parts, q, normal)
+        self._planes[parts] = np.append(normal, heights[0].max() / self.task.unit)
+        for body, order in ((1, np.argsort(-heights[0], kind="stable")), (2, np.argsort(heights[1], kind="stable"))):
+            for vertex in order[:HELD]:
+                self._hold(parts, body, int(vertex))
+
+    def _keep_apart_as_near(self, parts: Parts, q: Array) -> bool:
+        _, rows, separations = self.task.separations(parts, self.task.pose(q))
+        self._add_plane(parts, q, rows[int(np.argmax(separations)), :3])
+        self.came_up[parts] = q
+        return True
+
+    def _hold_foremost(self, parts: Parts, q: Array, normal: Array) -> bool:
+        """Hold the vertices that reach furthest along a pair's separating direction."""
+        heights = self._heights(parts, q, normal)
+        return any([self._hold(parts, 1, int(np.argmax(heights[0]))), self._hold(parts, 2, int(np.argmin(heights[1])))])
+
+    def _hold(self, parts: Parts, body: int, vertex: int) -> bool:
+        """Keep a vertex on its body's side of the pair's separating plane."""
+        if not self._is_new("plane", parts, body, vertex):
+            return False
+        self._features.add((parts, body, vertex))
+        task, block = self.task, list(self._planes).index(parts)
+        if body == 1:
+            need, point = 0.0, task.movable.parts[parts[0]].vertices[vertex]
+        else:
+            opponent = task.opponents[parts[1]]
+            need, point = opponent.need, _placed(task, opponent)[vertex]
+        self._rows.append(program.plane_row(task, block, body, point, need, f"{task.named(parts)} stays apart"))
+        return True
+
+    def _heights(self, parts: Parts, q: Array, normal: Array) -> tuple[Array, Array]:
+        """Return n.(x - s_2) of both parts' vertices at the scales made."""
+        pose, task = self.task.pose(q), self.task
+        one = task.movable.parts[parts[0]]
+        own = normal @ pose[:9].reshape(3, 3)
+        first = task.target[0] * (one.vertices - one.seed) @ own - normal @ pose[9:]
+        return first, _placed(task, task.opponents[parts[1]]) @ normal
+
+
+def _placed(task: Task, opponent: Opponent) -> Array:
+    """Return an opponent's vertices as scaled, relative to s_2."""
+    part = opponent.part
+    return part.seed - task.static.seed + opponent.scale * (part.vertices - part.seed)
+
+
+def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]:
+    """Yield the programs to try from a motion on.
+
+    Which pair closes, and along which direction each overlapping pair comes apart: all that may matter, or with `near`
+    only what is there at the motion, which is known to do.
+    """
+    if not np.isfinite(np.append(task.pose(task.start), task.pose(q))).all():
+        return  # a screw has lost its axis there
+    asks = bool(np.isfinite(task.needs).any())
+    gaps = task.pair_gaps(task.start) if asks else np.zeros((1, 1))
+    there = task.pair_gaps(q) if asks else gaps
+    everything = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
+    apart = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
+    closes = apart or (task.must_touch and bool(task.keep_out))  # which may move the part away from a contact
+    low = {parts: _ways_apart(task, parts, q) for parts in everything if gaps[parts] < task.needs[parts[1]]}
+    pairs = [parts for parts in everything if parts[1] < len(task.static.parts)]
+    variants = [dict.fromkeys(low, 0)]
+    if near:
+        pairs = pairs[:1]
+    else:
+        variants += [{**variants[0], parts: k} for parts in low for k in range(1, len(low[parts]))]
+        if task.keep_out:  # between bodies on several sides one other direction is seldom enough
+            variants = [*variants[:VARIANTS], *_combinations(low)]
+    # a pair that must touch besides may do so already where it is only kept from overlapping
+    asked: list[Parts | None] = [*([None] if task.tracked or not apart else []), *(pairs[:CHOICES] if closes else [])]
+    for closing in asked:
+        for variant in variants[: 2 * VARIANTS if task.keep_out else VARIANTS]:
+            relaxation = Relaxation(task, closing)
+            if closing is not None:
+                relaxation.close(q, -np.inf)
+                relaxation.promise = max(float(gaps[closing]), 0.0) / displacement_rate(task)
+            for parts, choice in variant.items():
+                amount, normal = low[parts][choice]
+                relaxation.keep_apart(parts, q, normal)
+                relaxation.promise = max(relaxation.promise, amount)
+            yield relaxation
+
+
+def _combinations(low: dict[Parts, list[tuple[float, Array]]]) -> Iterator[dict[Parts, int]]:
+    """Yield choices of one direction for each pair that differ in several from the first, least need first."""
+
+    def need(choice: tuple[int, ...]) -> tuple[float, float]:
+        amounts = [ways[k][0] for ways, k in zip(low.values(), choice, strict=True)]
+        return max(amounts), sum(amounts)
+
+    first = (0,) * len(low)
+    waiting = [(*need(first), first)] if low else []
+    known = {first}
+    for _ in range(4 * VARIANTS):
+        if not waiting:
+            return
+        *_, choice = heappop(waiting)
+        if sum(k > 0 for k in choice) > 1:
+            yield dict(zip(low, choice, strict=True))
+        for place, (k, ways) in enumerate(zip(choice, low.values(), strict=True)):
+            further = (*choice[:place], k + 1, *choice[place + 1 :])
+            if k + 1 < len(ways) and further not in known:
+                known.add(further)
+                heappush(waiting, (*need(further), further))
+
+
+def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:
+    """Return (amount, direction) for the ways in which a part pair can come apart near a motion, least first.
+
+    The amount is what a way still needs, to first order.
+    """
+    pose = task.pose(q)
+    _, rows, separations = task.separations(parts, pose)
+    seed, vertices = task.movable.seed, task.movable.parts[parts[0]].vertices
+    scaled = seed + task.target[0] * (vertices - seed)
+    foremost = scaled[np.argmax(rows[:, :3] @ pose[:9].reshape(3, 3) @ (scaled - seed).T, axis=1)]
+    rates = np.zeros((len(rows), len(q)))
+    for k, step in enumerate(np.diag(DEFAULT.least_unit * task.size / task.weights)):
+        velocity = (task.transform(q + step) - task.transform(q - step)) / 2.0
+        rates[:, k] = ((foremost @ velocity[:3, :3].T + velocity[:3, 3]) * rows[:, :3]).sum(axis=1) / step[k]
+    steepness = np.linalg.norm(rates / task.weights, axis=1)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        amounts = np.nan_to_num((task.needs[parts[1]] - separations) / steepness, nan=np.inf)
+    found: list[tuple[float, Array]] = []
+    for k in np.argsort(amounts, kind="stable"):  # parallel faces and edges list a direction more than once
+        normal = rows[k, :3]
+        if all(normal @ known < 1.0 - DEFAULT.nominal for _, known in found):
+            found.append((float(amounts[k]), normal))
+        if len(found) == CHOICES:
+            break
+    return found

@@ -1,0 +1,103 @@
+"""Motions in whole steps of the machine, near the smallest motion of all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.tolerances import DEFAULT
+
+MOST_WIDE = 4  # parameters up to which two steps to either side are tried, beyond them one
+MOST_LISTED, MOST_TRIED = 50_000, 2000  # motions in whole steps that are smaller than the one found
+MOST_SOLVED = 64  # neighbours for which the other parameters are solved anew
+
+
+def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Answer:
+    """Return the answer in whole steps of the task's `resolution`; as it is where there is none, or no motion.
+
+    Tried are whole steps around the smallest motion; parameters without a step are solved anew for each. The least
+    amount that meets the requirement wins, and where motions in whole steps are not too many, all are tried that are
+    smaller than it and not below the smallest of all.
+
+    A goal that is an equation ("at", "seat", and pairs that must touch) is met to within what the steps leave open,
+    see `Motion.play`: of the motions in which the target pair does not overlap the one nearest to it wins, and its gap
+    is reported as it is. No lower bound is known then.
+
+    Parameters
+    ----------
+    task : Task
+    answer : Answer
+    solve : callable
+        Answers a task.
+    """
+    if task.resolution is None or answer.q is None:
+        return answer
+    stage = f"{answer.stage}; then whole steps"
+    rounded = task.resolution > 0
+    best: tuple[float, float, Array] | None = None
+    if rounded.all():
+        ranked = sorted(
+            (
+                (task.miss(q) if task.is_equation else 0.0, task.amount(q), k, q)
+                for k, q in enumerate(_near(task, answer.q))
+            )
+        )
+        best = next(((miss, amount, q) for miss, amount, _, q in ranked if task.meets_in_steps(q)), None)
+        if not task.is_equation and task.weighted:
+            best = next(
+                (
+                    (0.0, task.amount(q), q)
+                    for q in _between(task, task.amount(answer.q), best and best[1])
+                    if task.meets_in_steps(q)
+                ),
+                best,
+            )
+    else:
+        for q in sorted(_near(task, answer.q), key=task.amount)[:MOST_SOLVED]:
+            limits = np.where(rounded[:, None], q[:, None], task.limits)
+            found = solve(replace(task, limits=limits, resolution=None))
+            if found.q is not None and (best is None or task.amount(found.q) < best[1]):
+                best = (0.0, task.amount(found.q), found.q)
+    if best is None:
+        return Answer(Status.NOT_IN_STEPS, None, f"{stage}, none near", answer.lower_bound)
+    _, amount, q = best
+    bound = 0.0 if task.is_equation and rounded.all() else min(answer.lower_bound, amount)
+    status = answer.status if np.array_equal(q, answer.q) else Status.SOLVED
+    return Answer(status, q, stage, bound, (*answer.active, "whole steps"), answer.modelled)
+
+
+def _between(task: Task, low: float, high: float | None) -> Array:
+    """Return all allowed motions in whole steps with amounts from `low` to below `high`, least first; none if many."""
+    assert task.resolution is not None
+    if high is None:
+        return np.empty((0, len(task.weights)))
+    most = np.floor(high / (task.weights * task.resolution) + DEFAULT.nominal)
+    if np.prod(2.0 * most + 1.0) > MOST_LISTED:
+        return np.empty((0, len(task.weights)))
+    counts = np.array(list(product(*(range(-int(m), int(m) + 1) for m in most))))
+    motions = counts * task.resolution
+    amounts = np.linalg.norm(motions * task.weights, axis=1)
+    inside = (amounts >= low * (1.0 - DEFAULT.requirement)) & (amounts < high * (1.0 - DEFAULT.requirement))
+    inside &= (motions >= task.limits[:, 0]).all(axis=1) & (motions <= task.limits[:, 1]).all(axis=1)
+    found: Array = motions[inside][np.argsort(amounts[inside], kind="stable")]
+    return found[:MOST_TRIED]
+
+
+def _near(task: Task, q: Array) -> Iterator[Array]:
+    """Yield allowed motions in whole steps around q; parameters without a step stay."""
+    assert task.resolution is not None
+    steps = np.where(task.resolution > 0, task.resolution, 1.0)
+    below = np.floor(q / steps + DEFAULT.nominal)
+    some = np.flatnonzero(task.resolution > 0)
+    offsets = (0, 1, -1, 2) if len(some) <= MOST_WIDE else (0, 1)
+    for choice in product(offsets, repeat=len(some)):
+        near = q.copy()
+        near[some] = (below[some] + choice) * steps[some]
+        if task.allows(near):
+            yield near

@@ -1,0 +1,263 @@
+"""Stage 3 for "touch" and "clear": where all translations are free, a search over the rotations alone, with proof.
+
+A motion of three independent translations and rotations about the moved seed: for fixed rotations the smallest
+translation is known, from the nearest points of parts that are apart and from the shallowest direction of parts that
+overlap. So cells of rotations are cut, each with a lower bound to second order in its size (`turned_cells`), until none
+is left below the best known motion.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.model.bounds import displacement_rate
+from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.motion.motions import Free, Rotation, Translation
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.stages import turned_cells
+from fcdm_opt.tolerances import DEFAULT
+
+SPACE = 3  # dimensions
+MOST_CELLS = 400_000  # looked at before the search is left as it is: tens of seconds
+SAME = 1e-14  # columns of a translation's matrix this near to orthogonal and equal are so but for rounding
+FINE, PROVED = 1e-9, 1e-7  # gap that the stage asks for, and the one with which it claims the smallest motion
+SHORT = 1.0  # seconds for it
+
+
+class Bound(NamedTuple):
+    """What a search over rotations found.
+
+    `lower` bounds the amount of every motion that meets the goal; `upper` is that of the best known motion, q (None
+    where the solver's is the best, or none is known); closed tells whether they are as near as was asked.
+    """
+
+    lower: float
+    upper: float
+    q: Array | None
+    cells: int
+    closed: bool
+
+
+class Steps(NamedTuple):
+    """A motion taken apart: places of its translations and rotations, the former's directions, the latter's axes."""
+
+    translations: Ints
+    rotations: Ints
+    directions: Array
+    axes: Array
+    vector: bool
+
+
+def least_over_turns(
+    task: Task, *, upper: Answer | None, gap: float, seconds: float, share: float = 1.0
+) -> Bound | None:
+    """Bound the amount of a task from below, by cutting its rotations into cells; None where the task is not its own.
+
+    Limits on translations, keep-outs, and parts of unions that the motion brings in each other's way are left out:
+    the bound holds without them, but may not meet the answer then, which `upper` has to bring.
+
+    Parameters
+    ----------
+    upper : Answer or None
+        The best motion known.
+    gap : float
+        Relative gap between both bounds at which to stop.
+    seconds : float
+        Time after which to stop; whether a task is stopped by `MOST_CELLS` before does not depend on the machine.
+    share : float
+        Of `MOST_CELLS`.
+    """
+    steps = _steps(task)
+    if steps is None:
+        return None
+    return _Search(task, steps).least(upper, gap, seconds, int(share * MOST_CELLS))
+
+
+def turns(task: Task) -> Answer | None:
+    """Stage 3: one rotation searched, translations exact; where the smallest motion is proved to be so."""
+    steps = _steps(task)
+    if steps is None or len(steps.rotations) > 1:
+        return None
+    search = _Search(task, steps)
+    if not search.plain:
+        return None
+    bound = search.least(None, FINE, SHORT)
+    if bound.q is None or bound.lower < bound.upper * (1.0 - PROVED) or not task.meets(bound.q, DEFAULT.requirement):
+        return None
+    stage, names = "3: rotations searched, translations exact", ("the nearest contact over all rotations",)
+    kept = [(i, j) for i, j in (*search.near(bound.upper).tolist(), *search.apart.tolist())]
+    return Answer(Status.SOLVED, bound.q, stage, bound.lower, names, task.modelled_by_gaps(bound.q, kept))
+
+
+def _steps(task: Task) -> Steps | None:
+    """Return the motion taken apart; None for other motions and goals."""
+    if task.tracked or task.goal not in ("touch", "clear") or not task.weighted:
+        return None
+    moves: list[tuple[int, Array]] = []
+    spins: list[tuple[int, Array]] = []
+    place, vector = 0, False
+    for step in task.motion.steps:
+        if isinstance(step, Translation):
+            moves.append((place, np.array(step.direction)))
+        elif isinstance(step, Rotation) and step.centre == "seed":
+            spins.append((place, np.array(step.direction)))
+        elif isinstance(step, Free) and len(task.motion.steps) == 1:
+            vector = True
+            moves, spins = ([(first + k, axis) for k, axis in enumerate(np.eye(3))] for first in (0, 3))
+        else:
+            return None
+        place += len(step.parameters)
+    if len(moves) != SPACE or not 1 <= len(spins) <= SPACE:
+        return None
+    directions = np.array([axis for _, axis in moves]).T
+    if abs(np.linalg.det(directions)) <= DEFAULT.nominal:
+        return None
+    places = [np.array([k for k, _ in own]) for own in (moves, spins)]
+    axes = np.array([axis for _, axis in spins])
+    return Steps(places[0], places[1], directions, axes, vector)
+
+
+class _Search:
+    """The scene as the kernels take it, and the loop over generations of cells.
+
+    `plain`: the smallest translation for fixed rotations is known exactly, so that cells give motions too.
+    """
+
+    def __init__(self, task: Task, steps: Steps) -> None:
+        self.task, self.steps = task, steps
+        metric = steps.directions / task.weights[steps.translations]
+        square = metric.T @ metric
+        even = bool(np.abs(square - square[0, 0] * np.eye(3)).max() <= SAME * square[0, 0])
+        spectral = float(np.linalg.norm(metric, 2)) * (1.0 + SAME)
+        exact = even or task.need <= 0
+        if not exact:  # the least way to a distance is along no face's normal: |y| is at least the length over the norm
+            metric, even = spectral * np.eye(3), True
+        self.metric, offset = metric, task.pose(task.rest)[9:]
+        self.one = _packed([_tables(part, float(task.target[0]), None, metric) for part in task.movable.parts])
+        self.two = _packed(
+            [
+                _tables(own.part, own.scale, offset + own.part.seed - task.static.seed, metric)
+                for own in task.opponents[: len(task.static.parts)]
+            ]
+        )
+        self.touching, self.apart = self._pairs()
+        at_will = not np.isfinite(task.limits[steps.translations]).any() and task.allows(task.rest)
+        alone = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
+        self.plain = exact and at_will and alone
+        count = len(steps.rotations)
+        axes, self.weights = np.zeros((3, 3)), np.ones(3)
+        axes[:count], self.weights[:count] = steps.axes, task.weights[steps.rotations]
+        reach = float(np.linalg.norm(self.one[0], axis=1).max())
+        size = reach + float(np.linalg.norm(self.two[0], axis=1).max())
+        self.width = 1 + max(len(body[k]) for body in (self.one, self.two) for k in (1, 2))
+        self.kind = axes, steps.vector, self.weights
+        self.space = metric.ravel(), np.linalg.inv(metric).ravel()
+        pad = turned_cells.ROUNDING * size
+        self.numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain, self.width)
+
+    def _pairs(self) -> tuple[Ints, Ints]:
+        """Return the pairs one of which must touch, and those that must come apart, see `turned_cells.advance`."""
+        gaps = self.task.pair_gaps(self.task.rest)[:, : len(self.task.static.parts)]
+        apart = np.ascontiguousarray(np.argwhere(gaps < self.task.need))  # one layout, so that kernels compile once
+        none = np.empty((0, 2), np.int64)
+        if self.task.must_touch and gaps.min() > 0:
+            return np.ascontiguousarray(np.argwhere(gaps > 0)), none
+        return none, apart
+
+    def least(self, upper: Answer | None, gap: float, seconds: float, most: int = MOST_CELLS) -> Bound:
+        """Cut cells until none is left below the best motion known."""
+        task, start = self.task, np.inf
+        best = np.full(7, np.inf)
+        if upper is not None and upper.q is not None:
+            best[0] = task.amount(upper.q)
+        if not len(self.touching) and not len(self.apart):
+            return Bound(0.0, float(best[0]), None, 0, bool(best[0] == 0))
+        pool = turned_cells.all_ways(self.one, self.two, self.apart, self.width)
+        bodies, rest = (self.one, self.two), (self.kind, self.space, self.numbers)
+        if self.plain:
+            turned_cells.try_angles(*bodies, self.touching, self.apart, *rest, np.zeros(3), pool, best)
+        touching = self.near(float(best[0]))
+        nodes, ways, cells = self._root(float(best[0])), np.array([[0, len(pool)]]), 0
+        while len(nodes) and cells + len(nodes) <= most and perf_counter() - start <= seconds:
+            cells += len(nodes)
+            nodes, ways, pool = turned_cells.advance(
+                *bodies, touching, self.apart, *rest, nodes, ways, pool, best, gap
+            )  # fmt: skip
+            start = min(start, perf_counter())  # the first generation may have been compiled
+        q = self._motion(best)
+        least = float(best[0]) if q is None else task.amount(q)
+        lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)
+        return Bound(lower, least, q, cells, not len(nodes))
+
+    def near(self, most: float) -> Ints:
+        """Return the pairs that may touch after a motion of at most this amount: no vertex moves further than that."""
+        gaps = self.task.pair_gaps(self.task.rest)[tuple(self.touching.T)]
+        near = self.touching[gaps <= most * displacement_rate(self.task) * (1.0 + DEFAULT.nominal)]
+        return np.ascontiguousarray(near)
+
+    def _root(self, most: float) -> Array:
+        """Return the cell of all rotations that may be the answer's.
+
+        None of a larger amount than the best known; none of more than half a turn, if all are allowed.
+        """
+        count, limits = len(self.steps.rotations), self.task.limits[self.steps.rotations]
+        ends = np.full(3, most)
+        if not np.isfinite(limits).any():
+            ends = np.minimum(ends, np.pi * self.weights)
+        low, high = np.zeros((2, 3))
+        low[:count] = np.maximum(limits[:, 0] * self.weights[:count], -ends[:count])
+        high[:count] = np.minimum(limits[:, 1] * self.weights[:count], ends[:count])
+        if (low > high).any():
+            return np.empty((0, 7))
+        return np.concatenate([[0.0], (low + high) / 2, (high - low) / 2])[None]
+
+    def _motion(self, best: Array) -> Array | None:
+        """Return the best motion found as parameters; one that undoes an overlap by the least of all directions."""
+        if not np.isfinite(best[1]):
+            return None
+        task, steps, q, y = self.task, self.steps, self.task.rest, best[4:]
+        q[steps.rotations] = best[1 : 1 + len(steps.rotations)] / task.weights[steps.rotations]
+        if len(self.apart):
+            _, rows, gaps = task.separations((0, 0), task.pose(q))
+            ways = rows[:, :3] @ self.metric
+            depths = (task.need - gaps) / np.linalg.norm(ways, axis=1)
+            k = int(depths.argmin())
+            if gaps[k] <= 0:
+                y = -max(float(depths[k]), 0.0) / np.linalg.norm(ways[k]) * ways[k]
+        q[steps.translations] = y / task.weights[steps.translations]
+        return q
+
+
+def _tables(part: ConvexPart, scale: float, offset: Array | None, metric: Array) -> tuple[Array, Array, Array, Ints]:
+    """Return points, normals, edges and ends of a part of body 1 or, with its offset, of body 2 (`turned_cells`)."""
+    reals, ints = part.packed
+    n, f = int(ints[0]), int(ints[1])
+    points, outward, errors = scale * reals[:n, :3], reals[n : n + f, :3], reals[n : n + f, 3]
+    if offset is None:
+        normals, levels = outward, (outward @ points.T).max(axis=1)
+    else:
+        points, normals = points + offset, -outward
+        levels = (normals @ points.T).min(axis=1)
+    over = 1.0 / np.linalg.norm(normals @ metric, axis=1)
+    along = points[part.edges[:, 1]] - points[part.edges[:, 0]]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    sides = normals[part.edges[:, 2:]]
+    middles = sides.sum(axis=1)
+    middles /= np.linalg.norm(middles, axis=1)[:, None]
+    chords = np.linalg.norm(sides - middles[:, None], axis=2).max(axis=1)
+    chords += 2.0 * errors[part.edges[:, 2:]].max(axis=1) + turned_cells.ROUNDING
+    table = np.column_stack([normals, levels, errors, over])
+    return points, table, np.column_stack([along, middles, chords]), part.edges[:, [0, 2, 3]]
+
+
+def _packed(tables: list[tuple[Array, Array, Array, Ints]]) -> tuple[Array, ...]:
+    """Return the tables of all parts one after the other, and the first row of each in points, normals and edges."""
+    sizes = [[len(table) for table in own[:3]] for own in tables]
+    places = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(sizes, axis=0)])
+    points, normals, edges, ends = (np.ascontiguousarray(np.concatenate(own)) for own in zip(*tables, strict=True))
+    return points, normals, edges, ends, places
