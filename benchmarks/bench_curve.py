@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+import fcdm_opt as fo
 from contenders import (
     BISECTION,
     BOTH,
@@ -28,14 +30,12 @@ from contenders import (
     coal_distance,
     coal_distance_of_one_pose,
 )
+from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.curves import METHODS
+from fcdm_opt_benchmarks.pairs import BOX, SIZES, DrawnPair
+from fcdm_opt_benchmarks.references import curve_error, exact_curve_in_box
 from report import Results, Timing
 from signs import Openings, integer_pairs, random_pairs
-
-import fcdm_opt as fo
-from fcdm_opt.measure.curves import METHODS
-from fcdm_opt.measure.pairs import BOX, SIZES, DrawnPair
-from fcdm_opt.measure.references import curve_error, exact_curve_in_box
-from fcdm_opt.tolerances import DEFAULT
 
 TIGHTER = 1e-15  # of coal, to see whether its answers at touch are a matter of settings
 

@@ -23,12 +23,12 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from report import describe, machine, table, versions
 
 import fcdm_opt as fo
-from fcdm_opt.measure.method import Failure
-from fcdm_opt.measure.motions import RIVALS, answered, judged
-from fcdm_opt.measure.motions.cases import Case, draw
+from fcdm_opt_benchmarks.method import Failure
+from fcdm_opt_benchmarks.motions import RIVALS, answered, judged
+from fcdm_opt_benchmarks.motions.cases import Case, draw
+from report import describe, machine, table, versions
 
 SAME = 1e-6  # relative: amounts that count as equal
 PATIENCE = 1.0  # seconds beyond which a method runs once

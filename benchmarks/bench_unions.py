@@ -20,10 +20,10 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from report import describe, machine, table, versions
 
 import fcdm_opt as fo
-from fcdm_opt.measure.union_pairs import FAMILIES, UnionPair
+from fcdm_opt_benchmarks.union_pairs import FAMILIES, UnionPair
+from report import describe, machine, table, versions
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from diagram_checks import BAND, HIGH, LOW, Drawing

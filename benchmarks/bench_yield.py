@@ -21,13 +21,13 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from report import describe, machine, table, versions
 from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
 
 from fcdm_opt.design.compensation.assembly_yield import assembly_yield
 from fcdm_opt.design.compensation.table import Table
 from fcdm_opt.design.distributions import Measured, Normal, Uniform
 from fcdm_opt.geometry.arrays import Array
+from report import describe, machine, table, versions
 
 LOW, HIGH = 0.98, 1.02
 PATIENCE = 1.0  # seconds beyond which a contender runs once

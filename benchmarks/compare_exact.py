@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
 from report import describe, table
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))

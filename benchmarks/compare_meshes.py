@@ -20,6 +20,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+
 from report import describe, table
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))

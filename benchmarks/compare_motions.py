@@ -28,12 +28,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from report import describe, table
 
 import fcdm_opt as fo
-from fcdm_opt.measure.method import Failure
-from fcdm_opt.measure.motions import METHODS, NONE, RIVALS, answered, judged
-from fcdm_opt.measure.motions.cases import KINDS, Case, draw
+from fcdm_opt_benchmarks.method import Failure
+from fcdm_opt_benchmarks.motions import METHODS, NONE, RIVALS, answered, judged
+from fcdm_opt_benchmarks.motions.cases import KINDS, Case, draw
+from report import describe, table
 
 SMALLER = 1e-6  # relative: a rival's motion that is smaller by more beats ours
 ROUNDING = 1e-10  # of the size of the bodies: amounts that differ by less are one

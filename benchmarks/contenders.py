@@ -14,10 +14,10 @@ from typing import Any, Literal
 import numpy as np
 
 import fcdm_opt as fo
-from fcdm_opt.measure.curves import METHODS
-from fcdm_opt.measure.library import coal_hull
-from fcdm_opt.measure.pairs import BOX, SIZES, DrawnPair
 from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.curves import METHODS
+from fcdm_opt_benchmarks.library import coal_hull
+from fcdm_opt_benchmarks.pairs import BOX, SIZES, DrawnPair
 
 Work = Callable[[], Any]
 POSES = 500

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.measure.record import machine, table, versions
+from fcdm_opt_benchmarks.record import machine, table, versions
 
 
 @dataclass(frozen=True)

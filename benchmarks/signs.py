@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from contenders import coal_requests
 
 import fcdm_opt as fo
-from fcdm_opt.measure.library import coal_hull
-from fcdm_opt.measure.pairs import random_hull, random_pose
+from contenders import coal_requests
+from fcdm_opt_benchmarks.library import coal_hull
+from fcdm_opt_benchmarks.pairs import random_hull, random_pose
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from oracles import exact_curve

@@ -6,7 +6,7 @@ import os
 import sys
 from typing import Any
 
-from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Case, Verdict
 
 Data = dict[str, Any]
 asked: list[float] = []

@@ -1,25 +1,22 @@
-"""The oracles of `benchmarks/attack_fits.py` by closed forms, and planted wrong answers that it must report."""
+"""The oracles of the attack by closed forms, and planted wrong answers that it must report."""
 
 from __future__ import annotations
 
 import itertools
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-import attack.asking
-import attack_fits
-from attack.least import Pair, Setting, least, nearest
-from attack.lines import least_tracked, reached, switching_points
-from attack.motions import Step, poses, weights
-from attack.scenes import KINDS, SEATS, Block, Scene, drawn, names
-from attack.separation import Hull, distance, separations
-from attack.solids import FITS, Fit, box, circle, prism, walls
-from attack.verdicts import Answer, failed, verdicts
+from fcdm_opt_benchmarks.attack import asking
+from fcdm_opt_benchmarks.attack import run as attack
+from fcdm_opt_benchmarks.attack.least import Pair, Setting, least, nearest
+from fcdm_opt_benchmarks.attack.lines import least_tracked, reached, switching_points
+from fcdm_opt_benchmarks.attack.motions import Step, poses, weights
+from fcdm_opt_benchmarks.attack.scenes import KINDS, SEATS, Block, Scene, drawn, names
+from fcdm_opt_benchmarks.attack.separation import Hull, distance, separations
+from fcdm_opt_benchmarks.attack.solids import FITS, Fit, box, circle, prism, walls
+from fcdm_opt_benchmarks.attack.verdicts import Answer, failed, verdicts
 
 X, Y, Z = (Step("T", tuple(axis)) for axis in np.eye(3).tolist())
 NOWHERE = np.zeros(3)
@@ -358,7 +355,7 @@ def test_a_scene_is_drawn_from_its_name_alone():
 
 
 def test_a_run_holds_every_family_and_the_full_one_1500_scenes():
-    quick, full = list(names(True, attack_fits.QUICK)), list(names(False, attack_fits.ROUNDS))
+    quick, full = list(names(True, attack.QUICK)), list(names(False, attack.ROUNDS))
     assert len(set(full)) == len(full) >= 1500
     expected = {f"fit:{family}" for family in FITS} | {f"seat:{family}" for family in SEATS}
     for chosen in (quick, full):
@@ -370,18 +367,18 @@ def test_a_run_holds_every_family_and_the_full_one_1500_scenes():
 def test_a_wrong_answer_ends_the_run_with_3_and_its_name(monkeypatch, capsys):
     """The package's own answer to an easy scene is right; with a larger motion planted in it, it is reported."""
     name = next(name for name in names(True, 9) if name.startswith("fit:slab") and drawn(name).label == "T")
-    ask = attack.asking.asked
+    ask = asking.asked
 
     def planted(scene):
         given = ask(scene)
         return replace(given, pair=given.pair * 1.001)
 
-    assert attack_fits.replayed(name, 1) == 0
-    monkeypatch.setattr(attack.asking, "asked", planted)
-    assert attack_fits.replayed(name, 1) == 3
-    lines = attack_fits.run([name])
+    assert attack.replayed(name, 1) == 0
+    monkeypatch.setattr(asking, "asked", planted)
+    assert attack.replayed(name, 1) == 3
+    lines = attack.run([name])
     assert failed(lines[0].told)
-    assert name in attack_fits.report(lines, 0.0)
+    assert name in attack.report(lines, 0.0)
     assert "wrong sizes" in capsys.readouterr().out
 
 

@@ -10,13 +10,13 @@ import pytest
 from fcdm_opt import decision_curve
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.measure.cost import growth
-from fcdm_opt.measure.cost.growth import exponents
-from fcdm_opt.measure.cost.growth_picture import growth_figure
-from fcdm_opt.measure.method import CurveQuestion, Failure, Method, Pair, one_by_one
-from fcdm_opt.measure.record import Load, Run
-from fcdm_opt.measure.timing import Plan, Scene, measured
-from fcdm_opt.measure.union_pairs import FAMILIES, UnionPair, coal_surface
+from fcdm_opt_benchmarks.cost import growth
+from fcdm_opt_benchmarks.cost.growth import exponents
+from fcdm_opt_benchmarks.cost.growth_picture import growth_figure
+from fcdm_opt_benchmarks.method import CurveQuestion, Failure, Method, Pair, one_by_one
+from fcdm_opt_benchmarks.record import Load, Run
+from fcdm_opt_benchmarks.timing import Plan, Scene, measured
+from fcdm_opt_benchmarks.union_pairs import FAMILIES, UnionPair, coal_surface
 
 
 def rows(time, axis="vertices", method="ours", numbers=(8, 16, 100, 1000)):

@@ -13,15 +13,15 @@ from cases import CUBE, Shape, box_shape, shape
 
 from fcdm_opt.curve.exact import exact_curve
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.measure.method import Failure
-from fcdm_opt.measure.motions.cases import QUICK, chart_cases
-from fcdm_opt.measure.motions.held import Holding, holders
-from fcdm_opt.measure.motions.jets import BITS, Jet, series
-from fcdm_opt.measure.motions.least import Least, least_amount, refined
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
+from fcdm_opt_benchmarks.method import Failure
+from fcdm_opt_benchmarks.motions.cases import QUICK, chart_cases
+from fcdm_opt_benchmarks.motions.held import Holding, holders
+from fcdm_opt_benchmarks.motions.jets import BITS, Jet, series
+from fcdm_opt_benchmarks.motions.least import Least, least_amount, refined
 
 WIDE = ((0.5, 5.0), (0.5, 5.0))
 X = Translation("x")

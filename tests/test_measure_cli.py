@@ -15,14 +15,14 @@ from typer.testing import CliRunner
 from fcdm_opt.cli import app
 from fcdm_opt.cli.common import BAD_INPUT
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure import record
-from fcdm_opt.measure.chart import bench
-from fcdm_opt.measure.comparing import compared
-from fcdm_opt.measure.method import Method, one_by_one
-from fcdm_opt.measure.record import Load, Run
-from fcdm_opt.measure.stability import contacts, failures, worker
-from fcdm_opt.measure.stability.case import Case
-from fcdm_opt.measure.timing import Plan, Scene
+from fcdm_opt_benchmarks import record
+from fcdm_opt_benchmarks.chart import bench
+from fcdm_opt_benchmarks.comparing import compared
+from fcdm_opt_benchmarks.method import Method, one_by_one
+from fcdm_opt_benchmarks.record import Load, Run
+from fcdm_opt_benchmarks.stability import contacts, failures, worker
+from fcdm_opt_benchmarks.stability.case import Case
+from fcdm_opt_benchmarks.timing import Plan, Scene
 
 ROW = {"task": "contact", "scene": "a", "method": "m", "outcome": "answered", "seconds": 1.0, "low": 0.9, "high": 1.1}
 FAILURE: dict[str, Any] = {
@@ -52,7 +52,7 @@ def nothing_measured(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("measured what cannot be compared or written")
 
     monkeypatch.setattr(bench, "bench", measured)
-    monkeypatch.setattr("fcdm_opt.measure.stability.grid.grid", measured)
+    monkeypatch.setattr("fcdm_opt_benchmarks.stability.grid.grid", measured)
 
 
 # ----------------------------------------------------------------------------------------- files of other kinds
@@ -135,7 +135,7 @@ def test_a_library_that_is_missing_is_said_not_dropped() -> None:
     def unhappy(data: Any) -> Any:
         raise ModuleNotFoundError("No module named 'highspy'", name="highspy")
 
-    assert worker._reply(unhappy, {}) == {"missing": "No module named 'highspy': pip install 'fcdm_opt[bench]'"}
+    assert worker._reply(unhappy, {}) == {"missing": "No module named 'highspy': pip install highspy"}
     point = {"vertices": [[0.0, 0.0, 0.0]], "parts": []}
     assert all(contacts.applies(name, Case("f", "n", "contact", {"one": point, "two": point}, {}))
                for name in contacts.METHODS)  # fmt: skip

@@ -14,12 +14,12 @@ import pytest
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.chart import bench, results
-from fcdm_opt.measure.chart.figures import FAILED, chart_figure, overview_figure
-from fcdm_opt.measure.comparing import compared
-from fcdm_opt.measure.method import Failure, Method
-from fcdm_opt.measure.record import Load, Run, Watch, table
-from fcdm_opt.measure.timing import Plan, Scene, measured, warmed
+from fcdm_opt_benchmarks.chart import bench, results
+from fcdm_opt_benchmarks.chart.figures import FAILED, chart_figure, overview_figure
+from fcdm_opt_benchmarks.comparing import compared
+from fcdm_opt_benchmarks.method import Failure, Method
+from fcdm_opt_benchmarks.record import Load, Run, Watch, table
+from fcdm_opt_benchmarks.timing import Plan, Scene, measured, warmed
 
 PLAN = Plan(rounds=6, call=0.0, most=3, patience=10.0)
 

@@ -10,11 +10,11 @@ import pytest
 
 from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Translation, load_problems, solve
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.cost import models
-from fcdm_opt.measure.cost.models_picture import models_figure
-from fcdm_opt.measure.cost.scenes import QUICK, names, overlapping, scene
-from fcdm_opt.measure.record import Load, Run
 from fcdm_opt.solver import STAGES
+from fcdm_opt_benchmarks.cost import models
+from fcdm_opt_benchmarks.cost.models_picture import models_figure
+from fcdm_opt_benchmarks.cost.scenes import QUICK, names, overlapping, scene
+from fcdm_opt_benchmarks.record import Load, Run
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, RZ = Translation("x"), Translation("y"), Rotation("z")

@@ -8,9 +8,9 @@ import json
 import numpy as np
 import pytest
 
-from fcdm_opt.measure.stability import bodies
-from fcdm_opt.measure.stability.bodies import METHODS, applies, judged
-from fcdm_opt.measure.stability.body_families import (
+from fcdm_opt_benchmarks.stability import bodies
+from fcdm_opt_benchmarks.stability.bodies import METHODS, applies, judged
+from fcdm_opt_benchmarks.stability.body_families import (
     SOLIDS,
     TOUCHING,
     _turn,
@@ -19,7 +19,7 @@ from fcdm_opt.measure.stability.body_families import (
     exact_volume,
     surface_of,
 )
-from fcdm_opt.measure.stability.case import Case
+from fcdm_opt_benchmarks.stability.case import Case
 
 FULL = bodies.cases(False, 0)
 QUICK = bodies.cases(True, 0)

@@ -12,10 +12,10 @@ import pytest
 from oracles import ExactCurve, exact_curve
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.stability import contacts
-from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case, Verdict
-from fcdm_opt.measure.stability.contacts import libraries
-from fcdm_opt.measure.stability.contacts.scenes import CUBE, SMALL_CUBE, shifted
+from fcdm_opt_benchmarks.stability import contacts
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt_benchmarks.stability.contacts import libraries
+from fcdm_opt_benchmarks.stability.contacts.scenes import CUBE, SMALL_CUBE, shifted
 
 MOST = 16  # points of a body that the oracle, all triples of them, is asked about
 # what the project's list names -> the family that has it

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.measure.stability import motions, programs
-from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.stages.models import satisfied
+from fcdm_opt_benchmarks.stability import motions, programs
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Case
 
 SEED = 0
 SAMPLES = 30
@@ -259,7 +259,7 @@ def test_a_right_answer_is_wrong_where_a_smaller_motion_is_planted_as_the_truth(
 
 
 def test_every_rival_is_asked_what_it_can_express():
-    from fcdm_opt.measure.motions import RIVALS
+    from fcdm_opt_benchmarks.motions import RIVALS
 
     assert set(RIVALS) < set(motions.METHODS)
     asked = {name: sum(motions.applies(name, case) for case in cases("motion")) for name in motions.METHODS}

@@ -14,10 +14,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.stability import failures, picture, process, table
-from fcdm_opt.measure.stability.case import Case, Verdict
-from fcdm_opt.measure.stability.run import MODULES, Result, stability
 from fcdm_opt.show import PAGE, save
+from fcdm_opt_benchmarks.stability import failures, picture, process, table
+from fcdm_opt_benchmarks.stability.case import Case, Verdict
+from fcdm_opt_benchmarks.stability.run import MODULES, Result, stability
 
 HERE = ("planted",)
 ALL = len([1 for case in planted.cases(False, 0) for name in planted.METHODS if planted.applies(name, case)])

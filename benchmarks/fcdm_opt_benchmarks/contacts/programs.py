@@ -1,0 +1,204 @@
+"""One contact as a linear program, by HiGHS and Clarabel.
+
+    max d.m - rho_1 t  over n, m, t    s.t.  R n = m,  p_i.n <= t,  -q_j.m <= 1
+
+with the vertices p_i of part 1 in its own axes, q_j of part 2, both about their seeds: the steepest bound by a contact
+line, scaled to b = 1. Its dual is the question for a common point,
+
+    min sum mu  over v, lambda, mu >= 0    s.t.  sum lambda_i p_i = -R^T v,  sum mu_j q_j = -v - d,  sum lambda = rho_1.
+
+A pose changes nine entries of the matrix and d, whatever the number of vertices; so a solver keeps the rest.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.errors import FcdmError
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt_benchmarks.contacts.placed import Placed, answered, columns
+from fcdm_opt_benchmarks.library import library
+from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
+
+DUAL, PRIMAL = 1, 4  # of HiGHS: its simplex methods
+EVERY = np.arange(7, dtype=np.int32)
+
+
+class Simplex(NamedTuple):
+    """Feasibility tolerance of HiGHS, and whether rho_2 is worked out anew from the last basis."""
+
+    tolerance: float
+    anew: bool = False
+
+
+class Program:
+    """The program of a pair: max g.y s.t. A y = 0 in the first three rows, A y <= u in all others; y = (n, m, t).
+
+    Attributes
+    ----------
+    matrix : (3 + vertices, 7) array
+        With ones for the entries of R, which are its upper left corner.
+    upper : array
+        Right-hand sides u.
+    static : slice
+        The rows of part 2.
+    """
+
+    def __init__(self, placed: Placed) -> None:
+        P, Q = placed.one.vertices, placed.two.vertices
+        second = 3 + len(P)
+        self.static = slice(second, second + len(Q))
+        self.matrix = np.zeros((self.static.stop, 7))
+        self.matrix[:3, :3], self.matrix[:3, 3:6] = 1.0, -np.eye(3)
+        self.matrix[3:second, :3], self.matrix[3:second, 6] = P, -1.0
+        self.matrix[self.static, 3:6] = -Q
+        self.upper = np.zeros(len(self.matrix))
+        self.upper[self.static] = 1.0
+
+    def compressed(self, matrix: Array) -> tuple[Ints, Ints, Array]:
+        """Return starts, indices and values of a matrix by columns, without its zeros."""
+        order = matrix.T != 0
+        starts = np.concatenate([[0], np.cumsum(order.sum(axis=1))])
+        return starts.astype(np.int32), np.nonzero(order)[1].astype(np.int32), matrix.T[order]
+
+
+def gain(d: Array, rho1: float) -> Array:
+    """Return the costs g."""
+    return np.array([0.0, 0.0, 0.0, *d, -rho1])
+
+
+# ------------------------------------------------------------------------------------------------------------ HiGHS
+
+
+def cold(pair: Pair, setting: Simplex) -> Ask:
+    """Solve the dual with HiGHS, from scratch: its own choice, the dual simplex method."""
+    return _highs(pair, setting, warm=False)
+
+
+def warm(pair: Pair, setting: Simplex) -> Ask:
+    """Solve the dual with HiGHS, starting from the last answer's basis by the primal simplex method."""
+    return _highs(pair, setting, warm=True)
+
+
+def _highs(pair: Pair, setting: Simplex, *, warm: bool) -> Ask:
+    highspy = library("highspy")
+    placed = Placed.of(pair)
+    program = Program(placed)
+    solver = highspy.Highs()
+    options = {
+        "output_flag": False,
+        "threads": 1,
+        "presolve": "off",  # takes longer than the simplex method on seven rows
+        "solver": "simplex",
+        "simplex_strategy": PRIMAL if warm else DUAL,
+        "primal_feasibility_tolerance": setting.tolerance,
+        "dual_feasibility_tolerance": setting.tolerance,
+    }
+    for key, value in options.items():
+        solver.setOptionValue(key, value)
+    solver.passModel(_model(highspy, program))
+    optimal, matrix, unit = highspy.HighsModelStatus.kOptimal, program.matrix.copy(), np.eye(7)
+    change = solver.changeCoeff
+
+    def answer(question: ContactQuestion) -> ContactAnswer:
+        R, d = placed.pose(question.transform)
+        for i, row in enumerate(R.tolist()):
+            for j, entry in enumerate(row):
+                change(j, i, entry)
+        g = gain(d, question.rho1)
+        solver.changeRowsBounds(7, EVERY, g, g)
+        if not warm:
+            solver.clearSolver()
+        solver.run()
+        status = solver.getModelStatus()
+        if status != optimal:
+            raise FcdmError(f"HiGHS: {solver.modelStatusToString(status)}")
+        if not setting.anew:
+            return answered(solver.getObjectiveValue())
+        basis = np.asarray(solver.getBasicVariables()[1])  # a negative entry stands for a row, whose slack is zero
+        matrix[:3, :3] = R
+        system = np.array([matrix[k] if k >= 0 else unit[-1 - k] for k in basis]).T
+        weights = np.linalg.solve(system, g)
+        return answered(weights[basis >= program.static.start].sum())
+
+    return one_by_one(answer)
+
+
+def _model(highspy: Any, program: Program) -> Any:
+    """Return the dual: a column for every row of the program."""
+    count, infinity = len(program.matrix), highspy.kHighsInf
+    model = highspy.HighsLp()
+    model.num_col_, model.num_row_ = count, 7
+    model.col_cost_, model.col_upper_ = program.upper, np.full(count, infinity)
+    model.col_lower_ = np.where(np.arange(count) < 3, -infinity, 0.0)
+    model.row_lower_ = model.row_upper_ = np.zeros(7)
+    matrix = model.a_matrix_
+    matrix.format_, matrix.num_col_, matrix.num_row_ = highspy.MatrixFormat.kColwise, count, 7
+    matrix.start_, matrix.index_, matrix.value_ = program.compressed(program.matrix.T)
+    return model
+
+
+# --------------------------------------------------------------------------------------------------------- Clarabel
+
+
+def clarabel(pair: Pair, setting: float) -> Ask:
+    """Solve the program with Clarabel, called directly: one solver, updated."""
+    sparse, solvers = library("scipy.sparse"), library("clarabel")
+    placed = Placed.of(pair)
+    program = Program(placed)
+    settings = solvers.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.presolve_enable = settings.chordal_decomposition_enable = False  # else nothing can be updated
+    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = setting
+    starts, indices, values = program.compressed(program.matrix)
+    matrix = sparse.csc_matrix((values, indices, starts), shape=program.matrix.shape)
+    cones = [solvers.ZeroConeT(3), solvers.NonnegativeConeT(len(program.matrix) - 3)]
+    quadratic = sparse.csc_matrix((7, 7))
+    solver = solvers.DefaultSolver(quadratic, np.ones(7), matrix, program.upper, cones, settings)
+    turned = np.add.outer(starts[:3], np.arange(3)).ravel().astype(np.int64)  # the places of R, column by column
+
+    def answer(question: ContactQuestion) -> ContactAnswer:
+        R, d = placed.pose(question.transform)
+        solver.update(q=-gain(d, question.rho1), A=(turned, columns(R)))
+        found = solver.solve()
+        if str(found.status) != "Solved":
+            raise FcdmError(f"Clarabel: {found.status}")
+        return answered(-found.obj_val)
+
+    return one_by_one(answer)
+
+
+def modelled(pair: Pair, setting: float) -> Ask:
+    """Solve the program in cvxpy with Clarabel: pose and rho_1 are parameters, so the model is compiled once."""
+    cvxpy = library("cvxpy")
+    library("clarabel")
+    placed = Placed.of(pair)
+    R, d, rho1 = cvxpy.Parameter((3, 3)), cvxpy.Parameter(3), cvxpy.Parameter(nonneg=True)
+    n, m, t = cvxpy.Variable(3), cvxpy.Variable(3), cvxpy.Variable()
+    rows = [R @ n == m, placed.one.vertices @ n <= t, -placed.two.vertices @ m <= 1]
+    problem = cvxpy.Problem(cvxpy.Maximize(d @ m - rho1 * t), rows)
+    options = {"tol_feas": setting, "tol_gap_abs": setting, "tol_gap_rel": setting, "max_threads": 1}
+    R.value, d.value, rho1.value = np.eye(3), np.ones(3), 1.0
+    problem.get_problem_data(cvxpy.CLARABEL)
+
+    def answer(question: ContactQuestion) -> ContactAnswer:
+        R.value, d.value = placed.pose(question.transform)
+        rho1.value = question.rho1
+        problem.solve(solver=cvxpy.CLARABEL, **options)
+        if problem.status != cvxpy.OPTIMAL:
+            raise FcdmError(f"cvxpy: {problem.status}")
+        return answered(problem.value)
+
+    return one_by_one(answer)
+
+
+TIGHT = {"1e-4": Simplex(1e-4), "1e-7": Simplex(1e-7), "1e-10": Simplex(1e-10), "1e-10, anew": Simplex(1e-10, True)}
+INTERIOR = {"1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-11": 1e-11}
+METHODS = (
+    Method("HiGHS, cold", "HiGHS", TIGHT, cold),
+    Method("HiGHS, warm", "HiGHS", TIGHT, warm),
+    Method("Clarabel", "Clarabel", INTERIOR, clarabel),
+    Method("Clarabel (cvxpy)", "Clarabel", INTERIOR, modelled),
+)
