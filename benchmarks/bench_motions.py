@@ -27,7 +27,7 @@ import numpy as np
 import fcdm_opt as fo
 from fcdm_opt_benchmarks.method import Failure
 from fcdm_opt_benchmarks.motions import RIVALS, answered, judged
-from fcdm_opt_benchmarks.motions.cases import Case, draw
+from fcdm_opt_benchmarks.motions.cases import DrawnCase, draw
 from report import describe, machine, table, versions
 
 SAME = 1e-6  # relative: amounts that count as equal
@@ -41,7 +41,7 @@ class Group:
     """Cases of one kind, and what is asked of our median time, milliseconds; with `certify` of the time with proof."""
 
     name: str
-    takes: Callable[[Case], bool]
+    takes: Callable[[DrawnCase], bool]
     target: float
     certify: bool = False
 
@@ -88,7 +88,7 @@ def timed(work: Callable[[], Any]) -> tuple[float, Any]:
     return 1e3 * (perf_counter() - start), made
 
 
-def measure(case: Case, group: Group, rounds: int) -> Row | None:
+def measure(case: DrawnCase, group: Group, rounds: int) -> Row | None:
     """Time one case; None where we have no answer to it, or it is met without motion."""
     problem = case.problem
 

@@ -32,7 +32,7 @@ import numpy as np
 import fcdm_opt as fo
 from fcdm_opt_benchmarks.method import Failure
 from fcdm_opt_benchmarks.motions import METHODS, NONE, RIVALS, answered, judged
-from fcdm_opt_benchmarks.motions.cases import KINDS, Case, draw
+from fcdm_opt_benchmarks.motions.cases import KINDS, DrawnCase, draw
 from report import describe, table
 
 SMALLER = 1e-6  # relative: a rival's motion that is smaller by more beats ours
@@ -43,7 +43,7 @@ WARM = 12  # cases of each kind solved by a process before its first
 FAULTS = ("smaller", "missed", "wrongly infeasible", "bound too high", "not verified", "raised", "hung", "rival raised")
 
 
-class HungError(BaseException):  # a method that catches whatever a library raises must not catch this
+class OutOfPatienceError(BaseException):  # a method that catches whatever a library raises must not catch this
     """A method took longer than its patience."""
 
 
@@ -52,7 +52,7 @@ def within(seconds: int) -> Iterator[None]:
     """Interrupt what takes longer."""
 
     def stop(*_: object) -> None:
-        raise HungError
+        raise OutOfPatienceError
 
     before = signal.signal(signal.SIGALRM, stop)
     signal.alarm(seconds)
@@ -63,7 +63,7 @@ def within(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def compare(case: Case, rivals: Sequence[str]) -> dict[str, Any]:
+def compare(case: DrawnCase, rivals: Sequence[str]) -> dict[str, Any]:
     """Solve a case by ourselves and by rivals; all that is found is judged."""
     own = _ours(case.problem)
     found = {name: _rival(case.problem, name) for name in rivals}
@@ -76,7 +76,7 @@ def _ours(problem: fo.Problem) -> dict[str, Any]:
     try:
         with within(PATIENCE):
             solution = fo.solve(problem)
-    except HungError:
+    except OutOfPatienceError:
         return {"status": "hung", "usable": False, "seconds": time.perf_counter() - start}
     except Exception:  # whatever it is, it is recorded, and the run goes on
         return {"status": "raised", "usable": False, "error": traceback.format_exc(limit=-3)}
@@ -107,7 +107,7 @@ def _rival(problem: fo.Problem, name: str) -> dict[str, Any]:
     try:
         with within(PATIENCE):
             answer = answered(name, problem)
-    except HungError:
+    except OutOfPatienceError:
         return {"status": "hung", "usable": False, "seconds": time.perf_counter() - start}
     seconds = time.perf_counter() - start
     if isinstance(answer, Failure):

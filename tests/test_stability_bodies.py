@@ -19,7 +19,7 @@ from fcdm_opt_benchmarks.stability.body_families import (
     exact_volume,
     surface_of,
 )
-from fcdm_opt_benchmarks.stability.case import Case
+from fcdm_opt_benchmarks.stability.case import HardCase
 
 FULL = bodies.cases(False, 0)
 QUICK = bodies.cases(True, 0)
@@ -130,7 +130,7 @@ def test_an_answer_to_another_question_is_none():
 # ------------------------------------------------------------------------------------------------------------- methods
 
 
-def asked(method: str, case: Case) -> str:
+def asked(method: str, case: HardCase) -> str:
     return judged(case, METHODS[method](case.data)).outcome
 
 

@@ -14,7 +14,7 @@ from fcdm_opt.cli.common import NOT_VERIFIED, SOLVED, Seed, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
-    from fcdm_opt_benchmarks.record import Run
+    from fcdm_opt_benchmarks.record import BenchRun
 
 LISTED = 3  # scenes in which a rival is ahead
 
@@ -82,9 +82,9 @@ def stability_command(
     raise typer.Exit(NOT_VERIFIED if found.faults else SOLVED)
 
 
-def _earlier(path: Path | None, command: str, out: Path) -> Run | None:
+def _earlier(path: Path | None, command: str, out: Path) -> BenchRun | None:
     """Return the run that a new one is compared with; what cannot be compared or written is refused beforehand."""
-    from fcdm_opt_benchmarks.record import Run
+    from fcdm_opt_benchmarks.record import BenchRun
 
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -92,13 +92,13 @@ def _earlier(path: Path | None, command: str, out: Path) -> Run | None:
             pass
     except OSError as reason:
         raise InputError(f"cannot be written ({reason.strerror})", key="--out", found=str(out)) from reason
-    old = None if path is None else Run.read(path)
+    old = None if path is None else BenchRun.read(path)
     if old is not None and old.command != command:
         raise InputError("a run of another command", key="--compare", found=old.command, allowed=command)
     return old
 
 
-def _recorded(run: Run, old: Run | None, out: Path, write: Callable[[Path], list[Path]]) -> None:
+def _recorded(run: BenchRun, old: BenchRun | None, out: Path, write: Callable[[Path], list[Path]]) -> None:
     """Write what a run found, and what changed since an earlier one."""
     from fcdm_opt_benchmarks.comparing import compared
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt_benchmarks.record import Row, Run, table
+from fcdm_opt_benchmarks.record import BenchRun, Row, table
 
 LABELS = ("task", "axis", "scene", "question", "family", "name", "case", "model", "method", "setting", "x")
 WORDS = ("outcome", "verified", "stage")
@@ -35,7 +35,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class RunComparison:
     """Two runs: what changed, how much slower the new machine is on the whole, and what cannot be compared."""
 
     changes: Sequence[Change]
@@ -52,7 +52,7 @@ class Comparison:
         return "\n\n".join([*lines, table(["table", "row", "column", "old", "new"], rows, left=5)])
 
 
-def compared(old: Run, new: Run) -> Comparison:
+def compared(old: BenchRun, new: BenchRun) -> RunComparison:
     """Return what changed from one run to another of the same command.
 
     Raises
@@ -89,7 +89,7 @@ def compared(old: Run, new: Run) -> Comparison:
                 changes += [
                     Change(name, label, *difference) for difference in _differences(before[label], after[label], pace)
                 ]
-    return Comparison(sorted(changes, key=lambda c: (c.table, c.row, c.column)), pace, notes)
+    return RunComparison(sorted(changes, key=lambda c: (c.table, c.row, c.column)), pace, notes)
 
 
 def _by_label(rows: Sequence[Row]) -> dict[str, Row]:

@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt.errors import FcdmError, InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt_benchmarks.curves.rays import Solid, growth_distance
+from fcdm_opt_benchmarks.curves.rays import SeededPart, growth_distance
 from fcdm_opt_benchmarks.method import ContactQuestion, CurveQuestion, Pair
 
 BOX = ((0.8, 3.0), (0.8, 3.0))
@@ -153,13 +153,15 @@ def random_pose(
     rng: np.random.Generator, movable: Body, static: Body, separation: Separation = SEPARATIONS["middling"]
 ) -> Array:
     """Transform that turns body 1 at random and puts it on any side of body 2, at a random growth distance."""
-    return _posed(rng, (movable, static), (Solid.of(movable), Solid.of(static)), separation, parallel=False)[0]
+    return _posed(rng, (movable, static), (SeededPart.of(movable), SeededPart.of(static)), separation, parallel=False)[
+        0
+    ]
 
 
 def _posed(
     rng: np.random.Generator,
     bodies: tuple[Body, Body],
-    solids: tuple[Solid, Solid],
+    solids: tuple[SeededPart, SeededPart],
     separation: Separation,
     parallel: bool,
 ) -> tuple[Array, Array, Array]:
@@ -181,7 +183,7 @@ def _posed(
     return T, P, d
 
 
-def _met(P: Array, solids: tuple[Solid, Solid], d: Array, ray: Array) -> float:
+def _met(P: Array, solids: tuple[SeededPart, SeededPart], d: Array, ray: Array) -> float:
     """Return which multiple of a scale pair touches; P: vertices of body 1 turned, d: way between the seeds."""
     one, two = solids
     try:
@@ -230,7 +232,7 @@ class DrawnPair:
     shape: str
     separation: str
     seed: int
-    _solids: tuple[Solid, Solid] = field(repr=False)
+    _solids: tuple[SeededPart, SeededPart] = field(repr=False)
     _asked: dict[int, tuple[Array, float]] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -253,7 +255,9 @@ class DrawnPair:
             Body.convex(hull, seed=middle, name=name) for hull, name in zip(hulls, ("one", "two"), strict=True)
         )
         assert all(len(body.parts[0].vertices) == vertices for body in (movable, static))
-        return cls(Pair(movable, static), vertices, shape, separation, seed, (Solid.of(movable), Solid.of(static)))
+        return cls(
+            Pair(movable, static), vertices, shape, separation, seed, (SeededPart.of(movable), SeededPart.of(static))
+        )
 
     @property
     def box(self) -> Array:

@@ -115,7 +115,7 @@ class Watch:
 
 
 @dataclass(frozen=True)
-class Run:
+class BenchRun:
     """A run and everything that it recorded; see the module for the file."""
 
     command: str
@@ -136,7 +136,7 @@ class Run:
         path.write_text(text + "\n", encoding="utf-8")
 
     @classmethod
-    def read(cls, path: Path) -> Run:
+    def read(cls, path: Path) -> BenchRun:
         """Read a file that `write` wrote.
 
         Raises

@@ -30,7 +30,7 @@ YARDSTICK = 60
 
 
 @dataclass(frozen=True)
-class Scene:
+class TimedScene:
     """A subject and the questions about it.
 
     Attributes
@@ -51,7 +51,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Plan:
+class TimingPlan:
     """How long to measure.
 
     Attributes
@@ -77,7 +77,7 @@ class Plan:
 
 
 @dataclass(eq=False)
-class Measured:
+class Timing:
     """What one method at one setting took and gave in a scene.
 
     Attributes
@@ -120,12 +120,12 @@ class Measured:
 class _Asked:
     """A method in the course of a scene."""
 
-    measured: Measured
+    measured: Timing
     ask: Ask
     spent: float
     pace: float
 
-    def round(self, scene: Scene, plan: Plan) -> None:
+    def round(self, scene: TimedScene, plan: TimingPlan) -> None:
         """Ask the next questions, and time the call."""
         measured = self.measured
         done = len(measured.answers)
@@ -138,21 +138,21 @@ class _Asked:
 
 
 def measured(
-    scene: Scene,
+    scene: TimedScene,
     methods: Sequence[Method],
-    plan: Plan,
+    plan: TimingPlan,
     rng: np.random.Generator,
     yardstick: list[float],
     left_out: Mapping[tuple[str, str], str] | None = None,
-) -> list[Measured]:
+) -> list[Timing]:
     """Ask all methods at all their settings about a scene, in turns.
 
     Parameters
     ----------
-    scene : Scene
+    scene : TimedScene
     methods : sequence of Method
         Warm: each has been set up and asked once, about another scene (see `warmed`).
-    plan : Plan
+    plan : TimingPlan
     rng : Generator
         Draws the order of each round.
     yardstick : list of float
@@ -164,7 +164,7 @@ def measured(
     for method in methods:
         reason = method.refuses(scene.subject)
         for setting, value in method.settings.items():
-            own = Measured(method, setting, reason or (left_out or {}).get((method.name, setting)))
+            own = Timing(method, setting, reason or (left_out or {}).get((method.name, setting)))
             found.append(own)
             if own.refused is None and (started := _started(own, scene, value)) is not None:
                 asked.append(started)
@@ -176,7 +176,7 @@ def measured(
     return found
 
 
-def warmed(scenes: Sequence[Scene], methods: Sequence[Method]) -> None:
+def warmed(scenes: Sequence[TimedScene], methods: Sequence[Method]) -> None:
     """Set up every method, at one setting, for the scenes it takes, and ask: libraries load and kernels compile."""
     for scene in scenes:
         for method in methods:
@@ -186,7 +186,7 @@ def warmed(scenes: Sequence[Scene], methods: Sequence[Method]) -> None:
                     answered(ask, [scene.question(0)])
 
 
-def _started(own: Measured, scene: Scene, value: Any) -> _Asked | None:
+def _started(own: Timing, scene: TimedScene, value: Any) -> _Asked | None:
     own.setup, ask = timed(_prepared, own.method, scene.subject, value)
     if isinstance(ask, FcdmError):
         own.refused = str(ask)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 import fcdm_opt as fo
-from fcdm_opt_benchmarks.attack.motions import Step
-from fcdm_opt_benchmarks.attack.scenes import Scene
-from fcdm_opt_benchmarks.attack.verdicts import Answer
+from fcdm_opt_benchmarks.attack.motions import MotionStep
+from fcdm_opt_benchmarks.attack.scenes import FitScene
+from fcdm_opt_benchmarks.attack.verdicts import Reply
 
 
-def _step(step: Step) -> Any:
+def _step(step: MotionStep) -> Any:
     if step.kind == "T":
         return fo.Translation(_named(step.axis))
     if step.kind == "F":
@@ -37,7 +37,7 @@ def _body(pieces: Any, seed: Any, name: str) -> Any:
     return fo.Body.from_parts(pieces, seed=seed, name=name)
 
 
-def problem(scene: Scene) -> Any:
+def problem(scene: FitScene) -> Any:
     """Return the package's question."""
     motion = _step(scene.steps[0])
     for step in scene.steps[1:]:
@@ -67,16 +67,16 @@ def problem(scene: Scene) -> Any:
     )
 
 
-def asked(scene: Scene, **options: Any) -> Answer:
+def asked(scene: FitScene, **options: Any) -> Reply:
     """Ask the package; whatever it raises is an answer too."""
     start = time.perf_counter()
     try:
         question = problem(scene)
         solution = fo.solve(question, **options)
     except Exception as reason:  # an attack must outlive what it provokes
-        return Answer("RAISED", None, np.nan, 0.0, None, None, None, np.nan, f"{type(reason).__name__}: {reason}")
+        return Reply("RAISED", None, np.nan, 0.0, None, None, None, np.nan, f"{type(reason).__name__}: {reason}")
     checks = () if solution.certificate is None else solution.certificate.failed
-    return Answer(
+    return Reply(
         solution.status.name,
         np.array(list(solution.parameters.values())) if solution.parameters else None,
         solution.amount,

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from fcdm_opt_benchmarks.attack import motions
-from fcdm_opt_benchmarks.attack.separation import Array, Hull, axes, distance, reaches, separations
+from fcdm_opt_benchmarks.attack.separation import Array, ConvexSolid, axes, distance, reaches, separations
 
 EPS = 1e-11  # of the size: rounding of a scene's own coordinates
 SLACK = 1e-8  # of the size: what a valid motion may miss; far above rounding, far below every size in a scene
@@ -27,16 +27,16 @@ FLAT = 1e-10  # slope of a row below which no shift frees the pair along it
 MOST_NODES = 4000
 
 
-class Pair(NamedTuple):
+class SolidPair(NamedTuple):
     """Two convex solids at the sizes made, at rest; `own`: of the two bodies, not of a keep-out."""
 
-    one: Hull
-    two: Hull
+    one: ConvexSolid
+    two: ConvexSolid
     clearance: float
     own: bool
 
 
-class Rows(NamedTuple):
+class FreeingShifts(NamedTuple):
     """Shifts q that free a pair along one of its axes: g.q >= h; with all g.q < h it overlaps (or is too near)."""
 
     g: Array
@@ -54,7 +54,7 @@ class Setting:
     steps : Steps
     movable, static : (3,) arrays
         Seeds.
-    pairs : tuple of Pair
+    pairs : tuple of SolidPair
     touch : bool
         Whether the two bodies must touch, besides not overlapping.
     weights : (k,) array
@@ -67,7 +67,7 @@ class Setting:
     steps: motions.Steps
     movable: Array
     static: Array
-    pairs: tuple[Pair, ...]
+    pairs: tuple[SolidPair, ...]
     touch: bool
     weights: Array
     limits: Array
@@ -99,7 +99,7 @@ class Setting:
         """Return how far the bodies are apart, or minus the depth of their deepest parts."""
         return min(self._apart(pair, *self.poses(q)) for pair in self.pairs if pair.own)
 
-    def _apart(self, pair: Pair, R: Array, t: Array) -> float:
+    def _apart(self, pair: SolidPair, R: Array, t: Array) -> float:
         found = float(separations(pair.one, pair.two, R, t)[0])
         return distance(pair.one.moved(R[0], t[0]), pair.two) if found > 0 else found
 
@@ -166,7 +166,7 @@ class Setting:
             columns.append(self.poses(more)[1] - t)
         return R, t, np.stack(columns, axis=2)
 
-    def rows(self, R: Array, t: Array, B: Array) -> Iterator[Rows]:
+    def rows(self, R: Array, t: Array, B: Array) -> Iterator[FreeingShifts]:
         """Yield, pair by pair, the rows g (N, m, k), h (N, m) for poses R, t and shifts B."""
         for pair in self.pairs:
             n = axes(pair.one, pair.two, R)
@@ -176,7 +176,7 @@ class Setting:
             along, slope = np.einsum("nmi,ni->nm", n, t), n @ B
             g = np.concatenate([-slope, slope], axis=1)
             touch = np.concatenate([along - above, -along - below], axis=1)
-            yield Rows(g, touch + pair.clearance, touch, pair.own)
+            yield FreeingShifts(g, touch + pair.clearance, touch, pair.own)
 
 
 def _between(n: Array) -> Array:
@@ -188,7 +188,7 @@ def _between(n: Array) -> Array:
     return np.where(lengths > 1e-6, found / np.where(lengths > 1e-6, lengths, 1.0), n[:, :1])
 
 
-class Found(NamedTuple):
+class KnownMotion(NamedTuple):
     """A valid motion of the oracle's, and whether nothing is smaller."""
 
     q: Array
@@ -226,12 +226,12 @@ def nearest(G: Array, h: Array) -> Array | None:
     return x if (G @ x >= h - 1e-9 * unit).all() else None
 
 
-def least_shift(pairs: list[Rows], touch: bool, bounds: tuple[Array, Array], most: float, eps: float) -> Any:
+def least_shift(pairs: list[FreeingShifts], touch: bool, bounds: tuple[Array, Array], most: float, eps: float) -> Any:
     """Return (the shift nearest to 0 that meets everything, whether that is certain); (None, ...) where none is.
 
     Parameters
     ----------
-    pairs : list of Rows
+    pairs : list of FreeingShifts
         g (m, k) and h (m,) in coordinates whose norm is the amount.
     touch : bool
         Whether some own pair must touch.
@@ -274,23 +274,23 @@ def least_shift(pairs: list[Rows], touch: bool, bounds: tuple[Array, Array], mos
     return None, False
 
 
-def _flat(pair: Rows) -> Any:
+def _flat(pair: FreeingShifts) -> Any:
     return np.linalg.norm(pair.g, axis=1) < FLAT
 
 
-def _ease(pair: Rows, eps: float) -> Any:
+def _ease(pair: FreeingShifts, eps: float) -> Any:
     """Flat rows of a sliding contact are zero to rounding only."""
     return np.where(_flat(pair), eps, 0.0)
 
 
-def _thinned(pair: Rows, eps: float) -> Rows:
+def _thinned(pair: FreeingShifts, eps: float) -> FreeingShifts:
     """Return a pair with rows that are repeated kept once."""
     table = np.round(np.column_stack([pair.g, pair.h]) / np.array([1e-10] * pair.g.shape[1] + [max(eps, 1e-300)]))
     _, first = np.unique(table, axis=0, return_index=True)
-    return Rows(pair.g[first], pair.h[first], pair.touch[first], pair.own)
+    return FreeingShifts(pair.g[first], pair.h[first], pair.touch[first], pair.own)
 
 
-def intervals(rows: Rows, eps: float) -> tuple[Array, Array, Array, Array]:
+def intervals(rows: FreeingShifts, eps: float) -> tuple[Array, Array, Array, Array]:
     """Return, for one length, (low, high) of the blocked interval, whether it is blocked and may touch, each (N,)."""
     g, h = rows.g[:, :, 0], rows.h
     flat = np.abs(g) < FLAT
@@ -332,11 +332,11 @@ def least_lengths(setting: Setting, angles: Array, most: float = np.inf) -> Arra
 # ----------------------------------------------------------------------------------------------------------- the search
 
 
-def least(setting: Setting, rng: np.random.Generator, effort: int = 1) -> Found | None:
+def least(setting: Setting, rng: np.random.Generator, effort: int = 1) -> KnownMotion | None:
     """Return the least motion known, None where none is: exact for translations, refined from a scan elsewhere."""
     rest = np.zeros(len(setting.turns))
     if not setting.faults(rest, EPS * setting.size):
-        return Found(rest, 0.0, True)
+        return KnownMotion(rest, 0.0, True)
     count = int(setting.turns.sum())
     plain = not setting.displacement and setting.shifts_plainly and not setting.turns.all()
     if count == 0:
@@ -352,7 +352,7 @@ def least(setting: Setting, rng: np.random.Generator, effort: int = 1) -> Found 
     return found
 
 
-def _translated(setting: Setting) -> Found | None:
+def _translated(setting: Setting) -> KnownMotion | None:
     """Return the least pure translation."""
     R, t, B = setting.affine(np.zeros((1, 0)))
     # coordinates y = S q have the amount for their norm: for the displacement |B q|, with B = O S
@@ -361,15 +361,15 @@ def _translated(setting: Setting) -> Found | None:
     if clearances and len(setting.turns) == 1:
         return _on_line(setting)
     inverse = np.linalg.inv(S)
-    pairs = [Rows(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
+    pairs = [FreeingShifts(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
     y, certain = least_shift(pairs, setting.touch, _bounds(setting, inverse), np.inf, EPS * setting.size)
     if y is None:
         return None
     q = inverse @ y
-    return Found(q, setting.amount(q), certain and not clearances)
+    return KnownMotion(q, setting.amount(q), certain and not clearances)
 
 
-def _on_line(setting: Setting) -> Found | None:
+def _on_line(setting: Setting) -> KnownMotion | None:
     """Return the least single translation with clearances: the distance of two convex solids is convex along it."""
     eps, reach = EPS * setting.size, 8.0 * setting.size
     R, t, B = setting.affine(np.zeros((1, 0)))
@@ -378,7 +378,7 @@ def _on_line(setting: Setting) -> Found | None:
         if ((np.abs(rows.g[0, :, 0]) < FLAT) & (rows.h[0] < -eps)).any():
             continue  # it passes by
 
-        def away(s: float, pair: Pair = pair) -> float:
+        def away(s: float, pair: SolidPair = pair) -> float:
             return setting._apart(pair, np.eye(3)[None], s * direction[None]) - pair.clearance
 
         low, high = -reach, reach
@@ -409,7 +409,7 @@ def _on_line(setting: Setting) -> Found | None:
     if not fine:
         return None
     best = min(fine, key=abs)
-    return Found(np.array([best]), setting.amount([best]), True)
+    return KnownMotion(np.array([best]), setting.amount([best]), True)
 
 
 def _bounds(setting: Setting, inverse: Array) -> tuple[Array, Array]:
@@ -426,7 +426,7 @@ def _bounds(setting: Setting, inverse: Array) -> tuple[Array, Array]:
     return np.array(G).reshape(-1, len(limits)), np.array(h)
 
 
-def _turned_and_shifted(setting: Setting, rng: np.random.Generator, effort: int) -> Found | None:
+def _turned_and_shifted(setting: Setting, rng: np.random.Generator, effort: int) -> KnownMotion | None:
     """Search over the angles, with the lengths exact for each."""
     turns = setting.turns
     heavy, limits = setting.weights[turns], setting.limits[turns]
@@ -447,7 +447,7 @@ def _turned_and_shifted(setting: Setting, rng: np.random.Generator, effort: int)
             return q
         R, t, B = setting.affine(angles[None])
         inverse = np.diag(1.0 / setting.weights[~turns])
-        pairs = [Rows(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
+        pairs = [FreeingShifts(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
         rest = np.sqrt(best * best - turned * turned) if np.isfinite(best) else np.inf
         y, _ = least_shift(pairs, setting.touch, _bounds(setting, inverse), rest, EPS * setting.size)
         if y is None:
@@ -463,7 +463,7 @@ def _turned_and_shifted(setting: Setting, rng: np.random.Generator, effort: int)
 Inner = Callable[[Array, float], Array | None]
 
 
-def _one_angle(setting: Setting, motion: Inner, span: tuple[float, float], effort: int) -> Found | None:
+def _one_angle(setting: Setting, motion: Inner, span: tuple[float, float], effort: int) -> KnownMotion | None:
     """Scan one angle, then halve round the best of the scan again and again."""
     fine = np.concatenate([-np.geomspace(1e-7, np.pi, 120)[::-1], [0.0], np.geomspace(1e-7, np.pi, 120)])
     grid = np.unique(np.concatenate([np.linspace(-np.pi, np.pi, 361 * effort), fine, np.pi / 4 * np.arange(-4, 5)]))
@@ -503,10 +503,10 @@ def _one_angle(setting: Setting, motion: Inner, span: tuple[float, float], effor
             local = min([local, *near], key=lambda item: item[0])
             centre, step = float(local[1][setting.turns][0]), step / 5
         best = min(best, local, key=lambda item: item[0])
-    return Found(best[1], best[0], False)
+    return KnownMotion(best[1], best[0], False)
 
 
-def _several_angles(setting: Setting, motion: Inner, rng: np.random.Generator, effort: int) -> Found | None:
+def _several_angles(setting: Setting, motion: Inner, rng: np.random.Generator, effort: int) -> KnownMotion | None:
     """Search two or three angles from several starts, by steps along random directions that shrink."""
     turns = setting.turns
     n = int(turns.sum())
@@ -543,10 +543,10 @@ def _several_angles(setting: Setting, motion: Inner, rng: np.random.Generator, e
                 break
         if value < amount:
             amount, best = value, q
-    return None if best is None else Found(best, amount, False)
+    return None if best is None else KnownMotion(best, amount, False)
 
 
-def _scanned(setting: Setting) -> Found | None:
+def _scanned(setting: Setting) -> KnownMotion | None:
     """Return the least of one parameter: a dense scan of the separation, roots by bisection."""
     low, high = setting.limits[0]
     turning = bool(setting.turns[0])
@@ -570,7 +570,7 @@ def _scanned(setting: Setting) -> Found | None:
         for k in 1 + np.flatnonzero((middle < 0) & (middle >= high) & near):
             ends = grid[k - 1], grid[k + 1]
             events.append((min(map(abs, ends)), lambda ends=ends, sign=sign: _window(setting, *ends, sign)))
-    best: Found | None = None
+    best: KnownMotion | None = None
     for nearest_, candidates in sorted(events, key=lambda event: event[0]):
         if best is not None and nearest_ > abs(best.q[0]):
             break  # what follows is further from rest
@@ -578,7 +578,7 @@ def _scanned(setting: Setting) -> Found | None:
             found, others = setting.margins([[s]])
             fine = others[0] >= -10 * eps and (not setting.touch or found[0] <= 10 * eps)
             if fine and (best is None or abs(s) < abs(best.q[0])):
-                best = Found(np.array([s]), setting.amount([s]), False)
+                best = KnownMotion(np.array([s]), setting.amount([s]), False)
     return best
 
 
@@ -620,7 +620,7 @@ def _peak(setting: Setting, low: float, high: float, sign: float) -> float:
     return 0.5 * (low + high)
 
 
-def _along_rays(setting: Setting, rng: np.random.Generator, effort: int) -> Found | None:
+def _along_rays(setting: Setting, rng: np.random.Generator, effort: int) -> KnownMotion | None:
     """Return the shortest valid motion on many rays from rest, the best of them turned little by little."""
     k = len(setting.turns)
     scale = 1.0 / setting.weights
@@ -673,4 +673,4 @@ def _along_rays(setting: Setting, rng: np.random.Generator, effort: int) -> Foun
             else:
                 step *= 0.5
         best = min(best, near, key=lambda item: item[0])
-    return Found(best[1], best[0], False)
+    return KnownMotion(best[1], best[0], False)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial import HalfspaceIntersection
 
-from fcdm_opt_benchmarks.attack.least import Found, Setting, nearest
-from fcdm_opt_benchmarks.attack.separation import Array, Hull, axes
+from fcdm_opt_benchmarks.attack.least import KnownMotion, Setting, nearest
+from fcdm_opt_benchmarks.attack.separation import Array, ConvexSolid, axes
 
 
 @dataclass(frozen=True)
-class Line:
+class ContactLine:
     """A contact feature: a face with a corner, a corner with a face, or two edges.
 
     Attributes
@@ -50,15 +50,15 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Tracked:
+class TrackedPoint:
     """Two convex bodies as drawn, a nominal switching point, and the two lines that meet there."""
 
-    one: Hull
-    two: Hull
+    one: ConvexSolid
+    two: ConvexSolid
     s1: Array
     s2: Array
     rho: Array
-    lines: tuple[Line, Line]
+    lines: tuple[ContactLine, ContactLine]
 
     def real(self, R: Array, t: Array) -> tuple[Array, Any]:
         """Return the tracked point (N, 2) at poses R, t, and whether its two features touch there."""
@@ -82,7 +82,9 @@ class Tracked:
         return x, fine
 
 
-def table(one: Hull, two: Hull, s1: Array, s2: Array, R: Array, seed: Array) -> tuple[Array, list[Line]]:
+def table(
+    one: ConvexSolid, two: ConvexSolid, s1: Array, s2: Array, R: Array, seed: Array
+) -> tuple[Array, list[ContactLine]]:
     """Return all lines (m, 3) at one pose, and what they are; `seed`: the moved one of body 1."""
     turned = (one.points - s1) @ R.T
     rest = two.points - s2
@@ -100,11 +102,13 @@ def table(one: Hull, two: Hull, s1: Array, s2: Array, R: Array, seed: Array) -> 
             n = sign * direction
             i, j = int((turned @ n).argmax()), int((rest @ n).argmin())
             rows.append([turned[i] @ n, -(rest[j] @ n), n @ (s2 - seed)])
-            lines.append(Line(kind, u, v, one.points[i] - s1, rest[j], sign))
+            lines.append(ContactLine(kind, u, v, one.points[i] - s1, rest[j], sign))
     return np.array(rows), lines
 
 
-def switching_points(one: Hull, two: Hull, s1: Array, s2: Array, box: tuple[float, float]) -> list[Tracked]:
+def switching_points(
+    one: ConvexSolid, two: ConvexSolid, s1: Array, s2: Array, box: tuple[float, float]
+) -> list[TrackedPoint]:
     """Return the switching points at rest, both scales inside `box`, where exactly two lines meet.
 
     The seeds must be inside, so that bodies much larger than drawn overlap.
@@ -119,7 +123,7 @@ def switching_points(one: Hull, two: Hull, s1: Array, s2: Array, box: tuple[floa
         tight = np.flatnonzero(np.abs(rows[:, :2] @ x - rows[:, 2]) < 1e-6)
         if len(tight) == 2 and abs(np.linalg.det(rows[tight, :2])) > 1e-3:
             x = np.linalg.solve(rows[tight, :2], rows[tight, 2])
-            found.append(Tracked(one, two, s1, s2, x, (lines[tight[0]], lines[tight[1]])))
+            found.append(TrackedPoint(one, two, s1, s2, x, (lines[tight[0]], lines[tight[1]])))
     return sorted(found, key=lambda point: float(point.rho[0]))
 
 
@@ -130,7 +134,9 @@ def reached(goal: str, x: Array, target: Array, signs: Array) -> Any:
     return (signs * (x - target) >= -1e-10).all(axis=1)
 
 
-def least_tracked(tracked: Tracked, setting: Setting, goal: str, target: Array, coherent: bool) -> Found | None:
+def least_tracked(
+    tracked: TrackedPoint, setting: Setting, goal: str, target: Array, coherent: bool
+) -> KnownMotion | None:
     """Return the least motion known for "at" or "beyond"; exact for translations, scanned for one turn or screw."""
     signs = np.sign(target - tracked.rho)
     if not setting.turns.any():
@@ -138,7 +144,7 @@ def least_tracked(tracked: Tracked, setting: Setting, goal: str, target: Array, 
     if len(setting.turns) > 1 or goal == "at":
         return None
     grid = np.unique(np.concatenate([np.linspace(0, np.pi, 721), np.geomspace(1e-6, np.pi, 300)]))
-    best: Found | None = None
+    best: KnownMotion | None = None
     for side in (1.0, -1.0):
         x, real = tracked.real(*setting.poses(side * grid[:, None]))
         fine = reached(goal, x, target, signs) & real
@@ -158,11 +164,11 @@ def least_tracked(tracked: Tracked, setting: Setting, goal: str, target: Array, 
         q = np.array([side * high])
         inside = setting.limits[0, 0] <= q[0] <= setting.limits[0, 1]
         if inside and (best is None or setting.amount(q) < best.amount):
-            best = Found(q, setting.amount(q), False)
+            best = KnownMotion(q, setting.amount(q), False)
     return best
 
 
-def _translated(tracked: Tracked, setting: Setting, goal: str, target: Array, signs: Array) -> Found | None:
+def _translated(tracked: TrackedPoint, setting: Setting, goal: str, target: Array, signs: Array) -> KnownMotion | None:
     """Return the least translation: all lines are linear in it, with constant a and b."""
     B = setting.affine(np.zeros((1, 0)))[2][0] @ np.diag(1.0 / setting.weights)
     rest = np.eye(3)
@@ -188,16 +194,16 @@ def _translated(tracked: Tracked, setting: Setting, goal: str, target: Array, si
     if y is None:
         return None
     q = y / setting.weights
-    return Found(q, float(np.linalg.norm(y)), True)
+    return KnownMotion(q, float(np.linalg.norm(y)), True)
 
 
-def _normals(tracked: Tracked) -> Array:
+def _normals(tracked: TrackedPoint) -> Array:
     """Return the normals of the rows of `table` at rest."""
     lines = table(tracked.one, tracked.two, tracked.s1, tracked.s2, np.eye(3), tracked.s1)[1]
     return np.array([line.sign * _plain(line) for line in lines])
 
 
-def _plain(line: Line) -> Array:
+def _plain(line: ContactLine) -> Array:
     if line.kind == "EE":
         n = np.cross(line.one, line.two)
         return n / np.linalg.norm(n)

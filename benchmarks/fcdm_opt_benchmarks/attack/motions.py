@@ -14,7 +14,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Step:
+class MotionStep:
     """One step of a motion.
 
     Attributes
@@ -47,14 +47,14 @@ class Step:
             return (float(np.hypot(self.pitch, length)),)
         return tuple(length if turn else 1.0 for turn in self.turns)
 
-    def placed(self, R: Array, t: Array) -> Step:
+    def placed(self, R: Array, t: Array) -> MotionStep:
         """Return the step as it is after the whole scene is moved by x -> R x + t."""
         axis = None if self.axis is None else tuple((R @ np.array(self.axis)).tolist())
         centre = self.centre if self.centre == "seed" else tuple((R @ np.array(self.centre) + t).tolist())
-        return Step(self.kind, axis, centre, self.pitch)
+        return MotionStep(self.kind, axis, centre, self.pitch)
 
 
-Steps = tuple[Step, ...]
+Steps = tuple[MotionStep, ...]
 
 
 def turns(steps: Steps) -> Any:
@@ -81,7 +81,7 @@ def poses(steps: Steps, Q: Any, movable: Array, static: Array) -> tuple[Array, A
     return R, t
 
 
-def _step(step: Step, q: Array, seed: Array, static: Array) -> tuple[Array, Array]:
+def _step(step: MotionStep, q: Array, seed: Array, static: Array) -> tuple[Array, Array]:
     if step.kind == "T":
         axis = np.array(step.axis) / np.linalg.norm(step.axis or 0.0)
         return np.broadcast_to(np.eye(3), (len(q), 3, 3)), q * axis

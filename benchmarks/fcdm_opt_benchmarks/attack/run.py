@@ -27,7 +27,7 @@ CHUNK = 6
 ROUNDS, QUICK = 60, 5
 
 
-class Line(NamedTuple):
+class SceneOutcome(NamedTuple):
     """One scene's outcome."""
 
     name: str
@@ -39,7 +39,7 @@ class Line(NamedTuple):
     known: bool
 
 
-def run(chosen: list[str], effort: int = 1) -> list[Line]:
+def run(chosen: list[str], effort: int = 1) -> list[SceneOutcome]:
     """Ask some scenes."""
     from fcdm_opt_benchmarks.attack.asking import asked
 
@@ -57,7 +57,9 @@ def run(chosen: list[str], effort: int = 1) -> list[Line]:
         except Exception:  # the run goes on, and ends with an error
             told = [("oracle failed", traceback.format_exc(limit=-3))]
         seconds = answer.seconds, time.perf_counter() - start
-        lines.append(Line(name, scene.family, scene.describe(), answer.status, told, seconds, found is not None))
+        lines.append(
+            SceneOutcome(name, scene.family, scene.describe(), answer.status, told, seconds, found is not None)
+        )
     return lines
 
 
@@ -86,7 +88,7 @@ def replayed(name: str, effort: int) -> int:
     return 3 if failed(told) else 0
 
 
-def report(lines: list[Line], seconds: float) -> str:
+def report(lines: list[SceneOutcome], seconds: float) -> str:
     """Return the table of families and verdicts, and every failure."""
     kinds = [kind for kind in (*FAILURES, *NOTES) if any(kind == own for line in lines for own, _ in line.told)]
     counts: dict[str, Counter[str]] = {}
@@ -132,7 +134,7 @@ def main(arguments: list[str] | None = None) -> int:
     if given.quick:
         chosen = [name for name in chosen if (scene := drawn(name)) is not None and scene.label in CHEAP]
     chunks = [chosen[k : k + CHUNK] for k in range(0, len(chosen), CHUNK)]
-    lines: list[Line] = []
+    lines: list[SceneOutcome] = []
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
         jobs: list[Any] = [pool.submit(run, chunk, given.effort) for chunk in chunks]
         for done, job in enumerate(as_completed(jobs), 1):

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fcdm_opt_benchmarks.attack import motions
-from fcdm_opt_benchmarks.attack.least import Found, Pair, Setting, least
-from fcdm_opt_benchmarks.attack.lines import Tracked, least_tracked, switching_points
-from fcdm_opt_benchmarks.attack.motions import Step, Steps
-from fcdm_opt_benchmarks.attack.separation import Array, Hull
+from fcdm_opt_benchmarks.attack.least import KnownMotion, Setting, SolidPair, least
+from fcdm_opt_benchmarks.attack.lines import TrackedPoint, least_tracked, switching_points
+from fcdm_opt_benchmarks.attack.motions import MotionStep, Steps
+from fcdm_opt_benchmarks.attack.separation import Array, ConvexSolid
 from fcdm_opt_benchmarks.attack.solids import FITS, Fit, Pieces, box, no_play
 
 SIGNS = {"A": (1, 1), "B": (1, -1), "C": (-1, 1), "D": (-1, -1)}
@@ -32,7 +32,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class FitScene:
     """One question, as plain data.
 
     Attributes
@@ -70,7 +70,7 @@ class Scene:
     heavier: dict[int, float] = field(default_factory=dict)
     limits: dict[int, tuple[float, float]] = field(default_factory=dict)
     keep_out: tuple[Block, ...] = ()
-    tracked: Tracked | None = None
+    tracked: TrackedPoint | None = None
     closed: float | None = None  # the least amount, where a formula gives it
 
     @property
@@ -86,11 +86,11 @@ class Scene:
     @cached_property
     def setting(self) -> Setting:
         """What a motion must do, in the oracles' terms."""
-        one = [Hull.of(piece).scaled(self.s1, float(self.target[0])) for piece in self.fit.movable]
-        two = [Hull.of(piece).scaled(self.s2, float(self.target[1])) for piece in self.fit.static]
-        kept = [(Hull.of(block.corners), block.clearance) for block in self.keep_out]
-        pairs = [Pair(p, q, self.clearance, True) for p in one for q in two]
-        pairs += [Pair(p, q, clearance, False) for p in one for q, clearance in kept]
+        one = [ConvexSolid.of(piece).scaled(self.s1, float(self.target[0])) for piece in self.fit.movable]
+        two = [ConvexSolid.of(piece).scaled(self.s2, float(self.target[1])) for piece in self.fit.static]
+        kept = [(ConvexSolid.of(block.corners), block.clearance) for block in self.keep_out]
+        pairs = [SolidPair(p, q, self.clearance, True) for p in one for q in two]
+        pairs += [SolidPair(p, q, clearance, False) for p in one for q, clearance in kept]
         weights = motions.weights(self.steps, self.length)
         for k, weight in self.heavier.items():
             weights[k] = weight
@@ -100,7 +100,7 @@ class Scene:
         displacement = self.amount == "displacement"
         return Setting(self.steps, self.s1, self.s2, tuple(pairs), touch, weights, limits, size, displacement)
 
-    def least(self, effort: int = 1) -> Found | None:
+    def least(self, effort: int = 1) -> KnownMotion | None:
         """Return the least motion that the oracles know, None where they know none."""
         if self.goal in ("touch", "clear"):
             return least(self.setting, np.random.default_rng(zlib.crc32(self.name.encode())), effort)
@@ -108,7 +108,7 @@ class Scene:
             coherent = self.path == "coherent"
             return least_tracked(self.tracked, self.setting, self.goal, self.target, coherent)
         if self.closed is not None:
-            return Found(np.zeros(self.count), self.closed, True)
+            return KnownMotion(np.zeros(self.count), self.closed, True)
         return None
 
     def describe(self) -> str:
@@ -130,28 +130,28 @@ def _axis(rng: np.random.Generator) -> Any:
     return AXES[int(rng.choice(3, p=[0.3, 0.3, 0.4]))]
 
 
-def _translation(rng: np.random.Generator) -> Step:
-    return Step("T", _axis(rng))
+def _translation(rng: np.random.Generator) -> MotionStep:
+    return MotionStep("T", _axis(rng))
 
 
-def _turn(rng: np.random.Generator) -> Step:
+def _turn(rng: np.random.Generator) -> MotionStep:
     centre: Any = "seed"
     which = rng.random()
     if which < 0.25:
         centre = (0.0, 0.0, 0.0)
     elif which < 0.5:
         centre = tuple((rng.integers(-8, 9, size=3) / 4).tolist())
-    return Step("R", _axis(rng), centre)
+    return MotionStep("R", _axis(rng), centre)
 
 
-def _screw(rng: np.random.Generator, pitch: Any) -> Step:
+def _screw(rng: np.random.Generator, pitch: Any) -> MotionStep:
     if rng.random() < 0.35:
-        return Step("S", None, "seed", pitch)
-    return Step("S", _axis(rng), tuple((rng.integers(-8, 9, size=3) / 4).tolist()), pitch)
+        return MotionStep("S", None, "seed", pitch)
+    return MotionStep("S", _axis(rng), tuple((rng.integers(-8, 9, size=3) / 4).tolist()), pitch)
 
 
 def _axes(rng: np.random.Generator, count: int) -> Steps:
-    return tuple(Step("T", AXES[k]) for k in rng.permutation(3)[:count])
+    return tuple(MotionStep("T", AXES[k]) for k in rng.permutation(3)[:count])
 
 
 MOTIONS: dict[str, Callable[[np.random.Generator], Steps]] = {
@@ -163,7 +163,7 @@ MOTIONS: dict[str, Callable[[np.random.Generator], Steps]] = {
     "TTT": lambda rng: _axes(rng, 3),
     "R>>T": lambda rng: (_turn(rng), _translation(rng)),
     "free screw": lambda rng: (_screw(rng, "free"),),
-    "Free": lambda rng: (Step("F"),),
+    "Free": lambda rng: (MotionStep("F"),),
     "R>>R": lambda rng: (_turn(rng), _turn(rng)),
     "T>>T>>R": lambda rng: (*_axes(rng, 2), _turn(rng)),
 }
@@ -174,7 +174,7 @@ MOST_FREE, MOST_TURNS = 16, 6  # part pairs with which six parameters, and two t
 # -------------------------------------------------------------------------------------------------------------- drawing
 
 
-def drawn(name: str) -> Scene | None:
+def drawn(name: str) -> FitScene | None:
     """Return the scene of a name, None where the draw gives none."""
     kind, rest = name.split(":")
     family, number = rest.rsplit("/", 1)
@@ -219,7 +219,7 @@ def _sizes(rng: np.random.Generator, nominal: Array | None = None) -> dict[str, 
     return {"requirement": requirement, "tolerance": tau, "target": rho * (1 + tau * np.array(SIGNS[requirement]))}
 
 
-def _placed(scene: Scene, rng: np.random.Generator) -> Scene:
+def _placed(scene: FitScene, rng: np.random.Generator) -> FitScene:
     """Return the scene moved as a whole, which changes no amount."""
     if scene.label == "Free" and scene.amount == "weighted":
         R = Rotation.from_rotvec(rng.normal(size=3) * 0.3).as_matrix()
@@ -237,7 +237,7 @@ def _placed(scene: Scene, rng: np.random.Generator) -> Scene:
     )
 
 
-def _fit(name: str, family: str, number: int, rng: np.random.Generator) -> Scene:
+def _fit(name: str, family: str, number: int, rng: np.random.Generator) -> FitScene:
     """Return "touch" and "clear", with or without clearance, keep-outs, limits, weights."""
     fit = FITS[family](rng)
     allowed = list(MOTIONS)
@@ -248,8 +248,8 @@ def _fit(name: str, family: str, number: int, rng: np.random.Generator) -> Scene
     s1, s2 = _seeds(fit, rng)
     steps = MOTIONS[label](rng)
     if any(step.kind == "S" and step.axis is None for step in steps) and np.linalg.norm(s1 - s2) < 0.1:
-        steps = (Step("S", AXES[2], tuple(s1.tolist()), steps[0].pitch),)
-    scene = Scene(name, fit, s1, s2, steps, label, _length(fit.movable), **_sizes(rng))
+        steps = (MotionStep("S", AXES[2], tuple(s1.tolist()), steps[0].pitch),)
+    scene = FitScene(name, fit, s1, s2, steps, label, _length(fit.movable), **_sizes(rng))
     which = rng.random()
     goal, clearance = ("touch", 0.0) if which < 0.45 else ("clear", 0.0)
     if which > 0.8 and label != "Free":
@@ -278,7 +278,7 @@ def _fit(name: str, family: str, number: int, rng: np.random.Generator) -> Scene
     return _placed(scene, rng) if rng.random() < 0.25 else scene
 
 
-def _block(scene: Scene, rng: np.random.Generator) -> Block:
+def _block(scene: FitScene, rng: np.random.Generator) -> Block:
     """Return a box beside the movable part, near enough to be in the way."""
     corners = scene.s1 + scene.target[0] * (np.vstack(scene.fit.movable) - scene.s1)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -295,23 +295,23 @@ SEATS = ("slab", "U", "headed peg", "lid", "comb", "plate", "foot", "shaft")
 """Fits with faces on each other in one plane, where the least "seat" is the change of the two heights."""
 
 
-def _seat(name: str, family: str, number: int, rng: np.random.Generator) -> Scene | None:
+def _seat(name: str, family: str, number: int, rng: np.random.Generator) -> FitScene | None:
     fit = FITS[family](rng)
     s1, s2 = _seeds(fit, rng)
     up = AXES[2]
     label = ("T", "T>>R", "TT", "R>>T", "slanted", "TTT", "Free")[number % 7]
-    round_about = Step("R", up, "seed")
+    round_about = MotionStep("R", up, "seed")
     slant = tuple((np.array([0.2, 0.0, 1.0]) / np.hypot(1, 0.2)).tolist())
     steps = {
-        "T": (Step("T", up),),
-        "T>>R": (Step("T", up), round_about),
-        "TT": (Step("T", AXES[0]), Step("T", up)),
-        "R>>T": (Step("R", AXES[0], "seed"), Step("T", up)),
-        "slanted": (Step("T", slant),),
-        "TTT": tuple(Step("T", axis) for axis in AXES),
-        "Free": (Step("F"),),
+        "T": (MotionStep("T", up),),
+        "T>>R": (MotionStep("T", up), round_about),
+        "TT": (MotionStep("T", AXES[0]), MotionStep("T", up)),
+        "R>>T": (MotionStep("R", AXES[0], "seed"), MotionStep("T", up)),
+        "slanted": (MotionStep("T", slant),),
+        "TTT": tuple(MotionStep("T", axis) for axis in AXES),
+        "Free": (MotionStep("F"),),
     }[label]
-    scene = Scene(name, fit, s1, s2, steps, label, _length(fit.movable), **_sizes(rng), path="free")
+    scene = FitScene(name, fit, s1, s2, steps, label, _length(fit.movable), **_sizes(rng), path="free")
     rise = (1 - scene.target[1]) * s2[2] - (1 - scene.target[0]) * s1[2]
     along = slant[2] if label == "slanted" else 1.0
     scene = replace(
@@ -324,19 +324,19 @@ def _seat(name: str, family: str, number: int, rng: np.random.Generator) -> Scen
     return _placed(scene, rng) if rng.random() < 0.25 else scene
 
 
-def _tracked(name: str, family: str, number: int, rng: np.random.Generator) -> Scene | None:
+def _tracked(name: str, family: str, number: int, rng: np.random.Generator) -> FitScene | None:
     """Return "at" and "beyond" of two hulls at a switching point where two lines meet."""
     for _ in range(20):
         fit = FITS[family](rng)
         s1, s2 = (np.vstack(pieces).mean(axis=0) for pieces in (fit.movable, fit.static))
-        one, two = Hull.of(fit.movable[0]), Hull.of(fit.static[0])
+        one, two = ConvexSolid.of(fit.movable[0]), ConvexSolid.of(fit.static[0])
         points = switching_points(one, two, s1, s2, (0.8, 3.0))
         if not points:
             continue
         tracked = points[int(rng.integers(len(points)))]
         label = ("T", "TT", "R", "TTT", "screw")[number % 5]
         goal = "at" if label in ("TT", "TTT") and rng.random() < 0.5 else "beyond"
-        return Scene(
+        return FitScene(
             name,
             fit,
             s1,
@@ -353,14 +353,14 @@ def _tracked(name: str, family: str, number: int, rng: np.random.Generator) -> S
     return None
 
 
-def _no_play(name: str, family: str, number: int, rng: np.random.Generator) -> Scene:
+def _no_play(name: str, family: str, number: int, rng: np.random.Generator) -> FitScene:
     """Return a peg that exactly fills its hole, at sizes that are asked for as drawn."""
     fit = no_play(rng)
     s1 = np.array(((0, 0, 2), (0, 0, 0), (1, 1, 0), (2, 0, 0), (0, 0, 1.5))[int(rng.integers(5))], dtype=np.float64)
     s2 = np.array(((0, 0, 1.5), (1, 1, 1), (2, 0, 0), (0, 0, 0))[int(rng.integers(4))], dtype=np.float64)
     label = ("T", "TT", "TTT", "T>>R")[number % 4]
     goal = ("at", "seat", None, "touch", "clear")[int(rng.integers(5))]
-    return Scene(
+    return FitScene(
         name,
         fit,
         s1,
@@ -382,4 +382,9 @@ def _required(rng: np.random.Generator) -> dict[str, Any]:
             return sizes
 
 
-KINDS: dict[str, Callable[..., Scene | None]] = {"fit": _fit, "seat": _seat, "tracked": _tracked, "no play": _no_play}
+KINDS: dict[str, Callable[..., FitScene | None]] = {
+    "fit": _fit,
+    "seat": _seat,
+    "tracked": _tracked,
+    "no play": _no_play,
+}

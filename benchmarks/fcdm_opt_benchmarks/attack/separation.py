@@ -27,7 +27,7 @@ def unlike(directions: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Hull:
+class ConvexSolid:
     """A convex solid.
 
     Attributes
@@ -46,7 +46,7 @@ class Hull:
     triangles: Any
 
     @classmethod
-    def of(cls, points: Any) -> Hull:
+    def of(cls, points: Any) -> ConvexSolid:
         """Return the hull of points, (n, 3)."""
         given = np.asarray(points, dtype=np.float64)
         middle = given.mean(axis=0)
@@ -63,13 +63,13 @@ class Hull:
                     edges.append(given[two] - given[one])
         return cls(corners, unlike(normals), unlike(np.array(edges)), triangles)
 
-    def scaled(self, seed: Array, scale: float) -> Hull:
+    def scaled(self, seed: Array, scale: float) -> ConvexSolid:
         """Return it scaled about a seed."""
-        return Hull(seed + scale * (self.points - seed), self.normals, self.edges, self.triangles)
+        return ConvexSolid(seed + scale * (self.points - seed), self.normals, self.edges, self.triangles)
 
-    def moved(self, R: Array, t: Array) -> Hull:
+    def moved(self, R: Array, t: Array) -> ConvexSolid:
         """Return it after x -> R x + t."""
-        return Hull(self.points @ R.T + t, self.normals @ R.T, self.edges @ R.T, self.triangles)
+        return ConvexSolid(self.points @ R.T + t, self.normals @ R.T, self.edges @ R.T, self.triangles)
 
     @cached_property
     def sides(self) -> Any:
@@ -78,7 +78,7 @@ class Hull:
         return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def axes(one: Hull, two: Hull, R: Array) -> Array:
+def axes(one: ConvexSolid, two: ConvexSolid, R: Array) -> Array:
     """Return directions that tell two solids apart, unit, (N, m, 3), for rotations (N, 3, 3) of the first.
 
     Face normals of both, and products of their edges: one of these separates them if any direction does.
@@ -91,7 +91,7 @@ def axes(one: Hull, two: Hull, R: Array) -> Array:
     return np.concatenate([np.broadcast_to(two.normals, (count, *two.normals.shape)), turned, crossed], axis=1)
 
 
-def reaches(one: Hull, two: Hull, R: Array, n: Array) -> tuple[Array, Array]:
+def reaches(one: ConvexSolid, two: ConvexSolid, R: Array, n: Array) -> tuple[Array, Array]:
     """Return the separations along n and along -n of the solids with the first turned by R and not shifted.
 
     Each (N, m); a shift t of the first takes n.t from the one and adds it to the other.
@@ -101,7 +101,7 @@ def reaches(one: Hull, two: Hull, R: Array, n: Array) -> tuple[Array, Array]:
     return fixed.min(axis=2) - local.max(axis=2), local.min(axis=2) - fixed.max(axis=2)
 
 
-def separations(one: Hull, two: Hull, R: Array, t: Array) -> Array:
+def separations(one: ConvexSolid, two: ConvexSolid, R: Array, t: Array) -> Array:
     """Return the largest separation along an axis, (N,), for poses (N, 3, 3), (N, 3) of the first solid.
 
     Above 0 they are apart, and by no less; below 0 they overlap, and its negative is the depth.
@@ -112,12 +112,12 @@ def separations(one: Hull, two: Hull, R: Array, t: Array) -> Array:
     return np.maximum(above - along, below + along).max(axis=1)
 
 
-def distance(one: Hull, two: Hull) -> float:
+def distance(one: ConvexSolid, two: ConvexSolid) -> float:
     """Return the Euclidean distance of two solids that are apart."""
     return min(_corners(one, two), _corners(two, one), _crossing(one, two))
 
 
-def _corners(one: Hull, two: Hull) -> float:
+def _corners(one: ConvexSolid, two: ConvexSolid) -> float:
     """Return the least distance of a corner of the first from a triangle of the second."""
     p = one.points[:, None, :]
     a, b, c = (two.points[two.triangles[:, k]][None] for k in range(3))
@@ -135,7 +135,7 @@ def _corners(one: Hull, two: Hull) -> float:
     return min(least, float(height[inside].min())) if inside.any() else least
 
 
-def _crossing(one: Hull, two: Hull) -> float:
+def _crossing(one: ConvexSolid, two: ConvexSolid) -> float:
     """Return the least distance of two edges whose nearest points are inside both."""
     p, q = one.points[one.sides[:, 0]][:, None], two.points[two.sides[:, 0]][None]
     u, v = one.points[one.sides[:, 1]][:, None] - p, two.points[two.sides[:, 1]][None] - q

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt_benchmarks.attack.least import Found
+from fcdm_opt_benchmarks.attack.least import KnownMotion
 from fcdm_opt_benchmarks.attack.lines import reached
-from fcdm_opt_benchmarks.attack.scenes import Scene
+from fcdm_opt_benchmarks.attack.scenes import FitScene
 from fcdm_opt_benchmarks.attack.separation import Array
 
 SNAP = 1e-6  # how far sizes may be from those asked, relative
@@ -44,7 +44,7 @@ NOTES = (
 
 
 @dataclass(frozen=True)
-class Answer:
+class Reply:
     """What the package answered, as plain data.
 
     Attributes
@@ -74,7 +74,7 @@ class Answer:
     seconds: float = 0.0
 
 
-def verdicts(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[str, str]]:
+def verdicts(scene: FitScene, answer: Reply, found: KnownMotion | None) -> list[tuple[str, str]]:
     """Return what is wrong with an answer, and notes: (one of FAILURES or NOTES, words); nothing where all is well."""
     if answer.status == "RAISED":
         return [("raised", answer.advice)]
@@ -95,7 +95,7 @@ def verdicts(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[st
     return told + _bound(scene, answer, found)
 
 
-def _sizes(scene: Scene, answer: Answer) -> list[tuple[str, str]]:
+def _sizes(scene: FitScene, answer: Reply) -> list[tuple[str, str]]:
     told = []
     for what, pair in (("problem.target", answer.target), ("solution.pair", answer.pair)):
         if pair is None or not np.allclose(pair, scene.target, rtol=1.01 * SNAP, atol=0):
@@ -103,7 +103,7 @@ def _sizes(scene: Scene, answer: Answer) -> list[tuple[str, str]]:
     return told
 
 
-def _motion(scene: Scene, answer: Answer) -> list[tuple[str, str]]:
+def _motion(scene: FitScene, answer: Reply) -> list[tuple[str, str]]:
     """Return what the motion itself does not meet."""
     assert answer.q is not None
     setting, told = scene.setting, []
@@ -133,11 +133,11 @@ def _motion(scene: Scene, answer: Answer) -> list[tuple[str, str]]:
     return told
 
 
-def _exactness(scene: Scene, found: Found) -> float:
+def _exactness(scene: FitScene, found: KnownMotion) -> float:
     return 1e-6 if found.exact or scene.count == 1 else PROVED * 1.01
 
 
-def _amount(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[str, str]]:
+def _amount(scene: FitScene, answer: Reply, found: KnownMotion | None) -> list[tuple[str, str]]:
     """Return whether the amount is larger than it may be."""
     if found is None:
         return [("nothing to compare", "no motion known to the oracle")]
@@ -150,7 +150,7 @@ def _amount(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[str
     return told
 
 
-def _bound(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[str, str]]:
+def _bound(scene: FitScene, answer: Reply, found: KnownMotion | None) -> list[tuple[str, str]]:
     if found is None or not answer.bound > found.amount * (1 + 1e-8) + 1e-8 * scene.setting.size:
         return []
     if answer.status == "INFEASIBLE":
@@ -158,7 +158,7 @@ def _bound(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[str,
     return [("bound refuted", f"bound {answer.bound:.8g}, but {found.amount:.8g} at {found.q.round(9).tolist()}")]
 
 
-def _nothing(scene: Scene, answer: Answer, found: Found | None) -> list[tuple[str, str]]:
+def _nothing(scene: FitScene, answer: Reply, found: KnownMotion | None) -> list[tuple[str, str]]:
     if found is None:
         return []
     words = f"{answer.status}, but {found.amount:.8g} at {found.q.round(9).tolist()}"

@@ -44,7 +44,7 @@ from fcdm_opt_benchmarks.method import Failure, Method, MotionAnswer, Pair
 from fcdm_opt_benchmarks.motions import judged
 from fcdm_opt_benchmarks.motions.cases import chart_cases
 from fcdm_opt_benchmarks.pairs import SEPARATIONS, SHAPES, DrawnPair
-from fcdm_opt_benchmarks.record import Row, Run, Watch
+from fcdm_opt_benchmarks.record import BenchRun, Row, Watch
 from fcdm_opt_benchmarks.references import (
     contact_error,
     curve_error,
@@ -53,7 +53,7 @@ from fcdm_opt_benchmarks.references import (
     feature_faults,
     touching_right,
 )
-from fcdm_opt_benchmarks.timing import Measured, Plan, Scene, measured, timed, warmed
+from fcdm_opt_benchmarks.timing import TimedScene, Timing, TimingPlan, measured, timed, warmed
 
 Say = Callable[[str], None]
 TASKS = {"contact": "one contact", "curve": "the whole decision curve", "motion": "the smallest motion"}
@@ -89,33 +89,35 @@ class Worth:
 
 
 @dataclass(frozen=True)
-class Task:
+class ChartTask:
     """One of the three charts.
 
     Attributes
     ----------
     name : str
     methods : sequence of Method
-    scenes : sequence of Scene
+    scenes : sequence of TimedScene
     worth : callable
         (scene, question, k, answer) -> Worth, against the exact reference.
-    plan : Plan
+    plan : TimingPlan
     compared : callable
-        Scene -> how many answers of a method and setting are compared with the reference.
-    warming : sequence of Scene
+        TimedScene -> how many answers of a method and setting are compared with the reference.
+    warming : sequence of TimedScene
         That every method is asked about first, untimed.
     """
 
     name: str
     methods: Sequence[Method]
-    scenes: Sequence[Scene]
-    worth: Callable[[Scene, int, Any], Worth]
-    plan: Plan
-    compared: Callable[[Scene], int]
-    warming: Sequence[Scene] = ()
+    scenes: Sequence[TimedScene]
+    worth: Callable[[TimedScene, int, Any], Worth]
+    plan: TimingPlan
+    compared: Callable[[TimedScene], int]
+    warming: Sequence[TimedScene] = ()
 
 
-def bench(*, quick: bool = False, seed: int = 1, only: Collection[str] = PARTS, say: Say = lambda text: None) -> Run:
+def bench(
+    *, quick: bool = False, seed: int = 1, only: Collection[str] = PARTS, say: Say = lambda text: None
+) -> BenchRun:
     """Measure all methods against the exact references.
 
     Parameters
@@ -155,7 +157,7 @@ def bench(*, quick: bool = False, seed: int = 1, only: Collection[str] = PARTS, 
     settings = {"parts": [part for part in PARTS if part in only], "curves_compared": compared}
     settings |= {f"plan_{task.name}": asdict(task.plan) for task in tasks}
     seconds = perf_counter() - start
-    return Run("bench", quick, seed, settings, started.isoformat(), seconds, watch.load(yardstick), tables)
+    return BenchRun("bench", quick, seed, settings, started.isoformat(), seconds, watch.load(yardstick), tables)
 
 
 # ---------------------------------------------------------------------------------------------------------- the tasks
@@ -170,15 +172,15 @@ PAIRS = (
 )
 
 
-def contact_task(quick: bool, seed: int) -> Task:
+def contact_task(quick: bool, seed: int) -> ChartTask:
     """Return the chart of one contact: the scale at which body 2 touches."""
-    plan = Plan(rounds=4, call=2e-3, most=200, patience=0.08) if quick else Plan(12, 4e-3, 500, 0.25)
+    plan = TimingPlan(rounds=4, call=2e-3, most=200, patience=0.08) if quick else TimingPlan(12, 4e-3, 500, 0.25)
     return _pair_task("contact", contacts.METHODS, DrawnPair.contact, exact_contact, contact_error, plan, quick, seed)
 
 
-def curve_task(quick: bool, seed: int) -> Task:
+def curve_task(quick: bool, seed: int) -> ChartTask:
     """Return the chart of the whole decision curve in a box."""
-    plan = Plan(rounds=3, call=2e-3, most=200, patience=0.1) if quick else Plan(10, 4e-3, 500, 0.3)
+    plan = TimingPlan(rounds=3, call=2e-3, most=200, patience=0.1) if quick else TimingPlan(10, 4e-3, 500, 0.3)
     return _pair_task("curve", curves.METHODS, DrawnPair.curve, exact_curve_in_box, curve_error, plan, quick, seed)
 
 
@@ -188,22 +190,22 @@ def _pair_task(
     question: Callable[[DrawnPair, int], Any],
     exact: Callable[[Pair, Any], Any],
     error: Callable[[Any, Any], float],
-    plan: Plan,
+    plan: TimingPlan,
     quick: bool,
     seed: int,
-) -> Task:
+) -> ChartTask:
     """Return a task about pairs of hulls; exact references are worked out once for all methods."""
     scenes = []
     for labels in QUICK_PAIRS if quick else PAIRS:
         own = DrawnPair.of(seed, *labels)
         columns = {"vertices": own.vertices, "shape": own.shape, "separation": own.separation}
         label = f"{own.shape}, {own.vertices} vertices, {own.separation}"
-        scenes.append(Scene(label, columns, own.pair, partial(question, own)))
+        scenes.append(TimedScene(label, columns, own.pair, partial(question, own)))
         for body in own.pair:
             body.parts[0].packed  # noqa: B018 - bodies are whole before anyone is timed
     references: dict[tuple[str, int], Any] = {}
 
-    def worth(scene: Scene, k: int, answer: Any) -> Worth:
+    def worth(scene: TimedScene, k: int, answer: Any) -> Worth:
         if (scene.name, k) not in references:
             references[scene.name, k] = exact(scene.subject, scene.question(k))
         reference = references[scene.name, k]
@@ -213,11 +215,11 @@ def _pair_task(
         return Worth(found, misnamed=touching_right(answer, reference) is False)
 
     warming = [
-        Scene(label, {}, own.pair, partial(question, own))
+        TimedScene(label, {}, own.pair, partial(question, own))
         for label, own in (("loose", DrawnPair.of(seed, 12)), ("tied", DrawnPair.of(seed, 12, "aligned")))
     ]
     compared = {scene.name: _compared(scene.labels["vertices"], quick) for scene in scenes}
-    return Task(name, methods, scenes, worth, plan, lambda scene: compared[scene.name], warming)
+    return ChartTask(name, methods, scenes, worth, plan, lambda scene: compared[scene.name], warming)
 
 
 def _compared(vertices: int, quick: bool) -> int:
@@ -238,12 +240,12 @@ def curve_faults(poses: int, seed: int) -> tuple[int, list[Row]]:
     return compared, faults
 
 
-def motion_task(quick: bool, seed: int) -> Task:
+def motion_task(quick: bool, seed: int) -> ChartTask:
     """Return the chart of the smallest motion."""
     cases = {case.name: case for case in chart_cases(quick, seed)}
-    scenes = [Scene(case.name, case.labels, case.problem, case.question) for case in cases.values()]
+    scenes = [TimedScene(case.name, case.labels, case.problem, case.question) for case in cases.values()]
 
-    def worth(scene: Scene, k: int, answer: MotionAnswer) -> Worth:
+    def worth(scene: TimedScene, k: int, answer: MotionAnswer) -> Worth:
         seconds, judgement = timed(judged, scene.question(k), answer.q)
         if not judgement.usable:
             return Worth(failure=f"rejected by the judge: {judgement.status.value}")
@@ -251,14 +253,18 @@ def motion_task(quick: bool, seed: int) -> Task:
         below = judgement.amount < least - SLACK * problem.contact_slack  # the judge lets a contact be so far off
         return Worth(abs(judgement.amount / least - 1.0), judging=seconds, below=below)
 
-    plan = Plan(3, 1e-4, 1, patience=0.1, longest=0.15) if quick else Plan(9, 1e-4, 1, patience=0.25, longest=1.0)
-    return Task("motion", motions.METHODS, scenes, worth, plan, lambda scene: 2, scenes[:1])
+    plan = (
+        TimingPlan(3, 1e-4, 1, patience=0.1, longest=0.15)
+        if quick
+        else TimingPlan(9, 1e-4, 1, patience=0.25, longest=1.0)
+    )
+    return ChartTask("motion", motions.METHODS, scenes, worth, plan, lambda scene: 2, scenes[:1])
 
 
 # ---------------------------------------------------------------------------------------------------------- measuring
 
 
-def charted(task: Task, rng: np.random.Generator, yardstick: list[float], say: Say) -> list[Row]:
+def charted(task: ChartTask, rng: np.random.Generator, yardstick: list[float], say: Say) -> list[Row]:
     """Measure a task; return its rows of the table "chart"."""
     rows: list[Row] = []
     warmed(task.warming, task.methods)
@@ -272,7 +278,7 @@ def charted(task: Task, rng: np.random.Generator, yardstick: list[float], say: S
     return rows
 
 
-def row(task: Task, scene: Scene, own: Measured) -> Row:
+def row(task: ChartTask, scene: TimedScene, own: Timing) -> Row:
     """Return the row of one method and setting in a scene."""
     made: Row = {"task": task.name, "scene": scene.name, **scene.labels, "method": own.method.name,
                  "family": own.method.family, "setting": own.setting}  # fmt: skip
@@ -297,7 +303,7 @@ def row(task: Task, scene: Scene, own: Measured) -> Row:
     return made
 
 
-def _worth(task: Task, scene: Scene, k: int, answer: Any) -> Worth:
+def _worth(task: ChartTask, scene: TimedScene, k: int, answer: Any) -> Worth:
     """Return what an answer is worth; one of a kind that was not asked for is none, and does not end the run."""
     if isinstance(answer, Failure):
         return Worth(failure=answer.reason)
@@ -307,7 +313,7 @@ def _worth(task: Task, scene: Scene, k: int, answer: Any) -> Worth:
         return Worth(failure=f"not an answer: {type(reason).__name__}: {reason}")
 
 
-def wrong(run: Run) -> bool:
+def wrong(run: BenchRun) -> bool:
     """Tell whether something of ours is wrong: a curve, an answer that failed, a least amount that is not the least."""
     below = any(row.get("below") for row in run.tables["chart"])
     mine = [row for row in run.tables["chart"] if row["family"] == "ours" and row["outcome"] != "not asked"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, new_figure
-from fcdm_opt_benchmarks.record import Row, Run
+from fcdm_opt_benchmarks.record import BenchRun, Row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,12 +36,12 @@ GROUPS = {"contact": "vertices", "curve": "vertices", "motion": "parameters"}
 """The column that tells the panels of a task apart."""
 
 
-def chart_figure(run: Run, task: str) -> Figure:
+def chart_figure(run: BenchRun, task: str) -> Figure:
     """Draw one task: a panel for each size, and who is who.
 
     Parameters
     ----------
-    run : Run
+    run : BenchRun
         Of command "bench".
     task : "contact", "curve" or "motion"
     """
@@ -66,7 +66,7 @@ def chart_figure(run: Run, task: str) -> Figure:
     return figure
 
 
-def overview_figure(run: Run) -> Figure:
+def overview_figure(run: BenchRun) -> Figure:
     """Draw all three tasks side by side, each over all its scenes: medians of the medians."""
     figure = new_figure(10.0, 5.6)
     panels = figure.subplots(1, len(TITLES), sharey=True)
@@ -82,7 +82,7 @@ def overview_figure(run: Run) -> Figure:
     return figure
 
 
-def _caption(run: Run) -> str:
+def _caption(run: BenchRun) -> str:
     form = "quick form" if run.quick else "full form"
     return (
         f"A line joins a method's settings; medians and quartiles of what it was asked. Top: answers failed, in %. "

@@ -14,7 +14,7 @@ from fcdm_opt_benchmarks.chart.figures import chart_figure, overview_figure
 from fcdm_opt_benchmarks.cost.growth import exponents
 from fcdm_opt_benchmarks.cost.growth_picture import growth_figure
 from fcdm_opt_benchmarks.cost.models_picture import models_figure
-from fcdm_opt_benchmarks.record import Row, Run, table
+from fcdm_opt_benchmarks.record import BenchRun, Row, table
 
 SHOWN = ("speed-accuracy", "growth", "models")
 """Pictures for a README: written small too."""
@@ -23,7 +23,7 @@ REACHED = 1e-6
 """Relative: a motion this much larger than the least has reached its amount."""
 
 
-def write(run: Run, folder: Path) -> list[Path]:
+def write(run: BenchRun, folder: Path) -> list[Path]:
     """Write bench.json, bench.md and the pictures of what was measured; return the files."""
     run.write(folder / "bench.json")
     (folder / "bench.md").write_text(text(run) + "\n", encoding="utf-8")
@@ -41,7 +41,7 @@ def write(run: Run, folder: Path) -> list[Path]:
     return made
 
 
-def text(run: Run) -> str:
+def text(run: BenchRun) -> str:
     """Tell a run in Markdown."""
     parts = ["# Speed against accuracy", run.about, summary(run)]
     for task, title in TASKS.items():
@@ -55,7 +55,7 @@ def text(run: Run) -> str:
     return "\n\n".join(parts)
 
 
-def summary(run: Run, *, most: int | None = None) -> str:
+def summary(run: BenchRun, *, most: int | None = None) -> str:
     """Say whether our curves are right, and where a rival is as fast and as accurate, in `most` scenes each."""
     lines = []
     for task in TASKS:
@@ -160,7 +160,7 @@ def _each(rows: Sequence[Row]) -> str:
     return f"{said}\n\n{table(['', *scenes], lines)}"
 
 
-def _growth(run: Run) -> str:
+def _growth(run: BenchRun) -> str:
     rows = run.tables["growth"]
     fits = [
         [

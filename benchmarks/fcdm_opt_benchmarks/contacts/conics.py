@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt_benchmarks.contacts.placed import Placed, answered, columns, up_to
-from fcdm_opt_benchmarks.contacts.programs import Program, gain
+from fcdm_opt_benchmarks.contacts.programs import ContactProgram, gain
 from fcdm_opt_benchmarks.library import library
 from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
 
@@ -29,7 +29,7 @@ def ipopt(pair: Pair, setting: float) -> Ask:
     """Solve the program (see `programs`) as a nonlinear one with IPOPT: R, d and rho_1 are parameters."""
     casadi = library("casadi")
     placed = Placed.of(pair)
-    program = Program(placed)
+    program = ContactProgram(placed)
     p, y = casadi.MX.sym("p", 13), casadi.MX.sym("y", 7)
     R, d, n, m, t = casadi.reshape(p[:9], 3, 3), p[9:12], y[:3], y[3:6], y[6]
     P, Q = (casadi.DM(own.vertices) for own in (placed.one, placed.two))
@@ -73,7 +73,7 @@ def ipqp(pair: Pair, setting: float) -> Ask:
 def _conic(pair: Pair, plugin: str, options: dict[str, Any]) -> Ask:
     casadi = library("casadi")
     placed = Placed.of(pair)
-    program = Program(placed)
+    program = ContactProgram(placed)
     count = len(program.matrix)
     starts, indices, values = program.compressed(program.matrix.T)
     pattern = {"a": casadi.Sparsity(7, count, starts.tolist(), indices.tolist()), "h": casadi.Sparsity(count, count)}
@@ -98,7 +98,7 @@ def _conic(pair: Pair, plugin: str, options: dict[str, Any]) -> Ask:
     return quiet
 
 
-def _equal(program: Program) -> NDArray[np.bool_]:
+def _equal(program: ContactProgram) -> NDArray[np.bool_]:
     """Return which of the program's rows are equations."""
     return np.arange(len(program.matrix)) < 3
 

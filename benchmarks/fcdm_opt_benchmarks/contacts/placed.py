@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt_benchmarks.curves.rays import Solid
+from fcdm_opt_benchmarks.curves.rays import SeededPart
 from fcdm_opt_benchmarks.method import ContactAnswer, Pair, Touching
 
 
@@ -20,22 +20,22 @@ class Placed:
 
     Attributes
     ----------
-    one, two : Solid
+    one, two : SeededPart
     unit : float
     seeds : pair of (3,) arrays
     """
 
-    one: Solid
-    two: Solid
+    one: SeededPart
+    two: SeededPart
     unit: float
     seeds: tuple[Array, Array]
 
     @classmethod
     def of(cls, pair: Pair) -> Placed:
         """Return a pair's parts; raise `InputError` for several, or a seed that is not inside."""
-        one, two = (Solid.of(body) for body in pair)
+        one, two = (SeededPart.of(body) for body in pair)
         unit = max(one.outer, two.outer)
-        one, two = (Solid(own.vertices / unit, own.inner / unit, own.outer / unit) for own in (one, two))
+        one, two = (SeededPart(own.vertices / unit, own.inner / unit, own.outer / unit) for own in (one, two))
         return cls(one, two, unit, (pair.movable.seed, pair.static.seed))
 
     def pose(self, transform: Array) -> tuple[Array, Array]:

@@ -33,7 +33,7 @@ class Simplex(NamedTuple):
     anew: bool = False
 
 
-class Program:
+class ContactProgram:
     """The program of a pair: max g.y s.t. A y = 0 in the first three rows, A y <= u in all others; y = (n, m, t).
 
     Attributes
@@ -85,7 +85,7 @@ def warm(pair: Pair, setting: Simplex) -> Ask:
 def _highs(pair: Pair, setting: Simplex, *, warm: bool) -> Ask:
     highspy = library("highspy")
     placed = Placed.of(pair)
-    program = Program(placed)
+    program = ContactProgram(placed)
     solver = highspy.Highs()
     options = {
         "output_flag": False,
@@ -126,7 +126,7 @@ def _highs(pair: Pair, setting: Simplex, *, warm: bool) -> Ask:
     return one_by_one(answer)
 
 
-def _model(highspy: Any, program: Program) -> Any:
+def _model(highspy: Any, program: ContactProgram) -> Any:
     """Return the dual: a column for every row of the program."""
     count, infinity = len(program.matrix), highspy.kHighsInf
     model = highspy.HighsLp()
@@ -147,7 +147,7 @@ def clarabel(pair: Pair, setting: float) -> Ask:
     """Solve the program with Clarabel, called directly: one solver, updated."""
     sparse, solvers = library("scipy.sparse"), library("clarabel")
     placed = Placed.of(pair)
-    program = Program(placed)
+    program = ContactProgram(placed)
     settings = solvers.DefaultSettings()
     settings.verbose, settings.max_threads = False, 1
     settings.presolve_enable = settings.chordal_decomposition_enable = False  # else nothing can be updated

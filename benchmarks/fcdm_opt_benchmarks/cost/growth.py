@@ -34,7 +34,7 @@ from fcdm_opt_benchmarks.library import coal_hull
 from fcdm_opt_benchmarks.method import Ask, CurveQuestion, Failure, Method, Pair, one_by_one
 from fcdm_opt_benchmarks.pairs import DrawnPair
 from fcdm_opt_benchmarks.record import Row
-from fcdm_opt_benchmarks.timing import Measured, Plan, Scene, measured, warmed
+from fcdm_opt_benchmarks.timing import TimedScene, Timing, TimingPlan, measured, warmed
 from fcdm_opt_benchmarks.union_pairs import FAMILIES, UnionPair, coal_surface
 
 Say = Callable[[str], None]
@@ -44,13 +44,13 @@ LEAST = 3  # numbers for a fit
 
 
 @dataclass(frozen=True)
-class _Axis:
+class _GrowthAxis:
     """One panel: its name, the scenes by number, who is asked, and how long."""
 
     name: str
-    scenes: Mapping[int, Sequence[Callable[[], Scene]]]
+    scenes: Mapping[int, Sequence[Callable[[], TimedScene]]]
     methods: Sequence[Method]
-    plan: Plan
+    plan: TimingPlan
     most: float  # seconds an answer beyond which a method is not asked about larger scenes
 
 
@@ -124,7 +124,7 @@ def _line(x: Array, y: Array) -> tuple[float, float, float]:
     return slope, level, math.sqrt(left / (len(x) - 2) / spread)
 
 
-def _row(axis: _Axis, x: int, scene: Scene, own: Measured) -> Row:
+def _row(axis: _GrowthAxis, x: int, scene: TimedScene, own: Timing) -> Row:
     if own.refused is not None:
         return {"axis": axis.name, "method": _key(scene, own.method), "family": own.method.family, "x": x,
                 "seconds": None, "reason": own.refused}  # fmt: skip
@@ -135,7 +135,7 @@ def _row(axis: _Axis, x: int, scene: Scene, own: Measured) -> Row:
             "seconds": median, "low": low, "high": high, "rounds": len(own.seconds)}  # fmt: skip
 
 
-def _key(scene: Scene, method: Method) -> str:
+def _key(scene: TimedScene, method: Method) -> str:
     """Return a method's name, with the scene's family where there are several."""
     family = scene.labels.get("family")
     return f"{method.name}, {family}" if family else method.name
@@ -149,13 +149,13 @@ def _at(method: Method, setting: str) -> Method:
 # ----------------------------------------------------------------------------------------------------------- vertices
 
 
-def _vertices(quick: bool, seed: int) -> _Axis:
+def _vertices(quick: bool, seed: int) -> _GrowthAxis:
     sizes = (8, 32, 128) if quick else (8, 16, 32, 64, 128, 256, 512, 1000, 2000, 4000)
-    plan = Plan(3, 2e-3, 96, 0.4) if quick else Plan(9, 5e-3, 256, 2.0)
+    plan = TimingPlan(3, 2e-3, 96, 0.4) if quick else TimingPlan(9, 5e-3, 256, 2.0)
 
-    def scene(n: int) -> Scene:
+    def scene(n: int) -> TimedScene:
         drawn = DrawnPair.of(seed, n, SHAPE)
-        return Scene(f"{n} vertices", {}, drawn.pair, drawn.curve)
+        return TimedScene(f"{n} vertices", {}, drawn.pair, drawn.curve)
 
     by_name = {method.name: method for method in curves.METHODS}
     methods = (
@@ -165,7 +165,7 @@ def _vertices(quick: bool, seed: int) -> _Axis:
         _at(by_name["coal bisection"], "33 rays, 1e-12"),
         Method("coal, one distance", "coal", {"default": None}, _hulls_apart),
     )
-    return _Axis("vertices", {n: [partial(scene, n)] for n in sizes}, methods, plan, 0.1 if quick else 0.5)
+    return _GrowthAxis("vertices", {n: [partial(scene, n)] for n in sizes}, methods, plan, 0.1 if quick else 0.5)
 
 
 def _hulls_apart(pair: Pair, setting: None) -> Ask:
@@ -189,28 +189,28 @@ def _distances(one: Any, two: Any) -> Ask:
 # -------------------------------------------------------------------------------------------------------------- parts
 
 
-def _parts(quick: bool, seed: int) -> _Axis:
+def _parts(quick: bool, seed: int) -> _GrowthAxis:
     counts = (2, 6, 18) if quick else (1, 2, 4, 8, 15, 30, 60, 120)
     families = ("spiky",) if quick else tuple(FAMILIES)
-    plan = Plan(3, 1e-3, 3, 0.3) if quick else Plan(7, 4e-3, 4, 2.0)
+    plan = TimingPlan(3, 1e-3, 3, 0.3) if quick else TimingPlan(7, 4e-3, 4, 2.0)
     poses = 1 + plan.rounds * plan.most
     box = np.array(((0.8, 3.0), (0.8, 3.0)))
 
-    def scene(count: int, family: str) -> Scene:
+    def scene(count: int, family: str) -> TimedScene:
         pair = UnionPair.of(seed, family, count, poses)
 
         def question(k: int) -> CurveQuestion:
             return CurveQuestion(pair.transforms[k].copy(), box)
 
         labels = {} if quick else {"family": family}
-        return Scene(f"{count} parts, {family}", labels, Pair(*pair.bodies), question)
+        return TimedScene(f"{count} parts, {family}", labels, Pair(*pair.bodies), question)
 
     scenes = {n: [partial(scene, n, own) for own in families] for n in counts}
     methods = (
         Method("decision curve", "ours", {"default": None}, _diagram),
         Method("coal, one distance", "coal", {"default": None}, _unions_apart),
     )
-    return _Axis("parts", scenes, methods, plan, 0.5)
+    return _GrowthAxis("parts", scenes, methods, plan, 0.5)
 
 
 def _diagram(pair: Pair, setting: None) -> Ask:
@@ -232,16 +232,16 @@ def _unions_apart(pair: Pair, setting: None) -> Ask:
 # --------------------------------------------------------------------------------------------------------- parameters
 
 
-def _parameters(quick: bool, seed: int) -> _Axis:
+def _parameters(quick: bool, seed: int) -> _GrowthAxis:
     counts = (1, 2, 3, 6) if quick else (1, 2, 3, 4, 5, 6)
-    plan = Plan(3, 1e-3, 1, 0.6) if quick else Plan(15, 1e-2, 2, 4.0)
+    plan = TimingPlan(3, 1e-3, 1, 0.6) if quick else TimingPlan(15, 1e-2, 2, 4.0)
     by_name = {method.name: method for method in motions.METHODS}
     methods = [_at(by_name[name], motions.USUAL[name]) for name in ("fcdm_opt", "SLSQP", "IPOPT, full model")]
 
-    def scene(count: int) -> Scene:
+    def scene(count: int) -> TimedScene:
         def question(k: int) -> Any:
             return overlapping(*hull_pair(seed + k, PROBLEM_VERTICES), count)  # the same hulls for every count
 
-        return Scene(f"{count} parameters", {}, None, question)
+        return TimedScene(f"{count} parameters", {}, None, question)
 
-    return _Axis("parameters", {n: [partial(scene, n)] for n in counts}, methods, plan, 2.0)
+    return _GrowthAxis("parameters", {n: [partial(scene, n)] for n in counts}, methods, plan, 2.0)

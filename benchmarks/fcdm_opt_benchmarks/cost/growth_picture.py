@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, new_figure
-from fcdm_opt_benchmarks.record import Run
+from fcdm_opt_benchmarks.record import BenchRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,12 +25,12 @@ MOST_TICKS = 8  # numbers that are written, else powers of ten
 UNSURE = 0.3  # standard error of an exponent that says nothing
 
 
-def growth_figure(run: Run) -> Figure:
+def growth_figure(run: BenchRun) -> Figure:
     """Draw the table "growth" of a run.
 
     Parameters
     ----------
-    run : Run
+    run : BenchRun
         Of command "bench".
     """
     from fcdm_opt_benchmarks.cost.growth import exponents

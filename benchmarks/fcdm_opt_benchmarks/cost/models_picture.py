@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, new_figure
-from fcdm_opt_benchmarks.record import Row, Run
+from fcdm_opt_benchmarks.record import BenchRun, Row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,12 +33,12 @@ LEFT, RIGHT = 0.185, 0.99
 MOST_TICKS = 5  # decades that are all marked
 
 
-def models_figure(run: Run) -> Figure:
+def models_figure(run: BenchRun) -> Figure:
     """Draw the table "models" of a run.
 
     Parameters
     ----------
-    run : Run
+    run : BenchRun
         Of command "bench".
     """
     rows = run.tables["models"]
@@ -125,7 +125,7 @@ def _over(axes: Any, rows: Sequence[Row], places: dict[str, int]) -> None:
         axes.set_xlim(None, 3.5 * max(row["seconds"] for row in over))
 
 
-def _words(figure: Figure, run: Run, height: float) -> None:
+def _words(figure: Figure, run: BenchRun, height: float) -> None:
     """Write title, who is who, and what is not drawn."""
     from matplotlib.lines import Line2D
 

@@ -17,7 +17,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
-from fcdm_opt_benchmarks.curves.rays import Solid
+from fcdm_opt_benchmarks.curves.rays import SeededPart
 from fcdm_opt_benchmarks.curves.rivals import bisection, clarabel, cold_highs, distances, growth, linprog, warm_highs
 from fcdm_opt_benchmarks.method import Ask, CurveAnswer, CurveQuestion, Method, Pair, Touching, one_by_one
 from fcdm_opt_benchmarks.references import exact_curve_in_box
@@ -139,10 +139,10 @@ def _exact(pair: Pair, question: CurveQuestion) -> CurveAnswer:
 
 
 def seeds_inside(pair: Pair) -> str | None:
-    """Return what keeps a pair from having one decreasing curve, see `Solid.of`."""
+    """Return what keeps a pair from having one decreasing curve, see `SeededPart.of`."""
     try:
         for body in pair:
-            Solid.of(body)
+            SeededPart.of(body)
     except InputError as reason:
         return str(reason)
     return None

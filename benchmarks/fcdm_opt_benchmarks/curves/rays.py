@@ -22,7 +22,7 @@ STEPS = 10_000  # of a simplex method on three rows: hulls of 10,000 vertices ta
 DEPTH = 200  # of a search between two lines: few steps deep even where a curve has a thousand segments
 
 
-class Solid(NamedTuple):
+class SeededPart(NamedTuple):
     """A convex part about its seed: vertices, and radii of the balls about the seed inside and around it."""
 
     vertices: Array
@@ -30,7 +30,7 @@ class Solid(NamedTuple):
     outer: float
 
     @classmethod
-    def of(cls, body: Body) -> Solid:
+    def of(cls, body: Body) -> SeededPart:
         """Return a body's only part; raise `InputError` for several, or a seed that is not inside."""
         if len(body.parts) != 1:
             raise InputError("the rival methods take one convex part", key=f"body '{body.name}'", found=len(body.parts))
@@ -42,7 +42,7 @@ class Solid(NamedTuple):
         return cls(np.ascontiguousarray(local), float(inner), float(np.linalg.norm(local, axis=1).max()))
 
 
-class Touch(NamedTuple):
+class RayTouch(NamedTuple):
     """Where a ray meets the curve: the scale pair, and a contact line (a, b, c) there.
 
     `pairs`: three vertex pairs (i, j), (3, 2), where they are known: the offset d is a sum, with weights that are not
@@ -118,7 +118,7 @@ def _grown(
 
 def growth_distance(
     P: Array, Q: Array, d: Array, rho: Array, inner: float, start: Ints | None = None, slack: float = ROUNDING
-) -> Touch:
+) -> RayTouch:
     """Return where the ray through `rho` meets the curve; on the diagonal, the growth distance of Ong and Gilbert.
 
     The primal simplex method on three rows: the least s with d in s (rho_1 P - rho_2 Q) is min sum x s.t.
@@ -145,10 +145,10 @@ def growth_distance(
     s, a, b, c, steps = _grown(P, Q, tuple(d.tolist()), (x, y), inner, slack, pairs)
     if not steps:
         raise FcdmError("the simplex method of a growth distance did not end")
-    return Touch(s * rho, np.array([a, b, c]), pairs)
+    return RayTouch(s * rho, np.array([a, b, c]), pairs)
 
 
-def breakpoints(touch: Callable[[Array, Touch | None], Touch], box: Array, slack: float) -> Array:
+def breakpoints(touch: Callable[[Array, RayTouch | None], RayTouch], box: Array, slack: float) -> Array:
     """Return the curve in a box from its lines: where those of two rays cross, a third ray asks for what is there.
 
     It either meets the crossing, a breakpoint, or a line that neither of them knew: twice the number of segments, less
@@ -168,7 +168,7 @@ def breakpoints(touch: Callable[[Array, Touch | None], Touch], box: Array, slack
         Breakpoints and ends by increasing rho_1.
     """
 
-    def between(left: Touch, right: Touch, depth: int = DEPTH) -> list[Array]:
+    def between(left: RayTouch, right: RayTouch, depth: int = DEPTH) -> list[Array]:
         (a, b, c), (e, f, g) = left.line.tolist(), right.line.tolist()
         det = a * f - b * e
         if abs(det) <= slack * np.hypot(a, b) * np.hypot(e, f):

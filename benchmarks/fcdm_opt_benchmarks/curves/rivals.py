@@ -22,7 +22,7 @@ import numpy as np
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt_benchmarks.curves.rays import ROUNDING, Solid, Touch, breakpoints, clipped, growth_distance
+from fcdm_opt_benchmarks.curves.rays import ROUNDING, RayTouch, SeededPart, breakpoints, clipped, growth_distance
 from fcdm_opt_benchmarks.library import coal_hull, library
 from fcdm_opt_benchmarks.method import Ask, CurveAnswer, CurveQuestion, Pair, one_by_one
 
@@ -35,9 +35,9 @@ Tracer = Callable[[Array, Array], Array]  # of a transform and a box: points by 
 Place = Callable[[Array], tuple[Array, Array]]  # of a transform: vertices of part 1 about its seed, turned, and d
 
 
-def solids(pair: Pair) -> tuple[Solid, Solid, Place]:
+def solids(pair: Pair) -> tuple[SeededPart, SeededPart, Place]:
     """Return both parts, and the function from a transform to (p_i, d)."""
-    one, two = Solid.of(pair.movable), Solid.of(pair.static)
+    one, two = SeededPart.of(pair.movable), SeededPart.of(pair.static)
 
     def place(transform: Array) -> tuple[Array, Array]:
         R = transform[:3, :3]
@@ -64,7 +64,7 @@ class _Coal:
 
     def __init__(self, pair: Pair, tolerance: float) -> None:
         self.coal = library("coal")
-        self.solids = one, two = Solid.of(pair.movable), Solid.of(pair.static)
+        self.solids = one, two = SeededPart.of(pair.movable), SeededPart.of(pair.static)
         self.size = max(one.outer, two.outer)
         self.seeds = pair.movable.seed, pair.static.seed
         self.shapes = [coal_hull(solid.vertices / self.size) for solid in (one, two)]
@@ -139,7 +139,7 @@ def distances(pair: Pair, tolerance: float) -> Ask:
         way, length = world.place(transform)
         moved, placed = world.poses[1], world.placed
 
-        def touch(rho: Array, near: Touch | None) -> Touch:
+        def touch(rho: Array, near: RayTouch | None) -> RayTouch:
             ratio = rho / math.hypot(*rho)
             x, y = ratio.tolist()
             _, offset = world.scale(ratio)
@@ -163,7 +163,7 @@ def distances(pair: Pair, tolerance: float) -> Ask:
                 line, offset = np.array([a, b, c * length]), nearer
             if line is None:
                 raise FcdmError("coal gives no direction that separates")
-            return Touch(length / offset * ratio, line)
+            return RayTouch(length / offset * ratio, line)
 
         return breakpoints(touch, box, max(tolerance, SIDES))
 
@@ -177,7 +177,7 @@ def growth(pair: Pair, slack: float) -> Ask:
     def trace(transform: Array, box: Array) -> Array:
         (P, d), Q = place(transform), two.vertices
 
-        def touch(rho: Array, near: Touch | None) -> Touch:
+        def touch(rho: Array, near: RayTouch | None) -> RayTouch:
             inner = (rho[0] * one.inner + rho[1] * two.inner) / 2
             return growth_distance(P, Q, d, rho, inner, near.pairs if near else None, slack)
 

@@ -31,7 +31,7 @@ ATTEMPTS = 200  # draws of bodies for one case
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class DrawnCase:
     """A problem and what was drawn for it."""
 
     seed: int
@@ -186,7 +186,7 @@ def _seated(rng: np.random.Generator, kind: str) -> tuple[fo.Body, fo.Body]:
 # ---------------------------------------------------------------------------------------------------------------- cases
 
 
-def draw(seed: int, kind: str, number: int) -> Case:
+def draw(seed: int, kind: str, number: int) -> DrawnCase:
     """Draw a case."""
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
     name = list(MOTIONS)[number % len(MOTIONS)]
@@ -196,7 +196,7 @@ def draw(seed: int, kind: str, number: int) -> Case:
     for _ in range(ATTEMPTS):
         motion = MOTIONS[name](rng)
         try:
-            return Case(seed, kind, number, name, _problem(rng, kind, motion, goal))
+            return DrawnCase(seed, kind, number, name, _problem(rng, kind, motion, goal))
         except InputError:
             continue  # what cannot be asked is drawn again: no switching point, a goal that this contact excludes
     raise RuntimeError(f"nothing could be drawn for {seed}, {kind}, {number}")

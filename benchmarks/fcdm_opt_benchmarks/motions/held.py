@@ -21,7 +21,7 @@ from fcdm_opt_benchmarks.motions.jets import Jet, certain, cross, dot, minus, va
 SLACK = 1e-7  # relative: a contact whose separation is smaller may hold the motion
 
 
-class Contact(NamedTuple):
+class HoldingContact(NamedTuple):
     """A face, edge or vertex of part 1 and one of part 2 in a plane, by vertices; faces counter-clockwise.
 
     `corners` of the face span its normal; `sign` orients the cross product of two edges from body 1 to body 2.
@@ -40,7 +40,7 @@ class Contact(NamedTuple):
         return " on ".join(sides)
 
 
-class Holding(NamedTuple):
+class Held(NamedTuple):
     """Contacts that may hold a motion, and how.
 
     `asks`: "meet" where all contacts must not be apart at the target pair, "part" where they, which share one normal,
@@ -48,52 +48,52 @@ class Holding(NamedTuple):
     fall short of the target pair in the scales `pinned`.
     """
 
-    contacts: tuple[Contact, ...]
+    contacts: tuple[HoldingContact, ...]
     asks: str
     pinned: tuple[int, ...] = ()
 
 
-def holders(task: Task, q: Array) -> list[Holding]:
+def holders(task: Task, q: Array) -> list[Held]:
     """Return what may hold a motion, by what is tight there to within rounding."""
     if task.goal in ("at", "beyond"):
         rho, _, tracked = task.tracked_contact(q)
         contacts = tuple(_contact(task, feature.site, feature.normal, q) for feature in tracked)
         if task.goal == "at":
-            return [Holding(contacts, "at")]
+            return [Held(contacts, "at")]
         short = np.abs(rho / task.target - 1.0)
-        return [Holding(contacts, "beyond", tuple(np.flatnonzero(short <= SLACK).tolist()))]
+        return [Held(contacts, "beyond", tuple(np.flatnonzero(short <= SLACK).tolist()))]
     sites, rows, separations = task.separations((0, 0), task.pose(q))
     asked = task.need if task.gap(task.rest) < task.need else 0.0
     tight = np.abs(separations - asked) <= SLACK * task.size
     contacts = tuple(_contact(task, site, row[:3], q) for site, row in zip(sites[tight], rows[tight], strict=True))
     if task.gap(task.rest) > task.need:
-        return [Holding(contacts, "meet")]
-    planes: dict[tuple[int, ...], list[Contact]] = {}
+        return [Held(contacts, "meet")]
+    planes: dict[tuple[int, ...], list[HoldingContact]] = {}
     for contact in contacts:
         key = (len(contact.one), *contact.corners) if contact.corners else (*contact.one, -1, *contact.two)
         planes.setdefault(key, []).append(contact)
-    return [Holding(tuple(own), "part") for own in planes.values()]
+    return [Held(tuple(own), "part") for own in planes.values()]
 
 
-def _contact(task: Task, site: Iterable[int], normal: Array, q: Array) -> Contact:
+def _contact(task: Task, site: Iterable[int], normal: Array, q: Array) -> HoldingContact:
     kind, i, j = (int(x) for x in site)
     one, two = task.movable.parts[0], task.static.parts[0]
     if kind == F1V2:
-        return Contact(tuple(one.loops[i]), (j,), face_corners(one, i))
+        return HoldingContact(tuple(one.loops[i]), (j,), face_corners(one, i))
     if kind != E1E2:
-        return Contact((i,), tuple(two.loops[j]), face_corners(two, j))
+        return HoldingContact((i,), tuple(two.loops[j]), face_corners(two, j))
     first, second = (tuple(int(v) for v in part.edges[k, :2]) for part, k in ((one, i), (two, j)))
     ways = (
         task.transform(q)[:3, :3] @ (one.vertices[first[1]] - one.vertices[first[0]]),
         np.subtract(*two.vertices[[second[1], second[0]]]),
     )
-    return Contact(first, second, sign=math.copysign(1.0, float(np.cross(*ways) @ normal)))
+    return HoldingContact(first, second, sign=math.copysign(1.0, float(np.cross(*ways) @ normal)))
 
 
 # ---------------------------------------------------------------------------------------------------- the conditions
 
 
-class Scene:
+class ExactParts:
     """The two parts under a motion: vertices as exact rationals, poses as jets."""
 
     def __init__(self, task: Task) -> None:
@@ -109,7 +109,7 @@ class Scene:
         """Return the parts at a motion, parameters as balls."""
         return Posed(self, Jet.variables(q))
 
-    def conditions(self, held: Holding, q: Sequence[Any]) -> list[Jet]:
+    def conditions(self, held: Held, q: Sequence[Any]) -> list[Jet]:
         """Return what must not be negative, or vanish for "at", of the contacts that hold a motion."""
         posed = self.posed(q)
         lines = [posed.line(contact) for contact in held.contacts]
@@ -128,7 +128,7 @@ class Scene:
 class Posed:
     """The two parts at a motion."""
 
-    def __init__(self, scene: Scene, q: list[Jet]) -> None:
+    def __init__(self, scene: ExactParts, q: list[Jet]) -> None:
         self.scene, self.q = scene, q
         self.T = scene.task.motion.composed(q, *scene.seeds)
 
@@ -140,7 +140,7 @@ class Posed:
         """Return a vector of body 1, as drawn, after the motion."""
         return [dot(row[:3], vector) for row in self.T[:3]]
 
-    def normal(self, contact: Contact) -> list[Any]:
+    def normal(self, contact: HoldingContact) -> list[Any]:
         """Return the normal of the plane of a contact, from body 1 to body 2, of any length."""
         (one, two), own = self.scene.spokes, contact.corners
         if not own:
@@ -153,7 +153,7 @@ class Posed:
         normal = cross(minus(spokes[own[1]], spokes[own[0]]), minus(spokes[own[2]], spokes[own[0]]))
         return self.turned(normal) if spokes is one else [-x for x in normal]
 
-    def line(self, contact: Contact) -> tuple[Jet, Jet, Jet, list[Any]]:
+    def line(self, contact: HoldingContact) -> tuple[Jet, Jet, Jet, list[Any]]:
         """Return (a, b, c) of the contact line, and its normal; all times the normal's length."""
         n, (one, two), (first, second) = self.normal(contact), self.scene.spokes, self.scene.seeds
         moved = [dot(row[:3], first) + row[3] for row in self.T[:3]]
@@ -162,7 +162,7 @@ class Posed:
 
     # ----------------------------------------------------------------------------------------------- what touches
 
-    def supports(self, contacts: Sequence[Contact]) -> bool:
+    def supports(self, contacts: Sequence[HoldingContact]) -> bool:
         """Tell whether the plane of the first has all vertices strictly on their sides but those of all contacts."""
         n = [value(x) for x in self.normal(contacts[0])]
         back = [dot([value(row[k]) for row in self.T[:3]], n) for k in range(3)]
@@ -177,7 +177,7 @@ class Posed:
                 return False
         return True
 
-    def share_a_point(self, contacts: Sequence[Contact], rho: Sequence[Any]) -> bool:
+    def share_a_point(self, contacts: Sequence[HoldingContact], rho: Sequence[Any]) -> bool:
         """Tell whether the elements of all contacts have a common point, strictly inside, at a scale pair."""
         one, two = contacts[0].one, contacts[0].two
         for own in contacts[1:]:

@@ -27,7 +27,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.method import Failure
-from fcdm_opt_benchmarks.motions.held import SLACK, Holding, Scene, crossing, holders
+from fcdm_opt_benchmarks.motions.held import SLACK, ExactParts, Held, crossing, holders
 from fcdm_opt_benchmarks.motions.jets import BITS
 
 NEWTON = 12  # steps: each doubles the digits, of which a solver leaves about eight
@@ -110,13 +110,13 @@ def _bound_of_shifts(task: Task) -> float:
 # ------------------------------------------------------------------------------------------------------- the solution
 
 
-def refined(task: Task, held: Holding, q: Array, lower: float) -> Least | Failure:
+def refined(task: Task, held: Held, q: Array, lower: float) -> Least | Failure:
     """Return the least amount on the contacts that are said to hold a motion, or why they do not.
 
     Parameters
     ----------
     task : Task
-    held : Holding
+    held : Held
     q : (k,) array
         The motion, right to some digits.
     lower : float
@@ -131,8 +131,8 @@ def refined(task: Task, held: Holding, q: Array, lower: float) -> Least | Failur
             return Failure(str(reason))
 
 
-def _refined(task: Task, held: Holding, q: Array, lower: float) -> Least:
-    scene = Scene(task)
+def _refined(task: Task, held: Held, q: Array, lower: float) -> Least:
+    scene = ExactParts(task)
     held, multipliers = _chosen(scene, held, q)
     weights = [float(w) for w in task.weights]
     found = _enclosed(lambda x: _equations(scene, held, weights, x), [*map(float, q), *multipliers])
@@ -159,7 +159,7 @@ def _refined(task: Task, held: Holding, q: Array, lower: float) -> Least:
     )
 
 
-def _chosen(scene: Scene, held: Holding, q: Array) -> tuple[Holding, list[float]]:
+def _chosen(scene: ExactParts, held: Held, q: Array) -> tuple[Held, list[float]]:
     """Return what of it holds the motion, and multipliers: conditions' slopes times these are the amount's slope."""
     from flint import arb
     from scipy.optimize import nnls
@@ -188,12 +188,12 @@ def _chosen(scene: Scene, held: Holding, q: Array) -> tuple[Holding, list[float]
     ), multipliers
 
 
-def _pinned(held: Holding, kept: Iterable[bool]) -> Holding:
+def _pinned(held: Held, kept: Iterable[bool]) -> Held:
     """Return it with fewer scales pinned."""
     return held._replace(pinned=tuple(k for k, is_kept in zip(held.pinned, kept, strict=True) if is_kept))
 
 
-def _equations(scene: Scene, held: Holding, weights: list[float], x: list[Any]) -> tuple[Any, Any]:
+def _equations(scene: ExactParts, held: Held, weights: list[float], x: list[Any]) -> tuple[Any, Any]:
     """Return the equations of Karush, Kuhn and Tucker and their derivatives, in balls, at motion and multipliers."""
     from flint import arb, arb_mat
 
@@ -239,7 +239,7 @@ def _enclosed(equations: Callable[[list[Any]], tuple[Any, Any]], start: list[flo
     return list(image.entries()) if inside else None
 
 
-def _check_curved(scene: Scene, held: Holding, weights: list[float], motion: list[Any], forces: list[Any]) -> None:
+def _check_curved(scene: ExactParts, held: Held, weights: list[float], motion: list[Any], forces: list[Any]) -> None:
     """Check that the amount grows along all motions that keep the contacts: by second derivatives, in floats."""
     _, slopes = _equations(scene, held, weights, [*motion, *forces])
     k, w = len(motion), np.array(weights)
@@ -251,7 +251,7 @@ def _check_curved(scene: Scene, held: Holding, weights: list[float], motion: lis
         raise UnknownError("the amount does not grow along all motions that keep the contacts: no least one")
 
 
-def _check_touching(scene: Scene, held: Holding, motion: list[Any]) -> None:
+def _check_touching(scene: ExactParts, held: Held, motion: list[Any]) -> None:
     posed = scene.posed(motion)
     rho = scene.target
     if held.asks == "beyond":

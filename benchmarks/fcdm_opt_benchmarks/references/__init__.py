@@ -11,12 +11,12 @@ faults   batches of curves, segment by segment
 
 from fcdm_opt_benchmarks.references.errors import contact_error, curve_error, touching_right
 from fcdm_opt_benchmarks.references.exact import ExactContact, ExactStretches, exact_contact, exact_curve_in_box
-from fcdm_opt_benchmarks.references.faults import Fault, feature_faults
+from fcdm_opt_benchmarks.references.faults import CurveFault, feature_faults
 
 __all__ = [
+    "CurveFault",
     "ExactContact",
     "ExactStretches",
-    "Fault",
     "contact_error",
     "curve_error",
     "exact_contact",

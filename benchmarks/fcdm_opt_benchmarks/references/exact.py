@@ -27,7 +27,7 @@ Point = tuple[Any, Any]  # two rationals
 MOST_PROOFS, LEAST_PROOFS, PROVED_VERTICES = 20, 3, 20_000
 
 
-class Stretch(NamedTuple):
+class ExactStretch(NamedTuple):
     """A straight piece of the exact curve between two scale pairs, by increasing rho_1, and what touches along it."""
 
     start: Point
@@ -65,16 +65,16 @@ class ExactStretches:
 
     Attributes
     ----------
-    whole : tuple of Stretch
+    whole : tuple of ExactStretch
         All of it, from axis to axis.
     box : (2, 2) array
     """
 
-    whole: tuple[Stretch, ...]
+    whole: tuple[ExactStretch, ...]
     box: Array
 
     @cached_property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def stretches(self) -> tuple[ExactStretch, ...]:
         """What the box leaves; nothing that only runs along its border."""
         limits = [[as_rational(x) for x in bounds] for bounds in self.box.tolist()]
         return tuple(part for own in self.whole if (part := _clipped(own, limits)) is not None)
@@ -172,7 +172,7 @@ def exact_curve_in_box(pair: Pair, question: CurveQuestion, *, proofs: int | Non
     return found
 
 
-def whole_curve(pair: Pair, transform: Array) -> tuple[ExactCurve, tuple[Stretch, ...]]:
+def whole_curve(pair: Pair, transform: Array) -> tuple[ExactCurve, tuple[ExactStretch, ...]]:
     """Return the exact curve and its stretches from axis to axis, by increasing rho_1."""
     from fcdm_opt.curve.exact import exact_curve
 
@@ -184,7 +184,7 @@ def whole_curve(pair: Pair, transform: Array) -> tuple[ExactCurve, tuple[Stretch
             "references need both seeds inside", key="pair", found=f"{curve.status}, {len(curve.chains)} chains"
         )
     return curve, tuple(
-        Stretch(_plane(piece.exact_start), _plane(piece.exact_end), piece) for piece in curve.chains[0].pieces
+        ExactStretch(_plane(piece.exact_start), _plane(piece.exact_end), piece) for piece in curve.chains[0].pieces
     )
 
 
@@ -212,7 +212,7 @@ def _plane(point: Sequence[Any]) -> Point:
     return fmpq(point[0], point[2]), fmpq(point[1], point[2])
 
 
-def _clipped(own: Stretch, limits: list[list[Any]]) -> Stretch | None:
+def _clipped(own: ExactStretch, limits: list[list[Any]]) -> ExactStretch | None:
     """Return what a box leaves of a falling stretch; None where it is no more than a point or runs along the border."""
     start, end = own.start, own.end
     lo, hi = as_rational(0.0), as_rational(1.0)
@@ -229,7 +229,7 @@ def _clipped(own: Stretch, limits: list[list[Any]]) -> Stretch | None:
     def at(share: Any) -> Point:
         return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
 
-    return Stretch(start if lo == 0 else at(lo), end if hi == 1 else at(hi), own.piece)
+    return ExactStretch(start if lo == 0 else at(lo), end if hi == 1 else at(hi), own.piece)
 
 
 def as_rational(x: float) -> Any:

@@ -18,7 +18,7 @@ from fcdm_opt_benchmarks.references.exact import ExactStretches, as_float, parts
 ENDS = 2  # of a segment
 
 
-class Fault(NamedTuple):
+class CurveFault(NamedTuple):
     """What is wrong with a curve of a batch: pose, segment (or -1), what, as found and as it is."""
 
     pose: int
@@ -28,7 +28,7 @@ class Fault(NamedTuple):
     exact: Any
 
 
-def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> list[Fault]:
+def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> list[CurveFault]:
     """Compare every segment of a batch with the exact curve: feature, line, direction and both ends.
 
     Parameters
@@ -40,16 +40,16 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
 
     Returns
     -------
-    list of Fault
+    list of CurveFault
         Lines may be off by `Tolerances.line` of their largest entry, ends by as much over the sine of the angle under
         which their lines cross. A contact in more than a point may be named by any facet that it lies on. Stretches
         that floats cannot tell from points are left out.
     """
     if len(transforms) != len(curves):
-        return [Fault(-1, -1, "poses", len(curves), len(transforms))]
+        return [CurveFault(-1, -1, "poses", len(curves), len(transforms))]
     box = np.array(curves.box)
     elements = _elements(*parts_of(pair))
-    faults: list[Fault] = []
+    faults: list[CurveFault] = []
     rows: list[int] = []
     truths: list[tuple[Array, Array, Array]] = []
     for pose, transform in enumerate(transforms):
@@ -57,17 +57,17 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
         exact = [own for own in ExactStretches(whole, box).stretches if own.long]
         mine = [k for k in range(*curves.offsets[pose : pose + 2].tolist()) if _long(curves.vertices[k])]
         if len(mine) != len(exact):
-            faults.append(Fault(pose, -1, "number of segments", len(mine), len(exact)))
+            faults.append(CurveFault(pose, -1, "number of segments", len(mine), len(exact)))
             continue
         status = "contact" if exact else _STATUS[curve.side(box.mean(axis=1).tolist())]
         if str(curves.status[pose]) != status:
-            faults.append(Fault(pose, -1, "status", str(curves.status[pose]), status))
+            faults.append(CurveFault(pose, -1, "status", str(curves.status[pose]), status))
         for k, own in zip(mine, exact, strict=True):
             kind, i, j = curves.features[k].tolist()
             named, piece = (elements[kind][0](i), elements[kind][1](j)), own.piece
             right = own.touching, (piece.tight_one, piece.tight_two)
             if named != right[0] and not all(set(a) <= set(b) for a, b in zip(named, right[1], strict=True)):
-                faults.append(Fault(pose, k, "feature", named, own.touching))
+                faults.append(CurveFault(pose, k, "feature", named, own.touching))
             ends = np.array([[as_float(x) for x in point] for point in (own.start, own.end)])
             rows.append(k)
             truths.append((piece.normal, piece.line, ends))
@@ -81,7 +81,7 @@ _STATUS = {1: "apart", 0: "apart", -1: "overlapping"}
 
 def _number_faults(
     curves: DecisionCurves, rows: Array, truths: Sequence[tuple[Array, Array, Array]], box: Array
-) -> list[Fault]:
+) -> list[CurveFault]:
     """Compare directions, lines and ends, all at once."""
     normals, lines, ends = (np.array(column) for column in zip(*truths, strict=True))
     poses = np.searchsorted(curves.offsets, rows, side="right") - 1
@@ -104,7 +104,7 @@ def _number_faults(
     exact = {"normal": normals, "line": lines, "ends": ends}
     found = {"normal": curves.normals, "line": curves.lines, "ends": curves.vertices}
     return [
-        Fault(int(poses[k]), int(rows[k]), what, found[what][rows[k]].tolist(), exact[what][k].tolist())
+        CurveFault(int(poses[k]), int(rows[k]), what, found[what][rows[k]].tolist(), exact[what][k].tolist())
         for what, errors in off.items()
         for k in np.flatnonzero(~(errors <= DEFAULT.line)).tolist()
     ]

@@ -23,7 +23,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt_benchmarks.stability.body_families import FAULTY, families
-from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
 
 Data = Mapping[str, Any]
 Answer = dict[str, Any]
@@ -41,7 +41,7 @@ COACD = {"resolution": 1000, "mcts_iterations": 60, "seed": 0}
 # --------------------------------------------------------------------------------------------------------------- cases
 
 
-def cases(quick: bool, seed: int) -> list[Case]:
+def cases(quick: bool, seed: int) -> list[HardCase]:
     """Return the cases.
 
     Parameters
@@ -54,16 +54,16 @@ def cases(quick: bool, seed: int) -> list[Case]:
     return [case for own in families(seed).values() for case in own[:: EVERY if quick else 1]]
 
 
-def judged(case: Case, answer: Mapping[str, Any]) -> Verdict:
+def judged(case: HardCase, answer: Mapping[str, Any]) -> Grade:
     """Compare an answer with the truth."""
     truth = case.truth
     if "refused" in answer:
-        return Verdict("right" if "refused" in truth else "flagged", None, str(answer["refused"]))
+        return Grade("right" if "refused" in truth else "flagged", None, str(answer["refused"]))
     if "refused" in truth:
         if 0 in answer.values():
-            return Verdict("right", None, "nothing there")
+            return Grade("right", None, "nothing there")
         given = ", ".join(f"{key} {value:g}" for key, value in answer.items())
-        return Verdict("wrong", None, f"{given} of what is no solid")
+        return Grade("wrong", None, f"{given} of what is no solid")
     error, reason = 0.0, ""
     for key, right in truth.items():
         if key == "source" or key not in answer:
@@ -74,7 +74,7 @@ def judged(case: Case, answer: Mapping[str, Any]) -> Verdict:
     if not set(truth) & set(answer):
         raise KeyError(f"none of {', '.join(truth)}")
     wrong = not error <= (WRONG_BEYOND if {"volume", "depth"} & set(truth) else 0.0)
-    return Verdict("wrong" if wrong else "right", error, reason if wrong else "")
+    return Grade("wrong" if wrong else "right", error, reason if wrong else "")
 
 
 # ------------------------------------------------------------------------------------------------------------- methods
@@ -240,7 +240,7 @@ ASKED = {
 }
 
 
-def applies(name: str, case: Case) -> bool:
+def applies(name: str, case: HardCase) -> bool:
     """Tell whether a method can be asked.
 
     CoACD is not asked what its manual leaves to its preprocessing, which makes another solid: faulty surfaces.

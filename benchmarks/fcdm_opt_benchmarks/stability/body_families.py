@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt_benchmarks.stability.case import Case
+from fcdm_opt_benchmarks.stability.case import HardCase
 
 Blocks = frozenset[tuple[int, int, int]]
 Surface = tuple[Array, list[list[int]]]  # vertices, triangles counter-clockwise seen from outside
@@ -22,7 +22,7 @@ OVERLAPS = "overlap lost in few digits"
 FAULTY = ("faults that can be repaired", "no solid")
 
 
-def families(seed: int) -> dict[str, list[Case]]:
+def families(seed: int) -> dict[str, list[HardCase]]:
     """Return all cases by family.
 
     Parameters
@@ -32,14 +32,14 @@ def families(seed: int) -> dict[str, list[Case]]:
     """
     rng = np.random.default_rng(seed)
     turn = _turn(rng)
-    made = dict[str, list[Case]]()
+    made = dict[str, list[HardCase]]()
     for case in [*_of_blocks(turn), *_faulty(turn), *_overlaps(turn), *_hulls(turn), *_random_hulls(rng)]:
         made.setdefault(case.family, []).append(case)
     return made
 
 
-def _of_blocks(turn: Array) -> Iterable[Case]:
-    def volume(family: str, name: str, surface: Surface) -> Case:
+def _of_blocks(turn: Array) -> Iterable[HardCase]:
+    def volume(family: str, name: str, surface: Surface) -> HardCase:
         return _volume_case(family, name, surface, surface)
 
     cube3, cube5 = _cube_of(3), _cube_of(5)
@@ -66,7 +66,7 @@ def _of_blocks(turn: Array) -> Iterable[Case]:
         yield volume(family, f"{name} at 1e6, turned", _moved(surface_of(own), shift=FAR, turn=turn))
 
 
-def _faulty(turn: Array) -> Iterable[Case]:
+def _faulty(turn: Array) -> Iterable[HardCase]:
     for name, (pose, matrix) in product(("L", "cube", "frame"), (("", np.eye(3)), (", turned", turn))):
         good = _moved(surface_of(BLOCKS[name]), turn=matrix, shift=(3.0, 2.0, 1.0))
         vertices, faces = good
@@ -94,7 +94,7 @@ def _faulty(turn: Array) -> Iterable[Case]:
             yield _volume_case(FAULTY[1], f"{name}, {fault}{pose}", surface, None)
 
 
-def _overlaps(turn: Array) -> Iterable[Case]:
+def _overlaps(turn: Array) -> Iterable[HardCase]:
     corners = _grid(2)
     for depth in (1e-7, 1e-3, 1e-5, 1e-9, -1e-7, -1e-9, -1e-5):
         for place, shift in (("", 0.0), (" at 1000", 1000.0)):
@@ -104,10 +104,10 @@ def _overlaps(turn: Array) -> Iterable[Case]:
             word = "overlapping" if depth > 0 else "apart"
             name = f"boxes {word} by {abs(depth):g}{place}"
             truth = {"depth": max(0.0, float(exact)), "source": "difference of two coordinates, exact"}
-            yield Case(OVERLAPS, name, "body", _overlap_data(one, two), truth)
+            yield HardCase(OVERLAPS, name, "body", _overlap_data(one, two), truth)
             if abs(depth) >= 1e-7 and not shift:
                 truth = {"depth": max(0.0, depth), "source": "closed form, turned: rounding of coordinates, 1e-16"}
-                yield Case(OVERLAPS, f"{name}, turned", "body", _overlap_data(one @ turn.T, two @ turn.T), truth)
+                yield HardCase(OVERLAPS, f"{name}, turned", "body", _overlap_data(one @ turn.T, two @ turn.T), truth)
 
 
 def _overlap_data(one: Array, two: Array) -> Plain:
@@ -116,7 +116,7 @@ def _overlap_data(one: Array, two: Array) -> Plain:
     return {"ask": "overlap", "one": one.tolist(), "two": two.tolist(), "faces": faces, "area": 0.25}
 
 
-def _hulls(turn: Array) -> Iterable[Case]:
+def _hulls(turn: Array) -> Iterable[HardCase]:
     family = "hull: many sides"
     for sides in (3, 4, 5, 7, 30, 101, 1000):
         prism, pyramid = (2 * sides, 3 * sides, sides + 2), (sides + 1, 2 * sides, sides + 1)
@@ -148,7 +148,7 @@ def _hulls(turn: Array) -> Iterable[Case]:
         yield _hull_case("hull: no solid", name, points, None)
 
 
-def _random_hulls(rng: np.random.Generator) -> Iterable[Case]:
+def _random_hulls(rng: np.random.Generator) -> Iterable[HardCase]:
     family, corners = "hull: needless points", _grid(2)
     yield _hull_case(family, "grid of 27 points", _grid(3), CUBE)
     yield _hull_case(family, "grid of 1000 points", _grid(10), CUBE)
@@ -174,22 +174,22 @@ def _hull_case(
     *,
     turned: bool = False,
     source: str = "closed form",
-) -> Case:
+) -> HardCase:
     truth: Plain = {"refused": True, "source": "exact: the points lie in one plane"}
     if turned and counts is not None:
         truth = {"vertices": counts[0], "source": f"{source}; faces are planar within rounding only: not counted"}
     elif counts is not None:
         truth = {**dict(zip(("vertices", "edges", "faces"), counts, strict=True)), "source": source}
-    return Case(family, name, "body", {"ask": "hull", "vertices": points.tolist()}, truth)
+    return HardCase(family, name, "body", {"ask": "hull", "vertices": points.tolist()}, truth)
 
 
-def _volume_case(family: str, name: str, surface: Surface, good: Surface | None) -> Case:
+def _volume_case(family: str, name: str, surface: Surface, good: Surface | None) -> HardCase:
     vertices, faces = surface
     data = {"ask": "volume", "vertices": np.asarray(vertices).tolist(), "faces": faces}
     truth: Plain = {"refused": True, "source": "nothing is enclosed, or not by a closed surface"}
     if good is not None:
         truth = {"volume": float(exact_volume(*good)), "source": "signed tetrahedra in rationals"}
-    return Case(family, name, "body", data, truth)
+    return HardCase(family, name, "body", data, truth)
 
 
 # -------------------------------------------------------------------------------------------------------------- shapes

@@ -11,7 +11,7 @@ Outcome = Literal["right", "flagged", "wrong", "hung", "crashed"]
 
 
 @dataclass(frozen=True)
-class Case:
+class HardCase:
     """One input of the stability map.
 
     Attributes
@@ -36,7 +36,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Grade:
     """What an answer is worth.
 
     Attributes

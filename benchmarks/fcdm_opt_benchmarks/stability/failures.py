@@ -18,7 +18,7 @@ from typing import Any
 
 from fcdm_opt.errors import InputError
 from fcdm_opt_benchmarks.record import json_of
-from fcdm_opt_benchmarks.stability.case import Case, Verdict
+from fcdm_opt_benchmarks.stability.case import Grade, HardCase
 from fcdm_opt_benchmarks.stability.run import LIMITS, MODULES, NOT_RUN, Result, asked_alone
 
 FOLDER = "failures"
@@ -123,7 +123,7 @@ def _read(path: Path, modules: Sequence[str]) -> Result:
 
     data = json_of(path)
     try:
-        case, verdict = Case(**data["case"]), Verdict(**data["verdict"])
+        case, verdict = HardCase(**data["case"]), Grade(**data["verdict"])
         case = replace(case, data=_decoded(case.data), truth=_decoded(case.truth))
         verdict = replace(verdict, error=_decoded(verdict.error))
         module, method, seconds = (data[key] for key in ("module", "method", "seconds"))

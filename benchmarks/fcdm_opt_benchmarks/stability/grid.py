@@ -13,7 +13,7 @@ from pathlib import Path
 from time import perf_counter
 
 from fcdm_opt.show import save as save_figure
-from fcdm_opt_benchmarks.record import Run, Watch
+from fcdm_opt_benchmarks.record import BenchRun, Watch
 from fcdm_opt_benchmarks.stability.failures import save
 from fcdm_opt_benchmarks.stability.picture import stability_figure
 from fcdm_opt_benchmarks.stability.run import BUDGETS, LIMITS, NOT_RUN, Result, stability
@@ -24,10 +24,10 @@ STEP = 500  # answers between two lines that tell how far it is
 
 
 @dataclass(frozen=True)
-class Grid:
+class StabilityRun:
     """All results of a run, and its record."""
 
-    run: Run
+    run: BenchRun
     results: Sequence[Result]
 
     @property
@@ -54,7 +54,7 @@ class Grid:
         return made
 
 
-def grid(*, quick: bool, seed: int, say: Callable[[str], None] = lambda text: None) -> Grid:
+def grid(*, quick: bool, seed: int, say: Callable[[str], None] = lambda text: None) -> StabilityRun:
     """Ask all methods all cases.
 
     Parameters
@@ -77,4 +77,6 @@ def grid(*, quick: bool, seed: int, say: Callable[[str], None] = lambda text: No
     settings["not_run"] = sum(own.outcome == NOT_RUN for own in results)
     seconds = perf_counter() - start
     tables = {"cases": [own.row for own in results]}
-    return Grid(Run("stability", quick, seed, settings, started.isoformat(), seconds, watch.load(), tables), results)
+    return StabilityRun(
+        BenchRun("stability", quick, seed, settings, started.isoformat(), seconds, watch.load(), tables), results
+    )

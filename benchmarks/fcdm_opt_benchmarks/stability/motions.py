@@ -12,7 +12,7 @@ import numpy as np
 
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks import motions as measured
-from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
 from fcdm_opt_benchmarks.stability.motion_bodies import Truth
 from fcdm_opt_benchmarks.stability.motion_families import FAMILIES, REFUSED
 
@@ -20,7 +20,7 @@ MOST = 3  # members of a family in the quick form
 Answer = dict[str, Any]
 
 
-def cases(quick: bool, seed: int) -> list[Case]:
+def cases(quick: bool, seed: int) -> list[HardCase]:
     """Return the cases.
 
     Parameters
@@ -35,7 +35,9 @@ def cases(quick: bool, seed: int) -> list[Case]:
         own = list(members(np.random.default_rng([seed, k])))
         if quick:
             own = own[:: max(5, math.ceil(len(own) / MOST))]
-        made += [Case(family, name, "motion", {"problem": asked}, _truth(truth, source)) for name, asked, truth in own]
+        made += [
+            HardCase(family, name, "motion", {"problem": asked}, _truth(truth, source)) for name, asked, truth in own
+        ]
     return made
 
 
@@ -85,7 +87,7 @@ METHODS: dict[str, Callable[[Mapping[str, Any]], Answer]] = {
 }
 
 
-def applies(name: str, case: Case) -> bool:
+def applies(name: str, case: HardCase) -> bool:
     """Tell whether a method takes the case: a rival where it can express it, and where the question is not bad."""
     if name not in measured.RIVALS:
         return name in OURS or "refused" not in case.truth
@@ -104,7 +106,7 @@ def _refusals(text: str) -> dict[str, str | None]:
 # --------------------------------------------------------------------------------------------------------- the verdict
 
 
-def judged(case: Case, answer: Mapping[str, Any]) -> Verdict:
+def judged(case: HardCase, answer: Mapping[str, Any]) -> Grade:
     """Return what an answer is worth.
 
     Wrong is a motion larger than the least by more than `WRONG_BEYOND`, one that misses the conditions by more than
@@ -115,40 +117,38 @@ def judged(case: Case, answer: Mapping[str, Any]) -> Verdict:
         return _refusal(truth, answer)
     least = truth.get("amount", math.inf)
     if answer.get("bound", 0.0) > least * (1.0 + DEFAULT.requirement) + DEFAULT.line * _size(case):
-        return Verdict(
-            "wrong", answer["bound"] / least - 1.0 if least else None, "a lower bound above the least amount"
-        )
+        return Grade("wrong", answer["bound"] / least - 1.0 if least else None, "a lower bound above the least amount")
     if "flag" in answer:
-        return Verdict("flagged", reason=str(answer["flag"]))
+        return Grade("flagged", reason=str(answer["flag"]))
     if "none" in answer:
         if "none" in truth:
-            return Verdict("right", reason=str(answer["none"]))
-        return Verdict("wrong", reason=f"called impossible ({answer['none']}), but {least} will do")
+            return Grade("right", reason=str(answer["none"]))
+        return Grade("wrong", reason=f"called impossible ({answer['none']}), but {least} will do")
     if "none" in truth:
-        return Verdict("wrong", reason=f"{answer['q']}, where no motion will do")
+        return Grade("wrong", reason=f"{answer['q']}, where no motion will do")
     return _motion(case, answer["q"], least)
 
 
-def _refusal(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> Verdict:
+def _refusal(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> Grade:
     if "refused" in truth and "refused" in answer:
-        return Verdict("right", reason=str(answer["refused"]))
+        return Grade("right", reason=str(answer["refused"]))
     said = answer.get("flag", answer.get("refused"))
-    return Verdict("wrong" if said is None else "flagged", reason="a bad question, answered" if said is None else said)
+    return Grade("wrong" if said is None else "flagged", reason="a bad question, answered" if said is None else said)
 
 
-def _size(case: Case) -> float:
+def _size(case: HardCase) -> float:
     """Return the larger box diagonal of the bodies."""
     rows = [np.array(body["vertices"]) for body in case.data["problem"]["bodies"].values()]
     return max(float(np.linalg.norm(np.ptp(own, axis=0))) for own in rows)
 
 
-def _motion(case: Case, q: list[float], least: float) -> Verdict:
+def _motion(case: HardCase, q: list[float], least: float) -> Grade:
     """Compare a motion with the least amount, and have the judge look at its conditions."""
     from fcdm_opt.model.task import Task
     from fcdm_opt.problem.problem import Problem
 
     if not np.isfinite(q).all():
-        return Verdict("wrong", reason=f"a motion of {q}")
+        return Grade("wrong", reason=f"a motion of {q}")
     problem = Problem.from_dict(case.data["problem"])
     task = Task.of(problem)
     amount = task.amount(np.array(q))
@@ -158,7 +158,7 @@ def _motion(case: Case, q: list[float], least: float) -> Verdict:
     # within the slack bodies touch: an amount is not larger where it is so by less than that displaces
     slack = problem.contact_slack if least else WRONG_BEYOND * problem.size
     if more > WRONG_BEYOND * least and more / amount * np.linalg.norm(moved, axis=1).max() > slack:
-        return Verdict("wrong", error, f"not the least: {amount:.9g}, where {least:.9g} will do")
+        return Grade("wrong", error, f"not the least: {amount:.9g}, where {least:.9g} will do")
     examined = measured.judged(problem, q)
     assert examined.certificate is not None
     failed = [check for check in examined.certificate.failed if task.tracked or check.name not in _touching(examined)]
@@ -166,8 +166,8 @@ def _motion(case: Case, q: list[float], least: float) -> Verdict:
         failed = [check for check in failed if not abs(check.value - check.limit) <= _allowed(check.name, problem.size)]
     if failed:
         said = "; ".join(f"{check.name} {check.value:.3g} against {check.limit:.3g}" for check in failed)
-        return Verdict("wrong", error, f"misses its conditions: {said}")
-    return Verdict("right", error)
+        return Grade("wrong", error, f"misses its conditions: {said}")
+    return Grade("right", error)
 
 
 def _touching(solution: Any) -> set[str]:

@@ -61,7 +61,7 @@ STRIP = 0.2  # of a cell's height
 WIDEST = 0.95  # inches of a cell
 
 
-class Grid(NamedTuple):
+class OutcomeGrid(NamedTuple):
     """What came of one question: counts of outcomes by family and method."""
 
     question: str
@@ -71,7 +71,7 @@ class Grid(NamedTuple):
     counts: dict[tuple[str, str], Counter[str]]
 
 
-def grids(results: Sequence[Result]) -> list[Grid]:
+def grids(results: Sequence[Result]) -> list[OutcomeGrid]:
     """Return one grid a question: families in order, methods ours first, then library by library.
 
     A library is told by the first word of its methods' names.
@@ -86,7 +86,7 @@ def grids(results: Sequence[Result]) -> list[Grid]:
         libraries = list(dict.fromkeys(library(method) for method in methods))
         order = sorted(methods, key=lambda method: (not methods[method], libraries.index(library(method))))
         families = tuple(dict.fromkeys(result.case.family for result in own))
-        made.append(Grid(question, families, tuple(order), sum(methods.values()), counts))
+        made.append(OutcomeGrid(question, families, tuple(order), sum(methods.values()), counts))
     return made
 
 
@@ -135,7 +135,7 @@ def stability_figure(results: Sequence[Result], *, title: str = "", caption: str
     return figure
 
 
-def _draw(axes: Any, panel: Grid, points: float) -> None:
+def _draw(axes: Any, panel: OutcomeGrid, points: float) -> None:
     from matplotlib.patches import Rectangle
 
     wide, tall = len(panel.methods), len(panel.families)

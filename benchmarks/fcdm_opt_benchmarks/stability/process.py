@@ -85,7 +85,7 @@ class Process:
         Parameters
         ----------
         data : mapping
-            `Case.data`.
+            `HardCase.data`.
 
         Raises
         ------

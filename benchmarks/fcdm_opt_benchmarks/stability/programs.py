@@ -1,7 +1,7 @@
 """Small optimisation problems at which general solvers fail, and the same problems as motions for ours.
 
-A `Program` states both: in formulas, which every solver gets, and as a scene in which the same number is the smallest
-motion. The truth is a closed form.
+A `HardProgram` states both: in formulas, which every solver gets, and as a scene in which the same number is the least
+amount of a motion. The truth is a closed form.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.stability import scenes
-from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
 from fcdm_opt_benchmarks.stability.program_families import FAMILIES
 from fcdm_opt_benchmarks.stability.scenes import CUBE, FREE, LEVER, RZ, SLANT, TIP, X, Y, Z
 from fcdm_opt_benchmarks.stability.solvers import NONLINEAR, QUADRATIC, Rows, Statement
@@ -28,7 +28,7 @@ FLOOR = DEFAULT.touch / WRONG_BEYOND  # least |x| that errors are taken relative
 
 
 @dataclass(frozen=True)
-class Program:
+class HardProgram:
     """Least f(x) with e(x) = 0 and g(x) >= 0, and x within bounds.
 
     Attributes
@@ -213,21 +213,21 @@ def blend_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
 
 
 PROGRAMS = {
-    "tangent": Program(tangent_rows, tangent_scene),
-    "cosine": Program(cosine_rows, cosine_scene),
-    "rodrigues": Program(rodrigues_rows, rodrigues_scene),
-    "slot": Program(slot_rows, slot_scene, quadratic=True),
-    "tips": Program(tips_rows, tips_scene, quadratic=True),
-    "repeated": Program(repeated_rows, repeated_scene, quadratic=True),
-    "corners": Program(corners_rows, corners_scene, quadratic=True),
-    "tiny": Program(tiny_rows, tiny_scene, quadratic=True),
-    "blend": Program(blend_rows, blend_scene, quadratic=True),
+    "tangent": HardProgram(tangent_rows, tangent_scene),
+    "cosine": HardProgram(cosine_rows, cosine_scene),
+    "rodrigues": HardProgram(rodrigues_rows, rodrigues_scene),
+    "slot": HardProgram(slot_rows, slot_scene, quadratic=True),
+    "tips": HardProgram(tips_rows, tips_scene, quadratic=True),
+    "repeated": HardProgram(repeated_rows, repeated_scene, quadratic=True),
+    "corners": HardProgram(corners_rows, corners_scene, quadratic=True),
+    "tiny": HardProgram(tiny_rows, tiny_scene, quadratic=True),
+    "blend": HardProgram(blend_rows, blend_scene, quadratic=True),
 }
 
 # --------------------------------------------------------------------------------------------------------- the cases
 
 
-def cases(quick: bool, seed: int) -> list[Case]:
+def cases(quick: bool, seed: int) -> list[HardCase]:
     """Return the cases; nothing in them is drawn by lot.
 
     Parameters
@@ -246,7 +246,7 @@ def cases(quick: bool, seed: int) -> list[Case]:
 
 def _case(family: str, *, name: str, program: str, numbers: Numbers, source: str, best: Sequence[Vector] = (),
           start: Vector | None = None, low: Sequence[float | None] | None = None,
-          high: Sequence[float | None] | None = None, size: int = 1) -> Case:  # fmt: skip
+          high: Sequence[float | None] | None = None, size: int = 1) -> HardCase:  # fmt: skip
     """Return a case; `best` are all the least x, none where no x will do."""
     data = {
         "program": program,
@@ -256,7 +256,7 @@ def _case(family: str, *, name: str, program: str, numbers: Numbers, source: str
         "high": list(high or [None] * size),
     }
     truth = {"x": [list(map(float, x)) for x in best]} if best else {"none": True}
-    return Case(family, name, "program", data, {**truth, "source": source})
+    return HardCase(family, name, "program", data, {**truth, "source": source})
 
 
 # ------------------------------------------------------------------------------------------------------- the methods
@@ -287,25 +287,25 @@ METHODS: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
 OURS = ("solve", "solve, certified")
 
 
-def applies(name: str, case: Case) -> bool:
+def applies(name: str, case: HardCase) -> bool:
     """Tell whether a method takes the case: solvers of quadratic programs no other, and only ours motions."""
     if case.data["numbers"].get("own"):
         return name in OURS
     return name not in QUADRATIC or PROGRAMS[case.data["program"]].quadratic
 
 
-def judged(case: Case, answer: Mapping[str, Any]) -> Verdict:
+def judged(case: HardCase, answer: Mapping[str, Any]) -> Grade:
     """Return what an answer is worth: an x off every least one by more than `WRONG_BEYOND` is wrong."""
     best = case.truth.get("x", [])
     if "flag" in answer:
-        return Verdict("flagged", reason=str(answer["flag"]))
+        return Grade("flagged", reason=str(answer["flag"]))
     if "none" in answer:
         wrong = f"called impossible ({answer['none']}), but {best} will do"
-        return Verdict("wrong", reason=wrong) if best else Verdict("right", reason=str(answer["none"]))
+        return Grade("wrong", reason=wrong) if best else Grade("right", reason=str(answer["none"]))
     x = answer["x"]
     if not best:
-        return Verdict("wrong", reason=f"{x} for a program that has no solution")
+        return Grade("wrong", reason=f"{x} for a program that has no solution")
     error = min(math.dist(x, own) / max(math.hypot(*own), FLOOR) for own in best)
     if error <= WRONG_BEYOND:
-        return Verdict("right", error)
-    return Verdict("wrong", error if math.isfinite(error) else None, f"{x} is off {best}")
+        return Grade("right", error)
+    return Grade("wrong", error if math.isfinite(error) else None, f"{x} is off {best}")

@@ -2,11 +2,11 @@
 
 A module of cases exports
 
-    cases(quick, seed)      list of `Case`
-    METHODS                 name -> function from `Case.data` to an answer; both plain JSON
+    cases(quick, seed)      list of `HardCase`
+    METHODS                 name -> function from `HardCase.data` to an answer; both plain JSON
     OURS                    names of those that are the toolkit's own
     applies(name, case)     whether a method can be asked
-    judged(case, answer)    its `Verdict`
+    judged(case, answer)    its `Grade`
 
 A method that hangs is ended and a new process gets the next case; so it is where one dies. Loading libraries does not
 count: a process is first asked what the method is known to answer. The method that has used the
@@ -29,7 +29,7 @@ from time import monotonic
 from typing import Any
 
 from fcdm_opt_benchmarks.record import Row
-from fcdm_opt_benchmarks.stability.case import Case, Verdict
+from fcdm_opt_benchmarks.stability.case import Grade, HardCase
 from fcdm_opt_benchmarks.stability.process import CrashedError, HungError, Process
 
 MODULES = tuple(f"{__package__}.{name}" for name in ("contacts", "bodies", "programs", "motions"))
@@ -51,12 +51,12 @@ class Result:
 
     Attributes
     ----------
-    case : Case
+    case : HardCase
     module, method : str
         The method is `METHODS[method]` of the module.
     ours : bool
         Whether it is the toolkit's own.
-    verdict : Verdict or None
+    verdict : Grade or None
         None where it was not run.
     answer : object
         What the method gave, None where it gave nothing.
@@ -66,11 +66,11 @@ class Result:
         Why it was not run.
     """
 
-    case: Case
+    case: HardCase
     module: str
     method: str
     ours: bool
-    verdict: Verdict | None
+    verdict: Grade | None
     answer: Any = None
     seconds: float = 0.0
     skipped: str = ""
@@ -150,14 +150,14 @@ def stability(
     return sorted(results, key=lambda own: places[own.module, own.case.family, own.case.name, own.method])
 
 
-def asked_alone(module: str, method: str, case: Case, *, limit: float) -> Result:
+def asked_alone(module: str, method: str, case: HardCase, *, limit: float) -> Result:
     """Ask one method one case, in a process of its own.
 
     Parameters
     ----------
     module, method : str
         The method is `METHODS[method]` of the module.
-    case : Case
+    case : HardCase
     limit : float
         Seconds.
     """
@@ -170,9 +170,9 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _mixed(cases: Sequence[Case]) -> list[Case]:
+def _mixed(cases: Sequence[HardCase]) -> list[HardCase]:
     """Return cases so that families take turns."""
-    families = dict[str, list[Case]]()
+    families = dict[str, list[HardCase]]()
     for case in cases:
         families.setdefault(case.family, []).append(case)
     return [case for case in chain.from_iterable(zip_longest(*families.values())) if case is not None]
@@ -188,7 +188,7 @@ class _Queue:
     module: str
     method: str
     ours: bool
-    pending: list[Case]
+    pending: list[HardCase]
     results: list[Result] = field(default_factory=list)
     used: float = 0.0
     lanes: int = 0
@@ -197,14 +197,14 @@ class _Queue:
     soonest: float = math.inf
     alone: bool = False  # the next case: a process died at it that had answered others
 
-    def answered(self, case: Case, reply: Row) -> None:
+    def answered(self, case: HardCase, reply: Row) -> None:
         seconds = reply["seconds"]
         if seconds < self.soonest:
             self.easy, self.soonest = case.data, seconds
         verdict = _verdict(import_module(self.module), case, reply)
         self.done(case, verdict, answer=reply.get("answer"), seconds=seconds)
 
-    def done(self, case: Case, verdict: Verdict | None, **details: Any) -> None:
+    def done(self, case: HardCase, verdict: Grade | None, **details: Any) -> None:
         self.results.append(Result(case, self.module, self.method, self.ours, verdict, **details))
 
 
@@ -251,7 +251,7 @@ class _Lanes:
             queue.lanes += 1
             return queue
 
-    def _case(self, queue: _Queue) -> Case | None:
+    def _case(self, queue: _Queue) -> HardCase | None:
         with self._lock:
             return queue.pending.pop(0) if queue.pending else None
 
@@ -276,11 +276,11 @@ class _Lanes:
                             queue.pending.insert(0, case)
                             queue.alone = True
                     else:
-                        queue.done(case, Verdict("crashed", None, str(reason)), seconds=monotonic() - start)
+                        queue.done(case, Grade("crashed", None, str(reason)), seconds=monotonic() - start)
                         self._tell()
                     return
                 except HungError as reason:
-                    queue.done(case, Verdict("hung", None, str(reason)), seconds=monotonic() - start)
+                    queue.done(case, Grade("hung", None, str(reason)), seconds=monotonic() - start)
                     with self._lock:
                         queue.hung[case.family] += 1
                         queue.pending.sort(key=lambda own: queue.hung[own.family])
@@ -308,18 +308,18 @@ class _Lanes:
                 self._progress(sum(len(queue.results) for queue in self._queues), self._total)
 
 
-def _verdict(home: Any, case: Case, reply: Row) -> Verdict:
+def _verdict(home: Any, case: HardCase, reply: Row) -> Grade:
     if "crash" in reply:
-        return Verdict("crashed", None, reply["crash"])
+        return Grade("crashed", None, reply["crash"])
     if "flag" in reply:
-        return Verdict("flagged", None, reply["flag"])
+        return Grade("flagged", None, reply["flag"])
     answer = reply["answer"]
     if isinstance(answer, dict) and "flag" in answer:
-        return Verdict("flagged", None, str(answer["flag"]))
+        return Grade("flagged", None, str(answer["flag"]))
     try:
-        verdict: Verdict = home.judged(case, answer)
+        verdict: Grade = home.judged(case, answer)
     except Exception as reason:  # an answer of another kind than was asked for, given without a word
-        return Verdict("wrong", None, f"not an answer: {type(reason).__name__}: {reason}")
+        return Grade("wrong", None, f"not an answer: {type(reason).__name__}: {reason}")
     if verdict.outcome == "right" and verdict.error is not None and not math.isfinite(verdict.error):
-        return Verdict("wrong", None, verdict.reason or "not a number")  # no comparison with nan is true
+        return Grade("wrong", None, verdict.reason or "not a number")  # no comparison with nan is true
     return verdict

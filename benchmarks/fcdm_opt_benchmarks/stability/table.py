@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fcdm_opt_benchmarks.record import table
 from fcdm_opt_benchmarks.stability.failures import FOLDER, file_name
-from fcdm_opt_benchmarks.stability.picture import LOOKS, QUESTIONS, WORST, Grid, grids
+from fcdm_opt_benchmarks.stability.picture import LOOKS, QUESTIONS, WORST, OutcomeGrid, grids
 from fcdm_opt_benchmarks.stability.run import NOT_RUN, Result
 
 ORDER = tuple(LOOKS)
@@ -50,7 +50,7 @@ def summary(results: Sequence[Result]) -> str:
     return table(["question", "method", *ORDER], rows, left=None)
 
 
-def grid_table(grid: Grid) -> str:
+def grid_table(grid: OutcomeGrid) -> str:
     """Return one question's families by methods: the worst outcome, of how many."""
     rows = []
     for family in grid.families:

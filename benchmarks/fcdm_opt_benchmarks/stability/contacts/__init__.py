@@ -27,10 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
 from fcdm_opt_benchmarks.stability.contacts import geometry, libraries
 from fcdm_opt_benchmarks.stability.contacts.methods import LARGEST, METHODS, OURS, PROGRAMS
-from fcdm_opt_benchmarks.stability.contacts.scenes import Scene
+from fcdm_opt_benchmarks.stability.contacts.scenes import HardPair
 from fcdm_opt_benchmarks.stability.contacts.truth import contact_scales, truth_of
 
 __all__ = ["METHODS", "OURS", "applies", "cases", "geometry", "judged", "libraries"]
@@ -40,7 +40,7 @@ QUICK = 5  # one scene in so many
 FAMILIES = {**libraries.FAMILIES, **geometry.FAMILIES}
 
 
-def cases(quick: bool, seed: int) -> list[Case]:
+def cases(quick: bool, seed: int) -> list[HardCase]:
     """Return the cases of all families; the quick ones are about a fifth of them, of every family some."""
     made = []
     for k, (family, scenes) in enumerate(FAMILIES.items()):
@@ -54,7 +54,7 @@ def cases(quick: bool, seed: int) -> list[Case]:
     return made
 
 
-def _case(family: str, scene: Scene) -> Case:
+def _case(family: str, scene: HardPair) -> HardCase:
     data: dict[str, Any] = {
         "one": scene.one,
         "two": scene.two,
@@ -67,10 +67,10 @@ def _case(family: str, scene: Scene) -> Case:
         if touching:
             y = touching[0]
             data["rho"][1] = int(y.p) / int(y.q) * (1.0 - scene.opening)
-    return Case(family, scene.name, "contact", data, {**truth_of(data), "blur": scene.blur})
+    return HardCase(family, scene.name, "contact", data, {**truth_of(data), "blur": scene.blur})
 
 
-def applies(name: str, case: Case) -> bool:
+def applies(name: str, case: HardCase) -> bool:
     """Whether a method takes such bodies at all."""
     bodies = case.data["one"], case.data["two"]
     if name in PROGRAMS:
@@ -79,15 +79,15 @@ def applies(name: str, case: Case) -> bool:
     return True
 
 
-def judged(case: Case, answer: dict[str, Any]) -> Verdict:
+def judged(case: HardCase, answer: dict[str, Any]) -> Grade:
     """Return what an answer is worth, by the rules above."""
     if "flag" in answer:
-        return Verdict("flagged", reason=str(answer["flag"]))
+        return Grade("flagged", reason=str(answer["flag"]))
     truth = case.truth
     checks = [_state(truth, answer), _gap(truth, answer), _scale(truth, answer), _normal(case, answer)]
     errors = [error for error, _ in checks if error is not None]
     wrong = [reason for _, reason in checks if reason]
-    return Verdict("wrong" if wrong else "right", max(errors, default=None), "; ".join(wrong))
+    return Grade("wrong" if wrong else "right", max(errors, default=None), "; ".join(wrong))
 
 
 Check = tuple[float | None, str]  # a relative error, where there is a number, and what is wrong
@@ -148,7 +148,7 @@ def _scale(truth: Any, answer: dict[str, Any]) -> Check:
     return error, f"contact scale {found:.9g}, true {true:.12}" if not error <= WRONG_BEYOND else ""
 
 
-def _normal(case: Case, answer: dict[str, Any]) -> Check:
+def _normal(case: HardCase, answer: dict[str, Any]) -> Check:
     """Judge the direction of a contact: what is open or closed along it."""
     truth, data = case.truth, case.data
     small = truth["sizes"][0]

@@ -16,7 +16,7 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
     SLIGHT,
     TETRAHEDRON,
     TILT,
-    Scene,
+    HardPair,
     Solid,
     hull_of,
     moved,
@@ -36,53 +36,53 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
 )
 
 
-def parallel_boxes(rng: np.random.Generator) -> list[Scene]:
+def parallel_boxes(rng: np.random.Generator) -> list[HardPair]:
     """Axis-aligned boxes in all 24 orientations."""
     made = []
     for k, turn in enumerate(orientations()):
         reach = np.abs(turn[:3, :3]) @ (1, 2, 3) + (3, 1, 2)
         for name, ways in (("face on face", (1, 0, 0)), ("edge on edge", (0, 1, 1)), ("three lines meet", (1, 1, 1))):
-            made.append(Scene(f"orientation {k + 1}, {name}", SLAB, shifted(BLOCK, ways * reach), turn))
+            made.append(HardPair(f"orientation {k + 1}, {name}", SLAB, shifted(BLOCK, ways * reach), turn))
     return [*made, *turns(made)]
 
 
-def nearly_parallel(rng: np.random.Generator) -> list[Scene]:
+def nearly_parallel(rng: np.random.Generator) -> list[HardPair]:
     """Cubes turned by 1e-3 to 1e-15 rad out of parallel."""
     made = []
     for k in range(3, 16):
         angle = 10.0**-k
         for name, offset in (("face", (4, 0.5, 0.25)), ("edge", (4, 4, 0.5)), ("vertex", (4, 4, 4))):
             two = shifted(CUBE, offset)
-            made.append(Scene(f"{name}, {angle:g} about one axis", CUBE, two, turned(1, angle)))
+            made.append(HardPair(f"{name}, {angle:g} about one axis", CUBE, two, turned(1, angle)))
             both = turned(1, angle) @ turned(2, 0.7 * angle)
-            made.append(Scene(f"{name}, {angle:g} about two axes", CUBE, two, both))
+            made.append(HardPair(f"{name}, {angle:g} about two axes", CUBE, two, both))
     return turns(made, count=2)
 
 
-def flush_contacts(rng: np.random.Generator) -> list[Scene]:
+def flush_contacts(rng: np.random.Generator) -> list[HardPair]:
     """Vertex on vertex, edges on one line, faces of one outline, cubes at the same place."""
     mirrored = stretched(TETRAHEDRON, -1)
     made = [
-        Scene("vertex on vertex, cubes", CUBE, shifted(CUBE, (4, 4, 4))),
-        Scene("vertex on vertex, octahedra", OCTAHEDRON, shifted(OCTAHEDRON, (0, 0, 8))),
-        Scene("vertex on vertex, tetrahedra", TETRAHEDRON, shifted(mirrored, (4, 4, 4))),
-        Scene("edges on one line, of one length", CUBE, shifted(CUBE, (4, 4, 0))),
-        Scene("edges on one line, one further on", CUBE, shifted(CUBE, (4, 4, 1))),
-        Scene("edges on one line, of other lengths", CUBE, shifted(SLAB, (4, 6, 0.5))),
-        Scene("edges on one line, diamonds", DIAMOND, shifted(DIAMOND, (8, 0, 0))),
-        Scene("faces of one outline", CUBE, shifted(CUBE, (4, 0, 0))),
-        Scene("faces shifted in their plane", CUBE, shifted(CUBE, (4, 0.5, -0.25))),
-        Scene("faces a diagonal away", CUBE, shifted(CUBE, (4, 2, 2))),
-        Scene("faces one inside the other", CUBE, shifted(SLAB, (4, 0, 0))),
+        HardPair("vertex on vertex, cubes", CUBE, shifted(CUBE, (4, 4, 4))),
+        HardPair("vertex on vertex, octahedra", OCTAHEDRON, shifted(OCTAHEDRON, (0, 0, 8))),
+        HardPair("vertex on vertex, tetrahedra", TETRAHEDRON, shifted(mirrored, (4, 4, 4))),
+        HardPair("edges on one line, of one length", CUBE, shifted(CUBE, (4, 4, 0))),
+        HardPair("edges on one line, one further on", CUBE, shifted(CUBE, (4, 4, 1))),
+        HardPair("edges on one line, of other lengths", CUBE, shifted(SLAB, (4, 6, 0.5))),
+        HardPair("edges on one line, diamonds", DIAMOND, shifted(DIAMOND, (8, 0, 0))),
+        HardPair("faces of one outline", CUBE, shifted(CUBE, (4, 0, 0))),
+        HardPair("faces shifted in their plane", CUBE, shifted(CUBE, (4, 0.5, -0.25))),
+        HardPair("faces a diagonal away", CUBE, shifted(CUBE, (4, 2, 2))),
+        HardPair("faces one inside the other", CUBE, shifted(SLAB, (4, 0, 0))),
     ]
     scaled = [scene._replace(name=f"{scene.name}, scaled", rho=(1.3, 1.0)) for scene in made]
     drawn = [scene._replace(name=f"{scene.name}, at {rho}", rho=rho) for scene in made for rho in ((1, 3), (2, 2))]
     same = [
-        Scene("the same cube twice", CUBE, CUBE),
-        Scene("the same cube twice, other seeds", CUBE, seeded(CUBE, (0.5, 0.25, 0.125))),
-        Scene("the same cube twice, seeds on opposite faces", seeded(CUBE, (-1, 0, 0)), seeded(CUBE, (1, 0, 0))),
-        Scene("the same cube twice, seeds at opposite corners", seeded(CUBE, (-1, -1, -1)), seeded(CUBE, (1, 1, 1))),
-        Scene("the same cube twice, seeds outside", seeded(CUBE, (3, 0, 0)), seeded(CUBE, (3, 1, 0))),
+        HardPair("the same cube twice", CUBE, CUBE),
+        HardPair("the same cube twice, other seeds", CUBE, seeded(CUBE, (0.5, 0.25, 0.125))),
+        HardPair("the same cube twice, seeds on opposite faces", seeded(CUBE, (-1, 0, 0)), seeded(CUBE, (1, 0, 0))),
+        HardPair("the same cube twice, seeds at opposite corners", seeded(CUBE, (-1, -1, -1)), seeded(CUBE, (1, 1, 1))),
+        HardPair("the same cube twice, seeds outside", seeded(CUBE, (3, 0, 0)), seeded(CUBE, (3, 1, 0))),
     ]
     more = [
         scene._replace(name=f"{scene.name}, scales {rho}", rho=rho) for scene in same for rho in ((1, 1.5), (0.5, 1.0))
@@ -90,50 +90,50 @@ def flush_contacts(rng: np.random.Generator) -> list[Scene]:
     return [*turns([*made, *scaled]), *drawn, *same, *more]
 
 
-def seed_places(rng: np.random.Generator) -> list[Scene]:
+def seed_places(rng: np.random.Generator) -> list[HardPair]:
     """Seeds inside, on a face, on an edge, at a vertex, outside, and outside in line with a face or edge."""
     made = []
     for (p, first), (q, second) in product(_SEEDS.items(), _SEEDS.items()):
         for where, offset in (("away", (5, 1, 2)), ("behind", (-5, 1, 2)), ("at the same place", (0, 0, 0))):
             two = shifted(seeded(SLAB, second), offset)
-            made.append(Scene(f"seeds {p}, {q}; second {where}", seeded(CUBE, first), two, rho=(1.3, 1.0)))
+            made.append(HardPair(f"seeds {p}, {q}; second {where}", seeded(CUBE, first), two, rho=(1.3, 1.0)))
     around = seeded(shifted(CUBE, (11, 0, 0)), (0, 0, 0))  # a closed curve: far from its seed
     against = shifted(seeded(shifted(CUBE, (0, 11, 0)), (0, 22, 0)), (11, -11, 0))
     made += [
-        Scene("closed polygon, cubes", around, against),
-        Scene("closed polygon, tilted", placed(around, TILT), placed(against, TILT)),
+        HardPair("closed polygon, cubes", around, against),
+        HardPair("closed polygon, tilted", placed(around, TILT), placed(against, TILT)),
     ]
     return turns(made)
 
 
-def no_offset(rng: np.random.Generator) -> list[Scene]:
+def no_offset(rng: np.random.Generator) -> list[HardPair]:
     """Seeds at one point: d = 0."""
     made = []
     for (p, first), (q, second) in product(_SEEDS.items(), _SEEDS.items()):
         for name, own in (("cubes", CUBE), ("a cube and an octahedron", OCTAHEDRON)):
             two = shifted(seeded(own, second), np.subtract(first, second))
-            made.append(Scene(f"seeds {p}, {q}, {name}", seeded(CUBE, first), two))
+            made.append(HardPair(f"seeds {p}, {q}, {name}", seeded(CUBE, first), two))
     return [scene if k % 2 else scene.opened(SLIGHT[k // 2 % len(SLIGHT)]) for k, scene in enumerate(made)]
 
 
-def offset_ways(rng: np.random.Generator) -> list[Scene]:
+def offset_ways(rng: np.random.Generator) -> list[HardPair]:
     """D parallel to a face, through a vertex, through an edge, along an edge."""
     made = []
     for where, d in _WAYS.items():
         made += [
-            Scene(f"d {where}, cubes", CUBE, shifted(CUBE, d)),
-            Scene(f"d {where}, cube and tetrahedron", CUBE, shifted(TETRAHEDRON, d)),
-            Scene(f"d {where}, octahedron and tetrahedron", OCTAHEDRON, shifted(TETRAHEDRON, d)),
-            Scene(f"d {where}, seed on a face", seeded(CUBE, (0, 0, 1)), shifted(CUBE, d)),
-            Scene(f"d {where}, both seeds on faces", seeded(CUBE, (1, 0, 0)), shifted(seeded(CUBE, (-1, 0, 0)), d)),
-            Scene(f"d {where}, seeds at vertices", *(
+            HardPair(f"d {where}, cubes", CUBE, shifted(CUBE, d)),
+            HardPair(f"d {where}, cube and tetrahedron", CUBE, shifted(TETRAHEDRON, d)),
+            HardPair(f"d {where}, octahedron and tetrahedron", OCTAHEDRON, shifted(TETRAHEDRON, d)),
+            HardPair(f"d {where}, seed on a face", seeded(CUBE, (0, 0, 1)), shifted(CUBE, d)),
+            HardPair(f"d {where}, both seeds on faces", seeded(CUBE, (1, 0, 0)), shifted(seeded(CUBE, (-1, 0, 0)), d)),
+            HardPair(f"d {where}, seeds at vertices", *(
                 seeded(OCTAHEDRON, (0, 2, 0)), shifted(seeded(TETRAHEDRON, (1, 1, 1)), d)
             )),
         ]  # fmt: skip
     return turns(made)
 
 
-def size_ratios(rng: np.random.Generator) -> list[Scene]:
+def size_ratios(rng: np.random.Generator) -> list[HardPair]:
     """Sizes in the ratio 1e-8 to 1e8."""
     made = []
     for k in (-8, -6, -4, -2, 2, 4, 6, 8):
@@ -145,11 +145,11 @@ def size_ratios(rng: np.random.Generator) -> list[Scene]:
             ("tilted tetrahedra", stretched(placed(TETRAHEDRON, TILT), 10.0**k), 1, TETRAHEDRON, (0.6, 0.7, 0.2)),
         ):
             offset = (1.0 if k > 4 else 1.5) * (1 + reach * 10.0**k) * np.array(way)
-            made.append(Scene(f"1e{k}, {name}", own, shifted(other, offset), box=((1e-9, 1e9), (1e-9, 1e9))))
+            made.append(HardPair(f"1e{k}, {name}", own, shifted(other, offset), box=((1e-9, 1e9), (1e-9, 1e9))))
     return turns(made, count=2)
 
 
-def aspects(rng: np.random.Generator) -> list[Scene]:
+def aspects(rng: np.random.Generator) -> list[HardPair]:
     """Plates and needles of aspect 1e4 to 1e8."""
     made = []
     for k in (4, 6, 8):
@@ -169,50 +169,50 @@ def aspects(rng: np.random.Generator) -> list[Scene]:
             )),
             ("a tilted plate on a plate", placed(plate, TILT), placed(plate, TILT), TILT[:3, 2] * 3 * t),
         ):  # fmt: skip
-            made.append(Scene(f"1e{k}, {name}", one, shifted(two, offset)))
+            made.append(HardPair(f"1e{k}, {name}", one, shifted(two, offset)))
     return turns(made, count=3)
 
 
-def far_away(rng: np.random.Generator) -> list[Scene]:
+def far_away(rng: np.random.Generator) -> list[HardPair]:
     """Pairs drawn 1e6 from the origin, tilted too, and brought from there."""
     place = np.array([1e6, -1e6, 1e6])
     made = []
     for name, one, two in _plain():
         made += [
-            Scene(name, shifted(one, place), shifted(two, place)),
+            HardPair(name, shifted(one, place), shifted(two, place)),
             seen(f"{name}, tilted", placed(one, TILT), placed(two, TILT), moved(place)),
-            Scene(f"{name}, brought from there", shifted(one, place), two, moved(-place)),
+            HardPair(f"{name}, brought from there", shifted(one, place), two, moved(-place)),
         ]
     return turns(made, count=3)
 
 
-def units(rng: np.random.Generator) -> list[Scene]:
+def units(rng: np.random.Generator) -> list[HardPair]:
     """Pairs in micrometres, millimetres, kilometres and 1e6."""
     tilted = ("tilted tetrahedra", placed(TETRAHEDRON, TILT), placed(shifted(TETRAHEDRON, (3, 1, 2)), TILT @ TILT))
     made = [
-        Scene(f"{name}, unit {unit:g}", stretched(one, unit), stretched(two, unit))
+        HardPair(f"{name}, unit {unit:g}", stretched(one, unit), stretched(two, unit))
         for unit in (1e-9, 1e-6, 1e-3, 1e3, 1e6)
         for name, one, two in (*_plain(), tilted)
     ]
     return turns(made, count=2)
 
 
-def vertex_counts(rng: np.random.Generator) -> list[Scene]:
+def vertex_counts(rng: np.random.Generator) -> list[HardPair]:
     """Hulls of 4 to 100,000 vertices."""
     made = []
     for count in (4, 5, 30, 300, 1000, 10_000, 100_000):
         for k in range(1 if count > 1000 else 2):
             one = hull_of(rng, count) if count <= 30 else sphere(rng, count)
             other = shifted(hull_of(rng, 4 if k else 12), 2.5 * random_way(rng))
-            scene = Scene(f"{count} vertices, {k + 1}", one, other, heavy=count > 300)
+            scene = HardPair(f"{count} vertices, {k + 1}", one, other, heavy=count > 300)
             made += turns([scene], SLIGHT[1:], count=4 if count <= 1000 else 1)
     return made
 
 
-def coplanar_points(rng: np.random.Generator) -> list[Scene]:
+def coplanar_points(rng: np.random.Generator) -> list[HardPair]:
     """Seven of 15 points in a plane, and a cube with points on all its edges and faces."""
     made = [
-        Scene(f"{name}, offset {offset}", one, shifted(two, offset))
+        HardPair(f"{name}, offset {offset}", one, shifted(two, offset))
         for offset in ((0, 0, 9), (9, 0, 0), (6, 6, 6), (5, 1.5, 7))
         for name, one, two in (
             ("seven of 15, mirrored", _SEVEN, stretched(_SEVEN, -1)),
@@ -224,12 +224,12 @@ def coplanar_points(rng: np.random.Generator) -> list[Scene]:
     return turns(made, count=2)
 
 
-def superfluous_points(rng: np.random.Generator) -> list[Scene]:
+def superfluous_points(rng: np.random.Generator) -> list[HardPair]:
     """Points named twice and points inside."""
     twice = solid([*CUBE["vertices"], *CUBE["vertices"][::-1], (0, 0, 0), (0.5, 0.25, 0), (1, 1, 1)])
     inner = solid([(0, 0, 0), (0.5, 1, 1), *CUBE["vertices"], (-1, 0, 0)])
     made = [
-        Scene(f"{name}, offset {offset}", one, shifted(two, offset))
+        HardPair(f"{name}, offset {offset}", one, shifted(two, offset))
         for offset in ((0, 0, 3), (3, 0, 0), (3, 3, 3), (3, 1.5, 2))
         for name, one, two in (
             ("twice and inside", twice, inner),
@@ -240,7 +240,7 @@ def superfluous_points(rng: np.random.Generator) -> list[Scene]:
     return turns(made, count=2)
 
 
-def many_sides(rng: np.random.Generator) -> list[Scene]:
+def many_sides(rng: np.random.Generator) -> list[HardPair]:
     """Regular prisms and pyramids with 3 to 1000 sides."""
     made = []
     for sides in (3, 4, 5, 6, 7, 12, 64, 300, 1000):
@@ -254,11 +254,11 @@ def many_sides(rng: np.random.Generator) -> list[Scene]:
             ("pyramids apex on apex", up, shifted(down, (0, 0, 3.5))),
             ("pyramids side by side, tilted", placed(up, TILT), placed(shifted(up, (2.5, 1, 0.5)), TILT)),
         ):
-            made.append(Scene(f"{sides} sides, {name}", one, two, heavy=sides > 64))
+            made.append(HardPair(f"{sides} sides, {name}", one, two, heavy=sides > 64))
     return turns(made)
 
 
-def many_features(rng: np.random.Generator) -> list[Scene]:
+def many_features(rng: np.random.Generator) -> list[HardPair]:
     """Scale pairs at which three or more features meet; unions of two parts with a seam at the contact too."""
     made = []
     for rho in ((1.0, 1.0), (1.5, 1.25), (0.5, 3.0)):
@@ -271,25 +271,27 @@ def many_features(rng: np.random.Generator) -> list[Scene]:
             for i, j in ((0, 0), (1, 2), (3, 1)):
                 arms = [np.subtract(own["vertices"][k], own["seed"]) for own, k in ((one, i), (two, j))]
                 offset = rho[0] * arms[0] - rho[1] * arms[1] + np.subtract(one["seed"], two["seed"])
-                made.append(Scene(f"{name}, vertices {i + 1} and {j + 1} at {rho}", one, shifted(two, offset), rho=rho))
+                made.append(
+                    HardPair(f"{name}, vertices {i + 1} and {j + 1} at {rho}", one, shifted(two, offset), rho=rho)
+                )
     rows = [*shifted(CUBE, (-1, 0, 0))["vertices"], *shifted(CUBE, (1, 0, 0))["vertices"]]
     bar = solid(rows, parts=(range(8), range(8, 16)))
     made += [
-        Scene("a tip on the seam of a bar", solid(OCTAHEDRON["vertices"]), shifted(bar, (0, 0, -3))),
-        Scene("a cube over the seam of a bar", CUBE, shifted(bar, (0.25, 0.125, -2))),
-        Scene("the seams of two bars", bar, shifted(bar, (0, 0, 2))),
+        HardPair("a tip on the seam of a bar", solid(OCTAHEDRON["vertices"]), shifted(bar, (0, 0, -3))),
+        HardPair("a cube over the seam of a bar", CUBE, shifted(bar, (0.25, 0.125, -2))),
+        HardPair("the seams of two bars", bar, shifted(bar, (0, 0, 2))),
     ]
     return [*made, *turns(made)]
 
 
-def box_corners(rng: np.random.Generator) -> list[Scene]:
+def box_corners(rng: np.random.Generator) -> list[HardPair]:
     """Boxes that touch at the corner of the scale box."""
     made = []
     for name, box in (("lowest", ((1.0, 3.0), (1.0, 3.0))), ("highest", ((0.25, 1.0), (0.25, 1.0)))):
         for way, offset in (("face", (2, 0, 0)), ("edge", (2, 2, 0)), ("vertex", (2, 2, 2)), ("off", (2, 0.5, 0.25))):
-            made.append(Scene(f"{name} corner, {way}", CUBE, shifted(CUBE, offset), box=box))
+            made.append(HardPair(f"{name} corner, {way}", CUBE, shifted(CUBE, offset), box=box))
             own = placed(CUBE, TILT)
-            made.append(Scene(f"{name} corner, {way}, tilted", own, placed(shifted(CUBE, offset), TILT), box=box))
+            made.append(HardPair(f"{name} corner, {way}, tilted", own, placed(shifted(CUBE, offset), TILT), box=box))
     return made
 
 
@@ -328,7 +330,7 @@ def _plain() -> list[tuple[str, Solid, Solid]]:
     ]
 
 
-FAMILIES: Mapping[str, Callable[[np.random.Generator], list[Scene]]] = {
+FAMILIES: Mapping[str, Callable[[np.random.Generator], list[HardPair]]] = {
     "parallel boxes": parallel_boxes,
     "turned by 1e-3 to 1e-15": nearly_parallel,
     "flush contacts": flush_contacts,

@@ -20,7 +20,7 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
     STILL,
     TETRAHEDRON,
     TILT,
-    Scene,
+    HardPair,
     Solid,
     box_of,
     each,
@@ -41,25 +41,25 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
 OPENINGS = (1e-3, -1e-3, 1e-5, -1e-5, 1e-7, -1e-7, 1e-9, -1e-9, 1e-11, -1e-11)
 
 
-def random_hulls(rng: np.random.Generator) -> list[Scene]:
+def random_hulls(rng: np.random.Generator) -> list[HardPair]:
     """Random hulls of unit size in random poses, opened and closed."""
     made = []
     for k in range(12):
         one, two = hull_of(rng, 8 + k), shifted(hull_of(rng, 20 - k), 3 * random_way(rng))
-        made.append(Scene(f"pair {k + 1}", one, two, random_turn(rng)))
+        made.append(HardPair(f"pair {k + 1}", one, two, random_turn(rng)))
     return each(made, OPENINGS[2:])
 
 
-def small_on_large(rng: np.random.Generator) -> list[Scene]:
+def small_on_large(rng: np.random.Generator) -> list[HardPair]:
     """Random hulls of size 1 and 1e-3."""
     made = []
     for k in range(6):
         one, two = hull_of(rng, 12), shifted(stretched(hull_of(rng, 12), 1e-3), 1.01 * random_way(rng))
-        made.append(Scene(f"pair {k + 1}", one, two, random_turn(rng)))
+        made.append(HardPair(f"pair {k + 1}", one, two, random_turn(rng)))
     return each(made, OPENINGS[:-2])
 
 
-def millionth_gaps(rng: np.random.Generator) -> list[Scene]:
+def millionth_gaps(rng: np.random.Generator) -> list[HardPair]:
     """Boxes a millionth of their size apart."""
     made = []
     for k, offset in enumerate([(1, 0, 0), (1, 0.3, 0.2), (0, 1, 0), (1, 1, 0), (1, 1, 1), (0.2, 0.1, -1)]):
@@ -68,69 +68,71 @@ def millionth_gaps(rng: np.random.Generator) -> list[Scene]:
         reach[full] *= 2 + 1e-6
         for name, turn in (("as drawn", STILL), ("tilted", TILT), ("turned", random_turn(rng))):
             two = placed(shifted(CUBE, reach), turn)
-            made.append(Scene(f"offset {k + 1}, {name}", placed(CUBE, turn), two))
+            made.append(HardPair(f"offset {k + 1}, {name}", placed(CUBE, turn), two))
     return made
 
 
-def normals(rng: np.random.Generator) -> list[Scene]:
+def normals(rng: np.random.Generator) -> list[HardPair]:
     """Contacts whose direction is known: edge to edge, face to face, of very different sizes too."""
     made = [
-        Scene(f"unit cubes, offset {offset}", SMALL_CUBE, shifted(SMALL_CUBE, offset))
+        HardPair(f"unit cubes, offset {offset}", SMALL_CUBE, shifted(SMALL_CUBE, offset))
         for offset in ((1, 1, 0), (0, 1, 1), (1, 0, 1), (1, 0, 0), (0, -1, 0), (1, 1, 1), (1, 1, 0.5), (1, 0.5, 0.25))
     ]
     large, tiny = stretched(SMALL_CUBE, 1e6), stretched(SMALL_CUBE, 1e-3)
     for axis in range(3):
         reach = np.zeros(3)
         reach[axis] = 0.5e6 + 0.5e-3
-        made.append(Scene(f"cubes of 1e6 and 1e-3 along axis {axis + 1}", large, shifted(tiny, reach)))
-        made.append(Scene(f"cubes of 1e-3 and 1e6 along axis {axis + 1}", tiny, shifted(large, -reach)))
+        made.append(HardPair(f"cubes of 1e6 and 1e-3 along axis {axis + 1}", large, shifted(tiny, reach)))
+        made.append(HardPair(f"cubes of 1e-3 and 1e6 along axis {axis + 1}", tiny, shifted(large, -reach)))
     made += [
-        Scene("tetrahedra edge across edge", TETRAHEDRON, shifted(TETRAHEDRON, (0, 0, 2))),
-        Scene("octahedra vertex on vertex", OCTAHEDRON, shifted(OCTAHEDRON, (4, 0, 0))),
-        Scene("a diamond's edge on a face", DIAMOND, shifted(CUBE, (3, 0, 0))),
-        Scene("tilted cubes edge to edge", SMALL_CUBE, shifted(SMALL_CUBE, (1, 1, 0.25))),
+        HardPair("tetrahedra edge across edge", TETRAHEDRON, shifted(TETRAHEDRON, (0, 0, 2))),
+        HardPair("octahedra vertex on vertex", OCTAHEDRON, shifted(OCTAHEDRON, (4, 0, 0))),
+        HardPair("a diamond's edge on a face", DIAMOND, shifted(CUBE, (3, 0, 0))),
+        HardPair("tilted cubes edge to edge", SMALL_CUBE, shifted(SMALL_CUBE, (1, 1, 0.25))),
     ]
     return [*made, *(scene.opened(0.0)._replace(transform=random_turn(rng)) for scene in made[::3])]
 
 
-def thin_prisms(rng: np.random.Generator) -> list[Scene]:
+def thin_prisms(rng: np.random.Generator) -> list[HardPair]:
     """Prisms of thickness 1e-6 and 1e-9 that overlap by half of it, cross each other, touch, or are just apart."""
     made = []
     for sides, thickness in product((3, 4, 6), (1e-6, 1e-9)):
         thin = prism(sides, half=thickness / 2)
         name = f"{sides} sides, thickness {thickness:g}"
         made += [
-            Scene(f"{name}, half of it overlaps", thin, shifted(thin, (0.1, 0.2, thickness / 2))),
+            HardPair(f"{name}, half of it overlaps", thin, shifted(thin, (0.1, 0.2, thickness / 2))),
             seen(f"{name}, tilted, half of it overlaps", thin, shifted(thin, (0.1, 0.2, thickness / 2)), TILT),
-            Scene(f"{name}, crossed", thin, shifted(thin, (0.1, 0.2, 0.0)), turned(0, 1.0)),
-            Scene(f"{name}, the same place", thin, thin),
-            Scene(f"{name}, touching", thin, shifted(thin, (0.1, 0.2, thickness))),
-            Scene(f"{name}, half of it apart", thin, shifted(thin, (0.1, 0.2, 1.5 * thickness))),
+            HardPair(f"{name}, crossed", thin, shifted(thin, (0.1, 0.2, 0.0)), turned(0, 1.0)),
+            HardPair(f"{name}, the same place", thin, thin),
+            HardPair(f"{name}, touching", thin, shifted(thin, (0.1, 0.2, thickness))),
+            HardPair(f"{name}, half of it apart", thin, shifted(thin, (0.1, 0.2, 1.5 * thickness))),
         ]  # fmt: skip
     return made
 
 
-def coincident(rng: np.random.Generator) -> list[Scene]:
+def coincident(rng: np.random.Generator) -> list[HardPair]:
     """Solids at the same place, and touching ones of which libraries say that they overlap a little."""
     made = []
     for name, turn in (("", STILL), (", tilted", TILT), (", turned", random_turn(rng))):
         for kind, own in (("cubes", CUBE), ("octahedra", OCTAHEDRON), ("tetrahedra", TETRAHEDRON)):
-            made.append(Scene(f"{kind} at the same place{name}", placed(own, turn), placed(own, turn)))
-        made.append(Scene(f"cubes of one place and two sizes{name}", placed(CUBE, turn), placed(SLAB, turn)))
-        made.append(Scene(f"cubes face to face{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 0, 0)), turn)))
-        made.append(Scene(f"cubes beside each other{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 1, 1)), turn)))
+            made.append(HardPair(f"{kind} at the same place{name}", placed(own, turn), placed(own, turn)))
+        made.append(HardPair(f"cubes of one place and two sizes{name}", placed(CUBE, turn), placed(SLAB, turn)))
+        made.append(HardPair(f"cubes face to face{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 0, 0)), turn)))
+        made.append(
+            HardPair(f"cubes beside each other{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 1, 1)), turn))
+        )
     return made
 
 
-def fcl_boxes(rng: np.random.Generator) -> list[Scene]:
+def fcl_boxes(rng: np.random.Generator) -> list[HardPair]:
     """Return the pairs of boxes of FCL's regression tests, in their poses, the second box as drawn."""
     return [
-        Scene(f"boxes {first} and {second}", box_of(first), box_of(second), _relative(one, two))
+        HardPair(f"boxes {first} and {second}", box_of(first), box_of(second), _relative(one, two))
         for first, one, second, two in _FCL
     ]
 
 
-def kissing_cubes(rng: np.random.Generator) -> list[Scene]:
+def kissing_cubes(rng: np.random.Generator) -> list[HardPair]:
     """Tilted cubes face to face, opened by a few roundings, after FCL #493."""
     tilt = turned(0, pi / 12) @ turned(1, -pi / 18) @ turned(2, 17 * pi / 180)
     made = []
@@ -138,11 +140,11 @@ def kissing_cubes(rng: np.random.Generator) -> list[Scene]:
         own, base = stretched(SMALL_CUBE, side), np.array([0, 0, 5 * side])
         one = moved(base, tilt)
         two = moved(base + tilt[:3, :3] @ [0, side + opening * max(1.0, side), 0], tilt)
-        made.append(Scene(f"side {side:g}, opened by {opening:g}", own, placed(own, two), one))
+        made.append(HardPair(f"side {side:g}, opened by {opening:g}", own, placed(own, two), one))
     return made
 
 
-def nearly_parallel_edges(rng: np.random.Generator) -> list[Scene]:
+def nearly_parallel_edges(rng: np.random.Generator) -> list[HardPair]:
     """Boxes with nearly parallel edges a few millionths apart, after coal #604."""
     one, two = box_of((0.363, 0.277, 0.363)), box_of((0.363, 0.363, 0.277))
     made = []
@@ -154,49 +156,49 @@ def nearly_parallel_edges(rng: np.random.Generator) -> list[Scene]:
     return made
 
 
-def flat_inputs(rng: np.random.Generator) -> list[Scene]:
+def flat_inputs(rng: np.random.Generator) -> list[HardPair]:
     """Bodies without thickness: no solids, which may be refused, but not answered wrong."""
     square = solid([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     triangle = solid([(0, 0, 0), (1, 0, 0), (0, 1, 0)], (0.25, 0.25, 0.0))
     upright = placed(square, np.array([[0, 0, 1.0, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]]))
     return [
-        Scene("squares in parallel planes", square, shifted(square, (0.5, 0.25, 1))),
-        Scene("squares in one plane, apart", square, shifted(square, (2.5, 0.25, 0))),
-        Scene("squares in one plane, overlapping", square, shifted(square, (0.5, 0.25, 0))),
-        Scene("squares crossing", square, shifted(upright, (0.25, 0.125, 0.25))),
-        Scene("a square on a cube", square, shifted(CUBE, (0.25, 0.125, 1))),
-        Scene("a square in a cube", square, shifted(CUBE, (0.25, 0.125, 0.5))),
-        Scene("a square 1e-7 above a cube", square, shifted(CUBE, (0.25, 0.125, 1 + 1e-7))),
-        Scene("triangles in one plane, a corner shared", triangle, shifted(triangle, (1, 0, 0))),
-        Scene("triangles 1e-9 apart", triangle, shifted(triangle, (0.125, 0.125, 1e-9))),
-        Scene("a triangle tilted above a square", placed(triangle, TILT), shifted(square, (0, 0, -1.5))),
+        HardPair("squares in parallel planes", square, shifted(square, (0.5, 0.25, 1))),
+        HardPair("squares in one plane, apart", square, shifted(square, (2.5, 0.25, 0))),
+        HardPair("squares in one plane, overlapping", square, shifted(square, (0.5, 0.25, 0))),
+        HardPair("squares crossing", square, shifted(upright, (0.25, 0.125, 0.25))),
+        HardPair("a square on a cube", square, shifted(CUBE, (0.25, 0.125, 1))),
+        HardPair("a square in a cube", square, shifted(CUBE, (0.25, 0.125, 0.5))),
+        HardPair("a square 1e-7 above a cube", square, shifted(CUBE, (0.25, 0.125, 1 + 1e-7))),
+        HardPair("triangles in one plane, a corner shared", triangle, shifted(triangle, (1, 0, 0))),
+        HardPair("triangles 1e-9 apart", triangle, shifted(triangle, (0.125, 0.125, 1e-9))),
+        HardPair("a triangle tilted above a square", placed(triangle, TILT), shifted(square, (0, 0, -1.5))),
     ]
 
 
-def far_boxes(rng: np.random.Generator) -> list[Scene]:
+def far_boxes(rng: np.random.Generator) -> list[HardPair]:
     """Boxes of size 2 and 100 at coordinates about 9e4."""
     made = []
     for name, place in (("one axis", (9e4, 0, 0)), ("two axes", (9e4, -9e4, 0)), ("three axes", (9e4, 9e4, -9e4))):
         for way, offset in (("face", (52, 3, 5)), ("edge", (52, 52, 5)), ("vertex", (52, 52, 52))):
             large = shifted(stretched(CUBE, 50.0), np.add(place, offset))
-            made.append(Scene(f"{name}, {way}", shifted(CUBE, place), large))
+            made.append(HardPair(f"{name}, {way}", shifted(CUBE, place), large))
             made.append(seen(f"{name}, {way}, tilted", shifted(CUBE, place), large, TILT))
     return turns(made, count=2)
 
 
-def rounded_cubes(rng: np.random.Generator) -> list[Scene]:
+def rounded_cubes(rng: np.random.Generator) -> list[HardPair]:
     """Return the rounded cube of 24 vertices, all permutations of (+-a, +-a, +-b)."""
     a, b = 0.414213562373, 0.171572875254
     places = {(s * x, t * y, u * z) for x, y, z in permutations((a, a, b)) for s, t, u in product((1, -1), repeat=3)}
     own = solid(sorted(places))
     made = []
     for k, offset in enumerate([(1.2, 0, 0), (1, 1, 0), (1, 1, 1), (1.1, 0.3, 0.2), (0.7, 0.9, -0.4)]):
-        made.append(Scene(f"two of them, offset {k + 1}", own, shifted(own, offset)))
-        made.append(Scene(f"a cube, offset {k + 1}", own, shifted(stretched(CUBE, 0.5), offset), random_turn(rng)))
+        made.append(HardPair(f"two of them, offset {k + 1}", own, shifted(own, offset)))
+        made.append(HardPair(f"a cube, offset {k + 1}", own, shifted(stretched(CUBE, 0.5), offset), random_turn(rng)))
     return turns(made, count=3)
 
 
-def zero_edges(rng: np.random.Generator) -> list[Scene]:
+def zero_edges(rng: np.random.Generator) -> list[HardPair]:
     """Triangles with an edge of no length: prisms and tetrahedra on them, corners named twice, or nearly twice."""
     made = []
     for name, step in (("none", 0.0), ("1e-16", 1e-16), ("1e-12", 1e-12), ("1e-9", 1e-9)):
@@ -204,17 +206,17 @@ def zero_edges(rng: np.random.Generator) -> list[Scene]:
         wedge = solid([(x, y, z + h) for h in (0, 1) for x, y, z in base], (0.25, 0.25, 0.5))
         tip = solid([*base, (0.2, 0.2, 1)], (0.25, 0.25, 0.25))
         scenes = [
-            Scene(f"an edge of length {name}: prisms", wedge, shifted(wedge, (2, 0.25, 0.5))),
-            Scene(f"an edge of length {name}: tetrahedra", tip, shifted(tip, (1.5, 1, 0.5)), turned(2, 0.3)),
-            Scene(f"an edge of length {name}: on a cube", tip, shifted(CUBE, (0.25, 0.125, -2))),
+            HardPair(f"an edge of length {name}: prisms", wedge, shifted(wedge, (2, 0.25, 0.5))),
+            HardPair(f"an edge of length {name}: tetrahedra", tip, shifted(tip, (1.5, 1, 0.5)), turned(2, 0.3)),
+            HardPair(f"an edge of length {name}: on a cube", tip, shifted(CUBE, (0.25, 0.125, -2))),
         ]
         blur = step if step <= DEFAULT.planarity else 0.0
         made += [scene._replace(blur=2 * blur) for scene in scenes]
     flat = solid([(0, 0, 0), (1, 0, 0), (1, 0, 0)], (0.5, 0, 0))
-    return [*turns(made, count=2), Scene("a triangle that is a segment", flat, shifted(CUBE, (0.5, 0.25, 2)))]
+    return [*turns(made, count=2), HardPair("a triangle that is a segment", flat, shifted(CUBE, (0.5, 0.25, 2)))]
 
 
-def boxes_on_boxes(rng: np.random.Generator) -> list[Scene]:
+def boxes_on_boxes(rng: np.random.Generator) -> list[HardPair]:
     """Boxes of half size .1 on, .25 above, and .25 inside boxes of half size 1 to 100; resting off the middle too."""
     made = []
     small = stretched(CUBE, 0.1)
@@ -226,11 +228,11 @@ def boxes_on_boxes(rng: np.random.Generator) -> list[Scene]:
             ("inside by .25", 0.0, half - 0.15),
             ("resting on the rim", half - 0.25, half + 0.1),
         ):
-            made.append(Scene(f"half size {half:g}, {name}", small, large, moved((x, 0.0, z))))
+            made.append(HardPair(f"half size {half:g}, {name}", small, large, moved((x, 0.0, z))))
     return made
 
 
-def cubes_far_out(rng: np.random.Generator) -> list[Scene]:
+def cubes_far_out(rng: np.random.Generator) -> list[HardPair]:
     """Cubes of 1000, 100, 50 and 10 mm at 100 m, and 100 m apart."""
     made = []
     for side in (1.0, 0.1, 0.05, 0.01):
@@ -238,8 +240,8 @@ def cubes_far_out(rng: np.random.Generator) -> list[Scene]:
         for name, offset in (("face", (1, 0, 0)), ("edge", (1, 1, 0)), ("off the middle", (1, 0.3, 0.2))):
             two = shifted(own, 1.2 * side * np.array(offset))
             made += turns([seen(f"side {side:g}, {name}", own, two, moved((100, 100, 100)))], count=3)
-        made.append(Scene(f"side {side:g}, 100 m apart", own, shifted(own, (100, 0, 0)), box=((1e-3, 1e6),) * 2))
-        made.append(Scene(f"side {side:g}, 100 m apart, tilted", own, shifted(own, (60, 80, 0)), TILT))
+        made.append(HardPair(f"side {side:g}, 100 m apart", own, shifted(own, (100, 0, 0)), box=((1e-3, 1e6),) * 2))
+        made.append(HardPair(f"side {side:g}, 100 m apart, tilted", own, shifted(own, (60, 80, 0)), TILT))
     return made
 
 
@@ -297,7 +299,7 @@ def _relative(one: Any, two: Any) -> Array:
     return moved(R @ (first[:3, 3] - second[:3, 3]), np.block([[R @ first[:3, :3], np.zeros((3, 1))], [STILL[3:]]]))
 
 
-def _apart_by(name: str, one: Solid, two: Solid, turn: Array, way: Array, gap: float) -> Scene:
+def _apart_by(name: str, one: Solid, two: Solid, turn: Array, way: Array, gap: float) -> HardPair:
     """Return a scene with the second solid moved along a way until the largest separation is about a given gap."""
     P, Q = np.array(one["vertices"]) @ turn[:3, :3].T, np.array(two["vertices"])
     crosses = np.cross(turn[:3, :3].T[:, None], np.eye(3)[None]).reshape(-1, 3)
@@ -308,10 +310,10 @@ def _apart_by(name: str, one: Solid, two: Solid, turn: Array, way: Array, gap: f
     reach, rate = (P @ n.T).max(axis=0) - (Q @ n.T).min(axis=0), n @ way
     moving = rate > 1e-3
     t = ((gap + reach[moving]) / rate[moving]).min()
-    return Scene(name, one, shifted(two, t * way), turn)
+    return HardPair(name, one, shifted(two, t * way), turn)
 
 
-FAMILIES: Mapping[str, Callable[[np.random.Generator], list[Scene]]] = {
+FAMILIES: Mapping[str, Callable[[np.random.Generator], list[HardPair]]] = {
     "random hulls, slightly opened": random_hulls,
     "size 1 against 1e-3": small_on_large,
     "boxes 1e-6 apart": millionth_gaps,

@@ -21,7 +21,7 @@ WIDE = ((1e-3, 1e3), (1e-3, 1e3))
 SLIGHT = (0.0, 1e-3, -1e-7, 1e-9, -1e-5, 1e-7, -1e-9, 1e-12, -1e-12)  # taken in turn by the scenes of a family
 
 
-class Scene(NamedTuple):
+class HardPair(NamedTuple):
     """Two solids, a pose of the first one, and the scales that are asked about.
 
     Attributes
@@ -51,22 +51,22 @@ class Scene(NamedTuple):
     blur: float = 0.0
     heavy: bool = False
 
-    def opened(self, opening: float) -> Scene:
+    def opened(self, opening: float) -> HardPair:
         """Return the scene at its contact scale, opened by a relative amount."""
         return self._replace(name=f"{self.name}, opened by {opening:g}", opening=opening)
 
 
-def seen(name: str, one: Solid, two: Solid, frame: Array, **settings: Any) -> Scene:
+def seen(name: str, one: Solid, two: Solid, frame: Array, **settings: Any) -> HardPair:
     """Return a scene of two solids as drawn in another frame, rounded to floats."""
-    return Scene(name, placed(one, frame), placed(two, frame), **settings)
+    return HardPair(name, placed(one, frame), placed(two, frame), **settings)
 
 
-def each(scenes: Iterable[Scene], openings: Sequence[float]) -> list[Scene]:
+def each(scenes: Iterable[HardPair], openings: Sequence[float]) -> list[HardPair]:
     """Return every scene opened by every amount."""
     return [scene.opened(opening) for scene in scenes for opening in openings]
 
 
-def turns(scenes: Iterable[Scene], openings: Sequence[float] = SLIGHT, count: int = 1) -> list[Scene]:
+def turns(scenes: Iterable[HardPair], openings: Sequence[float] = SLIGHT, count: int = 1) -> list[HardPair]:
     """Return every scene opened by so many of the amounts, the next ones in turn."""
     taken = 0
     made = []
