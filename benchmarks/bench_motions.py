@@ -10,25 +10,23 @@ is the fastest whose motion the judge accepts and that is as small as ours, to 1
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import fcdm_opt as fo
+from fcdm_opt.show import new_figure, save
 from fcdm_opt_benchmarks.method import Failure
 from fcdm_opt_benchmarks.motions import RIVALS, answered, judged
 from fcdm_opt_benchmarks.motions.cases import DrawnCase, draw
-from report import describe, machine, table, versions
+from fcdm_opt_benchmarks.record import Row, table
+from fcdm_opt_benchmarks.scripts import describe, in_turns, parser, written
 
 SAME = 1e-6  # relative: amounts that count as equal
 PATIENCE = 1.0  # seconds beyond which a method runs once
@@ -36,13 +34,12 @@ MOST_DRAWN = 2000
 RATIO = 20.0  # at least this much faster than the best rival
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """Cases of one kind, and what is asked of our median time, milliseconds; with `certify` of the time with proof."""
 
     name: str
     takes: Callable[[DrawnCase], bool]
-    target: float
+    asked: float
     certify: bool = False
 
 
@@ -54,180 +51,94 @@ GROUPS = (
 )
 
 
-@dataclass(frozen=True)
-class Row:
-    """One case: medians over the rounds, milliseconds; `rivals` of those that are judged right, with their amounts."""
+def measured(case: DrawnCase, group: Group, rounds: int) -> Row | None:
+    """Time one case, medians in milliseconds; None where we have no answer to it, or it is met without motion.
 
-    group: str
-    command: str
-    motion: str
-    goal: str
-    stage: str
-    amount: float
-    gap: float | None
-    ours: float
-    verify: float
-    rivals: dict[str, tuple[float, float]]
-
-    @property
-    def best(self) -> str | None:
-        """The fastest rival whose motion is as small as ours."""
-        same = {name: ms for name, (ms, amount) in self.rivals.items() if amount <= self.amount * (1 + SAME)}
-        return min(same, key=same.__getitem__, default=None)
-
-    @property
-    def ratio(self) -> float:
-        """Its time over ours; nan where there is none."""
-        return math.nan if self.best is None else self.rivals[self.best][0] / self.ours
-
-
-def timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    """Return milliseconds, and what was made."""
-    start = perf_counter()
-    made = work()
-    return 1e3 * (perf_counter() - start), made
-
-
-def measure(case: DrawnCase, group: Group, rounds: int) -> Row | None:
-    """Time one case; None where we have no answer to it, or it is met without motion."""
-    problem = case.problem
+    `rivals`: of those that are judged right, time and amount; `best`: the fastest that is as small as ours, and `ratio`
+    its time over ours.
+    """
+    problem, verify = case.problem, list[float]()
 
     def own() -> fo.Solution:
-        return fo.solve(problem, certify=True) if group.certify else fo.solve(problem)
+        solution = fo.solve(problem, certify=group.certify)
+        verify.append(1e3 * solution.seconds["verify"])
+        return solution
 
     solution = own()
     if not solution.usable or not solution.amount > 0:
         return None
     works: dict[str, Callable[[], Any]] = {"": own}
     amounts = {}
-    times: dict[str, list[float]] = {"": []}
-    for name in RIVALS if not group.certify else ():
-        work = partial(answered, name, problem)
-        took, answer = timed(work)
+    for name in () if group.certify else RIVALS:
+        answer = answered(name, problem)
         if not isinstance(answer, Failure) and (judgement := judged(problem, answer.q)).usable:
-            amounts[name], times[name] = judgement.amount, [took] if took > 1e3 * PATIENCE else []
-            if took <= 1e3 * PATIENCE:
-                works[name] = work
-    verify = []
-    for _ in range(rounds):
-        for name, work in works.items():
-            took, made = timed(work)
-            times[name].append(took)
-            if not name:
-                verify.append(1e3 * made.seconds["verify"])
-    rivals = {name: (float(np.median(times[name])), amount) for name, amount in amounts.items()}
-    return Row(
-        group.name,
-        case.command,
-        case.motion,
-        problem.goal,
-        solution.stage,
-        solution.amount,
-        getattr(solution, "gap", None),
-        float(np.median(times[""])),
-        float(np.median(verify)),
-        rivals,
-    )
+            amounts[name], works[name] = judgement.amount, partial(answered, name, problem)
+    times = {name: 1e3 * float(np.median(own)) for name, own in in_turns(works, rounds, PATIENCE).items()}
+    least = [name for name, amount in amounts.items() if amount <= solution.amount * (1 + SAME)]
+    best = min(least, key=times.__getitem__, default=None)
+    return {
+        "group": group.name,
+        "command": case.command,
+        "motion": case.motion,
+        "goal": problem.goal,
+        "stage": solution.stage,
+        "amount": solution.amount,
+        "gap": solution.gap,
+        "ours": times[""],
+        "verify": float(np.median(verify)),
+        "rivals": {name: (times[name], amount) for name, amount in amounts.items()},
+        "as small": least,
+        "best": best,
+        "ratio": math.nan if best is None else times[best] / times[""],
+    }
 
 
-def cases(group: Group, seed: int, count: int, rounds: int) -> list[Row]:
+def rows_of(group: Group, seed: int, count: int, rounds: int) -> list[Row]:
     """Measure some cases of a group."""
     rows: list[Row] = []
     for number in range(MOST_DRAWN):
         if len(rows) == count:
             break
         case = draw(seed, "convex", number)
-        if (
-            case.problem.amount == "weighted"
-            and group.takes(case)
-            and (row := measure(case, group, rounds)) is not None
-        ):
-            rows.append(row)
+        if case.problem.amount == "weighted" and group.takes(case):
+            row = measured(case, group, rounds)
+            rows += [] if row is None else [row]
     return rows
+
+
+def _median(rows: Sequence[Row], key: str) -> str:
+    values = [row[key] for row in rows if not math.isnan(row[key])]
+    return f"{np.median(values):.3g}" if values else ""
 
 
 def text(rows: Sequence[Row]) -> str:
     """Tell the results in Markdown."""
-    lines, summary = [], []
-    for row in rows:
-        best = "" if row.best is None else f"{row.best}: {row.rivals[row.best][0]:.3g}"
-        gap = "" if row.gap is None else f"{row.gap:.2g}"
-        numbers = [gap, f"{row.ours:.3g}", f"{row.verify:.3g}", best, "" if row.best is None else f"{row.ratio:.3g}"]
-        lines.append([row.group, row.motion, row.goal, row.stage, f"{row.amount:.6g}", *numbers])
+    summary, goals, each = [], [], []
     for group in GROUPS:
-        mine = [row for row in rows if row.group == group.name]
+        mine = [row for row in rows if row["group"] == group.name]
         if not mine:
             continue
-        ours, ratios = float(np.median([row.ours for row in mine])), [row.ratio for row in mine if row.best is not None]
-        ratio = f"{np.median(ratios):.3g}" if ratios else ""
-        worst = max(row.ours for row in mine)
-        enough = "" if not ratios else "met" if np.median(ratios) >= RATIO else "NOT met"
+        ours, ratios = np.median([row["ours"] for row in mine]), _median(mine, "ratio")
+        worst, fast = max(row["ours"] for row in mine), "met" if ours <= group.asked else "NOT met"
+        enough = ratios and ("met" if float(ratios) >= RATIO else "NOT met")
         summary.append(
-            [
-                *(group.name, str(len(mine)), f"{ours:.3g}", f"{worst:.3g}", f"{group.target:g}"),
-                *("met" if ours <= group.target else "NOT met", ratio, enough),
-            ]
+            [group.name, str(len(mine)), f"{ours:.3g}", f"{worst:.3g}", f"{group.asked:g}", fast, ratios, enough]
         )
+        for goal in sorted({row["goal"] for row in mine}):
+            own = [row for row in mine if row["goal"] == goal]
+            goals.append([group.name, goal, str(len(own)), *(_median(own, key) for key in ("ours", "verify", "ratio"))])
+    for row in rows:
+        best, ratio = ("", "") if row["best"] is None else (row["rivals"][row["best"]][0], f"{row['ratio']:.3g}")
+        numbers = [f"{row['amount']:.6g}", f"{row['gap']:.2g}", f"{row['ours']:.3g}", f"{row['verify']:.3g}"]
+        rival = "" if row["best"] is None else f"{row['best']}: {best:.3g}"
+        each.append([row["group"], row["motion"], row["goal"], row["stage"], *numbers, rival, ratio])
     load = ", ".join(f"{own:.2g}" for own in os.getloadavg())
-    head = [
-        "",
-        "cases",
-        "median ms",
-        "most ms",
-        "asked ms",
-        "",
-        "best rival's time / ours, median",
-        f"at least {RATIO:g}",
-    ]
-    each = ["", "motion", "goal", "stage", "amount", "gap", "ours ms", "of it verify ms", "best rival, ms", "ratio"]
+    times = ["median ms", "of it verify ms", "best rival's time / ours, median"]
+    head = ["", "cases", "median ms", "most ms", "asked ms", "", times[-1], f"at least {RATIO:g}"]
+    heads = ["", "motion", "goal", "stage", "amount", "gap", "ours ms", "of it verify ms", "best rival, ms", "ratio"]
     about = f"{describe()} Load of the machine over 1, 5 and 15 minutes at the end: {load}."
-    return "\n\n".join([about, table(head, summary), _goals(rows), _rivals(rows), table(each, lines)])
-
-
-def _goals(rows: Sequence[Row]) -> str:
-    """Tell the medians by goal within each group."""
-    lines = []
-    for group in GROUPS:
-        for goal in dict.fromkeys(sorted(row.goal for row in rows if row.group == group.name)):
-            mine = [row for row in rows if row.group == group.name and row.goal == goal]
-            ratios = [row.ratio for row in mine if row.best is not None]
-            times = [f"{np.median([getattr(row, name) for row in mine]):.3g}" for name in ("ours", "verify")]
-            ratio = f"{np.median(ratios):.3g}" if ratios else ""
-            lines.append([group.name, goal, str(len(mine)), *times, ratio])
-    return table(["", "goal", "cases", "median ms", "of it verify ms", "best rival's time / ours, median"], lines)
-
-
-def plot(rows: Sequence[Row], path: Path) -> None:
-    """Draw our time and every rival's of each case, by group; hollow where the rival's motion is larger than ours."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
-    places = {group.name: k for k, group in enumerate(GROUPS) if any(row.group == group.name for row in rows)}
-    names = [name for name in RIVALS if any(name in row.rivals for row in rows)]
-    width = 0.8 / (len(names) + 1)
-    for k, name in enumerate(["", *names]):
-        at = (k - len(names) / 2) * width
-        mine = [row for row in rows if not name or name in row.rivals]
-        x = np.array([places[row.group] + at for row in mine])
-        times = np.array([row.rivals[name][0] if name else row.ours for row in mine])
-        small = np.array([not name or row.rivals[name][1] <= row.amount * (1 + SAME) for row in mine], dtype=bool)
-        drawn = axes.scatter(x[small], times[small], s=14, label=name or "ours, verified")
-        axes.scatter(x[~small], times[~small], s=14, facecolors="none", edgecolors=drawn.get_facecolor())
-    for group in GROUPS:
-        if group.name in places:
-            axes.hlines(group.target, places[group.name] - 0.45, places[group.name] + 0.45, "black", "dashed", lw=0.8)
-    axes.set_yscale("log")
-    axes.set_ylabel("time, ms")
-    axes.set_xticks(list(places.values()), list(places))
-    axes.set_title(
-        "Smallest motion: median time of each case; dashed what is asked, hollow a larger motion", fontsize=10
-    )
-    axes.legend(fontsize=8, ncols=2)
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    tables = [table(head, summary), table(["", "goal", "cases", *times], goals), _rivals(rows), table(heads, each)]
+    return "\n\n".join([about, *tables])
 
 
 def _rivals(rows: Sequence[Row]) -> str:
@@ -237,35 +148,53 @@ def _rivals(rows: Sequence[Row]) -> str:
     for name in RIVALS:
         line = [name]
         for group in groups:
-            mine = [row for row in rows if row.group == group]
-            found = [row.rivals[name] for row in mine if name in row.rivals]
-            same = sum(row.rivals[name][1] <= row.amount * (1 + SAME) for row in mine if name in row.rivals)
-            line += [f"{np.median([ms for ms, _ in found]):.3g}" if found else "", f"{same} of {len(mine)}"]
+            mine = [row for row in rows if row["group"] == group]
+            found = [row["rivals"][name][0] for row in mine if name in row["rivals"]]
+            same = sum(name in row["as small"] for row in mine)
+            line += [f"{np.median(found):.3g}" if found else "", f"{same} of {len(mine)}"]
         lines.append(line)
-    head = [""] + [word for group in groups for word in (f"{group}, ms", "as small")]
-    return table(head, lines)
+    return table([""] + [word for group in groups for word in (f"{group}, ms", "as small")], lines)
+
+
+def figure(rows: Sequence[Row]) -> Any:
+    """Draw our time and every rival's of each case, by group; hollow where the rival's motion is larger than ours."""
+    made = new_figure(9, 5)
+    axes = made.subplots()
+    places = {group: k for k, group in enumerate(dict.fromkeys(row["group"] for row in rows))}
+    names = [name for name in RIVALS if any(name in row["rivals"] for row in rows)]
+    width = 0.8 / (len(names) + 1)
+    for k, name in enumerate(["", *names]):
+        mine = [row for row in rows if not name or name in row["rivals"]]
+        x = np.array([places[row["group"]] for row in mine]) + (k - len(names) / 2) * width
+        times = [row["rivals"][name][0] if name else row["ours"] for row in mine]
+        colour = f"C{k % 10}"
+        fill = [colour if not name or name in row["as small"] else "none" for row in mine]
+        axes.scatter(x, times, s=14, facecolors=fill, edgecolors=colour, label=name or "ours, verified")
+    for group in GROUPS:
+        if group.name in places:
+            place = places[group.name]
+            axes.hlines(group.asked, place - 0.45, place + 0.45, "black", "dashed", lw=0.8)
+    axes.set(yscale="log", ylabel="time, ms")
+    axes.set_xticks(list(places.values()), list(places))
+    axes.set_title(
+        "Smallest motion: median time of each case; dashed what is asked, hollow a larger motion", fontsize=10
+    )
+    axes.legend(fontsize=8, ncols=2)
+    return made
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("out/benchmarks"))
-    parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--cases", type=int, default=10, help="of each group (%(default)s)")
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--certify", action="store_true", help="with the group that is solved with proof")
-    given = parser.parse_args(arguments)
+    options = parser(__doc__, "out/benchmarks")
+    options.add_argument("--cases", type=int, default=10, help="of each group (%(default)s)")
+    options.add_argument("--certify", action="store_true", help="with the group that is solved with proof")
+    given = options.parse_args(arguments)
     rows: list[Row] = []
     for group in GROUPS:
         if given.certify or not group.certify:
-            rows += cases(group, given.seed, given.cases, given.rounds)
-    told = text(rows)
-    print(told)
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "motions.md").write_text(told + "\n")
-    data = {"seed": given.seed, "machine": machine(), "versions": versions(), "rows": [asdict(row) for row in rows]}
-    plot(rows, given.out / "motions.png")
-    (given.out / "motions.json").write_text(json.dumps(data, indent=1) + "\n")
+            rows += rows_of(group, given.seed, given.cases, given.rounds)
+    written(text(rows), given.out, "motions", seed=given.seed, rows=rows)
+    save(figure(rows), Path(given.out) / "motions")
     return 0
 
 

@@ -21,9 +21,8 @@ import time
 import traceback
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
-from multiprocessing import get_context
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,8 @@ import fcdm_opt as fo
 from fcdm_opt_benchmarks.method import Failure
 from fcdm_opt_benchmarks.motions import METHODS, NONE, RIVALS, answered, judged
 from fcdm_opt_benchmarks.motions.cases import KINDS, DrawnCase, draw
-from report import describe, table
+from fcdm_opt_benchmarks.record import table
+from fcdm_opt_benchmarks.scripts import describe, in_pieces
 
 SMALLER = 1e-6  # relative: a rival's motion that is smaller by more beats ours
 ROUNDING = 1e-10  # of the size of the bodies: amounts that differ by less are one
@@ -138,8 +138,9 @@ def faults(record: dict[str, Any]) -> list[str]:
     return found
 
 
+@cache
 def warm() -> None:
-    """Compile kernels and load what is compiled, so that no case waits for it."""
+    """Compile kernels and load what is compiled, once a process, so that no case waits for it."""
     for kind, number in [(kind, number) for kind in KINDS for number in range(WARM)]:
         with suppress(Exception):  # what fails here fails in its own case, and is recorded there
             fo.solve(draw(0, kind, number).problem)
@@ -147,6 +148,7 @@ def warm() -> None:
 
 def run(seed: int, kind: str, number: int, rivals: Sequence[str]) -> dict[str, Any]:
     """Draw and compare one case."""
+    warm()
     return compare(draw(seed, kind, number), rivals)
 
 
@@ -246,17 +248,14 @@ def main(arguments: list[str] | None = None) -> int:
     known = {} if not path.exists() else {_key(r): r for r in map(json.loads, path.read_text().splitlines())}
     left = wanted if len(wanted) == 1 else [key for key in wanted if key not in known]
     start, records = time.perf_counter(), [known[key] for key in wanted if key in known and key not in left]
-    with (
-        ProcessPoolExecutor(given.processes, mp_context=get_context("spawn"), initializer=warm) as pool,
-        path.open("a", encoding="utf-8") as lines,
-    ):
+    with path.open("a", encoding="utf-8") as lines:
         for first in range(0, len(left), 2 * given.processes):
             if time.perf_counter() - start > given.seconds:
                 break
-            jobs = [pool.submit(run, given.seed, *key, rivals) for key in left[first : first + 2 * given.processes]]
-            for job in as_completed(jobs):
-                records.append(job.result())
-                lines.write(json.dumps(records[-1]) + "\n")
+            pieces = [(given.seed, *key, rivals) for key in left[first : first + 2 * given.processes]]
+            for record in in_pieces(run, pieces, given.processes):
+                records.append(record)
+                lines.write(json.dumps(record) + "\n")
                 lines.flush()
     print(report(records, given.seed))
     if len(records) < len(wanted):

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import fcdm_opt as fo
-from contenders import coal_requests
-from fcdm_opt_benchmarks.library import coal_hull
+from fcdm_opt_benchmarks.coal_shapes import CoalHulls
 from fcdm_opt_benchmarks.pairs import random_hull, random_pose
+from fcdm_opt_benchmarks.record import Row
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from oracles import exact_curve
 from strategies import random_pair
 
 OPENINGS = (1e-9, 1e-11, 1e-13)
+TOLERANCES = (None, 1e-12, 1e-15)  # of coal: its own, and whether its answers at touch are a matter of settings
 Drawn = tuple[fo.Body, fo.Body, np.ndarray]
 
 
@@ -41,76 +41,56 @@ def integer_pairs(rng: np.random.Generator, count: int) -> Iterator[Drawn]:
             yield one, two, np.eye(4)
 
 
-@dataclass
-class Openings:
-    """Counts right signs over pairs, by opening and by who says it.
+def signs_at_touch(rng: np.random.Generator, count: int) -> list[Row]:
+    """Open and close pairs along a ray of the scale plane, and count who tells their sign, by kind and opening.
 
     The truth is exact: all facets of the Minkowski difference in integers, tests/oracles.py, at the scale pair as it
     was rounded.
     """
-
-    name: str
-    tolerances: tuple[float, ...]
-    cases: dict[float, int] = field(default_factory=lambda: dict.fromkeys(OPENINGS, 0))
-    right: dict[float, dict[str, int]] = field(default_factory=lambda: {opening: {} for opening in OPENINGS})
-
-    def add(self, one: fo.Body, two: fo.Body, transform: np.ndarray) -> None:
-        """Open and close one pair along a ray of the scale plane, seeds inside."""
-        pair = exact_curve(one.vertices, one.seed, two.vertices, two.seed, pose=transform).pair
-        angle = 0.25 + 1.1 * (sum(self.cases.values()) / 7 % 1)
-        ray = [Fraction(float(x)) for x in (np.cos(angle), np.sin(angle))]
-        touch = max(Fraction(f.line[2]) / (f.line[0] * ray[0] + f.line[1] * ray[1]) for f in pair.facets)
-        curve = fo.decision_curve(one, two, transform=transform)
-        coal = _Coal(one, two, transform, self.tolerances)
-        for opening in OPENINGS:
-            for sign in (1, -1):
-                rho = np.array([float(touch * x * (1 - sign * Fraction(opening))) for x in ray])
-                truth = pair.side(rho)
-                assert truth == sign, "the opening was lost in rounding the scale pair"
-                self.cases[opening] += 1
-                for name, answer in {"gap": np.sign(curve.gap(rho)), **coal.signs(rho)}.items():
-                    self.right[opening].setdefault(name, 0)
-                    self.right[opening][name] += int(answer == truth)
-
-    def rows(self) -> list[dict[str, Any]]:
-        """One row an opening."""
-        return [
-            {"pairs": self.name, "opening": opening, "cases": self.cases[opening], "right": self.right[opening]}
-            for opening in OPENINGS
+    rows = []
+    for kind, draw in (("random hulls", random_pairs), ("parallel faces and edges", integer_pairs)):
+        right: dict[float, Counter[str]] = {opening: Counter() for opening in OPENINGS}
+        for number, (one, two, transform) in enumerate(draw(rng, count)):
+            pair = exact_curve(one.vertices, one.seed, two.vertices, two.seed, pose=transform).pair
+            angle = 0.25 + 1.1 * (6 * number / 7 % 1)
+            ray = [Fraction(float(x)) for x in (np.cos(angle), np.sin(angle))]
+            touch = max(Fraction(f.line[2]) / (f.line[0] * ray[0] + f.line[1] * ray[1]) for f in pair.facets)
+            curve, coal = fo.decision_curve(one, two, transform=transform), _hulls(one, two, transform)
+            for opening in OPENINGS:
+                for sign in (1, -1):
+                    rho = np.array([float(touch * x * (1 - sign * Fraction(opening))) for x in ray])
+                    assert pair.side(rho) == sign, "the opening was lost in rounding the scale pair"
+                    told = {"gap": int(np.sign(curve.gap(rho))), **_told(coal, one, two, transform, rho)}
+                    right[opening].update({who: int(said == sign) for who, said in told.items()})
+        rows += [
+            {"pairs": kind, "opening": opening, "cases": 2 * count, "right": dict(own)}
+            for opening, own in right.items()
         ]
+    return rows
 
 
-class _Coal:
-    """Both bodies for coal, about their seeds, scaled to a size of about one."""
+def _hulls(one: fo.Body, two: fo.Body, transform: np.ndarray) -> dict[str, CoalHulls]:
+    """Return both bodies for coal, about their seeds, by its setting."""
+    arms = [body.vertices - body.seed for body in (one, two)]
+    made = {"default" if own is None else f"{own:g}": CoalHulls(*arms, own) for own in TOLERANCES}
+    for hulls in made.values():
+        hulls.turn(transform[:3, :3])
+    return made
 
-    def __init__(self, one: fo.Body, two: fo.Body, transform: np.ndarray, tolerances: tuple[float, ...]) -> None:
-        import coal
 
-        self._coal = coal
-        self._bases, self._shapes = [], []
-        for body in (one, two):
-            self._shapes.append(coal_hull(body.vertices - body.seed))
-            self._bases.append(self._shapes[-1].points().copy())
-        R = transform[:3, :3]
-        self._offset = R @ one.seed + transform[:3, 3] - two.seed
-        self._pose, self._fixed = coal.Transform3s(), coal.Transform3s()
-        self._pose.setRotation(R)
-        self._requests = {"default": coal_requests(None)}
-        self._requests |= {f"{tolerance:g}": coal_requests(tolerance) for tolerance in tolerances}
-
-    def signs(self, rho: np.ndarray) -> dict[str, int]:
-        """Return what coal's distance and collide say, by setting: 1 apart, 0 touching, -1 overlapping."""
-        reach = max(scale * np.abs(base).max() for scale, base in zip(rho, self._bases, strict=True))
-        unit = 2.0 ** np.ceil(np.log2(reach))  # a power of two: no rounding
-        for scale, base, shape in zip(rho, self._bases, self._shapes, strict=True):
-            np.multiply(base, scale / unit, out=shape.points())
-        self._pose.setTranslation(self._offset / unit)
-        pair = self._shapes[0], self._pose, self._shapes[1], self._fixed
-        found = {}
-        for name, (distance, collision) in self._requests.items():
-            value = self._coal.distance(*pair, distance, self._coal.DistanceResult())
-            sane = abs(value) < 1e100  # some settings return the largest float
-            found[f"coal distance, {name}"] = int(np.sign(value)) if sane else 0
-            hit = self._coal.collide(*pair, collision, self._coal.CollisionResult())
-            found[f"coal collide, {name}"] = -1 if hit else 1
-        return found
+def _told(
+    coal: dict[str, CoalHulls], one: fo.Body, two: fo.Body, transform: np.ndarray, rho: np.ndarray
+) -> dict[str, int]:
+    """Return what coal's distance and collide say, by setting: 1 apart, 0 touching, -1 overlapping."""
+    reach = max(scale * np.abs(body.vertices - body.seed).max() for scale, body in zip(rho, (one, two), strict=True))
+    unit = 2.0 ** np.ceil(np.log2(reach))  # sizes of about one; a power of two: no rounding
+    offset = two.seed - (transform[:3, :3] @ one.seed + transform[:3, 3])
+    found = {}
+    for name, hulls in coal.items():
+        for k, scale in enumerate(rho):
+            hulls.scale(k, scale / unit)
+        hulls.shift(offset / unit)
+        gap = hulls.gap()
+        found[f"coal distance, {name}"] = int(np.sign(gap)) if abs(gap) < 1e100 else 0  # some settings give the largest
+        found[f"coal collide, {name}"] = -1 if hulls.overlap() else 1
+    return found

@@ -14,7 +14,7 @@ from fcdm_opt_benchmarks.cost import growth
 from fcdm_opt_benchmarks.cost.growth import exponents
 from fcdm_opt_benchmarks.cost.growth_picture import growth_figure
 from fcdm_opt_benchmarks.method import CurveQuestion, Failure, Method, Pair, one_by_one
-from fcdm_opt_benchmarks.record import Load, BenchRun
+from fcdm_opt_benchmarks.record import BenchRun, Load
 from fcdm_opt_benchmarks.timing import TimedScene, TimingPlan, measured
 from fcdm_opt_benchmarks.union_pairs import FAMILIES, UnionPair, coal_surface
 

@@ -19,7 +19,7 @@ from fcdm_opt_benchmarks import record
 from fcdm_opt_benchmarks.chart import bench
 from fcdm_opt_benchmarks.comparing import compared
 from fcdm_opt_benchmarks.method import Method, one_by_one
-from fcdm_opt_benchmarks.record import Load, BenchRun
+from fcdm_opt_benchmarks.record import BenchRun, Load
 from fcdm_opt_benchmarks.stability import contacts, failures, worker
 from fcdm_opt_benchmarks.stability.case import HardCase
 from fcdm_opt_benchmarks.timing import TimedScene, TimingPlan

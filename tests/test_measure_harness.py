@@ -18,7 +18,7 @@ from fcdm_opt_benchmarks.chart import bench, results
 from fcdm_opt_benchmarks.chart.figures import FAILED, chart_figure, overview_figure
 from fcdm_opt_benchmarks.comparing import compared
 from fcdm_opt_benchmarks.method import Failure, Method
-from fcdm_opt_benchmarks.record import Load, BenchRun, Watch, table
+from fcdm_opt_benchmarks.record import BenchRun, Load, Watch, table
 from fcdm_opt_benchmarks.timing import TimedScene, TimingPlan, measured, warmed
 
 PLAN = TimingPlan(rounds=6, call=0.0, most=3, patience=10.0)

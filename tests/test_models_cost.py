@@ -14,7 +14,7 @@ from fcdm_opt.solver import STAGES
 from fcdm_opt_benchmarks.cost import models
 from fcdm_opt_benchmarks.cost.models_picture import models_figure
 from fcdm_opt_benchmarks.cost.scenes import QUICK, names, overlapping, scene
-from fcdm_opt_benchmarks.record import Load, BenchRun
+from fcdm_opt_benchmarks.record import BenchRun, Load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, RZ = Translation("x"), Translation("y"), Rotation("z")

@@ -103,6 +103,11 @@ class Method:
         return self.family == "ours"
 
 
+def settings(*labels: str) -> dict[str, float]:
+    """Return settings that are numbers, by how they are written."""
+    return {label: float(label) for label in labels}
+
+
 def one_by_one(answer: Callable[[Any], Any]) -> Ask:
     """Return the function that answers questions one after the other; what it raises is a `Failure`."""
 

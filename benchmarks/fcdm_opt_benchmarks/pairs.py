@@ -13,8 +13,10 @@ import numpy as np
 from fcdm_opt.errors import FcdmError, InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt_benchmarks.curves.rays import SeededPart, growth_distance
+from fcdm_opt_benchmarks.curves.rays import growth_distance
 from fcdm_opt_benchmarks.method import ContactQuestion, CurveQuestion, Pair
+from fcdm_opt_benchmarks.placed import SeededPart
+from fcdm_opt_benchmarks.shapes import polygon, prism, random_directions, random_rotation
 
 BOX = ((0.8, 3.0), (0.8, 3.0))
 SIZES = (8, 12, 20, 100, 1000, 10000)
@@ -50,8 +52,7 @@ def random_hull(rng: np.random.Generator, vertices: int) -> Array:
 
     points = np.empty((0, 3))
     while len(points) < vertices:
-        directions = rng.normal(size=(vertices - len(points), 3))
-        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        directions = random_directions(rng, vertices - len(points))
         noise = rng.uniform(-0.5, 0.5, len(directions)) / vertices
         points = np.vstack([points, directions * (1 + noise)[:, None]])
         points = points[np.sort(ConvexHull(points).vertices)]
@@ -60,8 +61,8 @@ def random_hull(rng: np.random.Generator, vertices: int) -> Array:
 
 def regular_prism(rng: np.random.Generator, vertices: int) -> Array:
     """Corners of a prism over a regular polygon of radius 1, of random height."""
-    angles = 2 * np.pi * np.arange(vertices // 2) / (vertices // 2)
-    return _prism(np.column_stack([np.cos(angles), np.sin(angles)]), rng.uniform(0.5, 1.5))
+    height = rng.uniform(0.5, 1.5)
+    return prism(polygon(vertices // 2), -height, height)
 
 
 def lattice_prism(rng: np.random.Generator, vertices: int) -> Array:
@@ -74,12 +75,8 @@ def lattice_prism(rng: np.random.Generator, vertices: int) -> Array:
     outline = 2 * outline - (outline.min(axis=0) + outline.max(axis=0))  # centred
     scale = rng.integers(1, 4, 2 if vertices == 8 else 1)  # others keep their directions
     width = max(1, int(np.ptp(outline, axis=0).max()) // 2)
-    return _prism(outline * scale, float(rng.integers(width, 3 * width, endpoint=True)))
-
-
-def _prism(outline: Array, height: float) -> Array:
-    bottom, top = (np.column_stack([outline, np.full(len(outline), z)]) for z in (-height, height))
-    return np.vstack([bottom, top]).astype(np.float64)
+    height = int(rng.integers(width, 3 * width, endpoint=True))
+    return prism(outline * scale, -height, height)
 
 
 @cache
@@ -130,19 +127,6 @@ def why_not(vertices: int, shape: str) -> str | None:
 # -------------------------------------------------------------------------------------------------------------- poses
 
 
-def random_rotation(rng: np.random.Generator) -> Array:
-    """Rotation matrix, uniform."""
-    w, x, y, z = rng.normal(size=4).tolist()
-    s = 2 / (w * w + x * x + y * y + z * z)
-    return np.array(
-        [
-            [1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],
-            [s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)],
-            [s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)],
-        ]
-    )
-
-
 def quarter_turns(rng: np.random.Generator) -> Array:
     """Rotation about z by a multiple of a right angle, exact, and in half of the cases upside down."""
     c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][rng.integers(4)]
@@ -153,9 +137,8 @@ def random_pose(
     rng: np.random.Generator, movable: Body, static: Body, separation: Separation = SEPARATIONS["middling"]
 ) -> Array:
     """Transform that turns body 1 at random and puts it on any side of body 2, at a random growth distance."""
-    return _posed(rng, (movable, static), (SeededPart.of(movable), SeededPart.of(static)), separation, parallel=False)[
-        0
-    ]
+    parts = SeededPart.of(movable), SeededPart.of(static)
+    return _posed(rng, (movable, static), parts, separation, parallel=False)[0]
 
 
 def _posed(
@@ -187,16 +170,13 @@ def _met(P: Array, solids: tuple[SeededPart, SeededPart], d: Array, ray: Array) 
     """Return which multiple of a scale pair touches; P: vertices of body 1 turned, d: way between the seeds."""
     one, two = solids
     try:
-        return float(
-            growth_distance(P, two.vertices, d, ray, float(ray @ [one.inner, two.inner]) / 2).point[0] / ray[0]
-        )
+        inner = float(ray @ [one.inner, two.inner]) / 2
+        return float(growth_distance(P, two.vertices, d, ray, inner).point[0] / ray[0])
     except FcdmError:  # it may go round in circles where many columns tie: a general solver then
         from scipy.optimize import linprog
 
-        columns = np.vstack([P, -two.vertices]).T
-        sums = np.array(
-            [[*np.ones(len(P)), *np.zeros(len(two.vertices))], [*np.zeros(len(P)), *np.ones(len(two.vertices))]]
-        )
+        columns = np.hstack([P.T, -two.vertices.T])
+        sums = np.repeat(np.eye(2), [len(P), len(two.vertices)], axis=1)
         equations = np.column_stack([np.vstack([columns, sums]), np.append(np.zeros(3), -ray)])
         costs = np.append(np.zeros(columns.shape[1]), 1.0)
         found = linprog(costs, A_eq=equations, b_eq=np.append(d, np.zeros(2)), method="highs")
@@ -255,9 +235,8 @@ class DrawnPair:
             Body.convex(hull, seed=middle, name=name) for hull, name in zip(hulls, ("one", "two"), strict=True)
         )
         assert all(len(body.parts[0].vertices) == vertices for body in (movable, static))
-        return cls(
-            Pair(movable, static), vertices, shape, separation, seed, (SeededPart.of(movable), SeededPart.of(static))
-        )
+        parts = SeededPart.of(movable), SeededPart.of(static)
+        return cls(Pair(movable, static), vertices, shape, separation, seed, parts)
 
     @property
     def box(self) -> Array:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt_benchmarks.pairs import random_rotation
+from fcdm_opt_benchmarks.coal_shapes import coal_pose, coal_requests, coal_surface
+from fcdm_opt_benchmarks.shapes import prism, random_rotation
 
 GROWTH = (1.05, 1.5)  # both scales at which the poses touch: apart as drawn, and the curve crosses the box
 NEAR = 1e-3  # of the bodies' reach: touching, for placing them
@@ -35,7 +35,7 @@ def gear(rng: np.random.Generator, count: int) -> Parts:
     """Make a spur gear with a bore: hub pieces side by side around it and teeth on them, none with the seed."""
     height = 0.15
     if count < 6:
-        return [_prism(STRIP + np.array([k - count / 2, 0]), height) for k in range(count)]
+        return [prism(STRIP + np.array([k - count / 2, 0]), -height, height) for k in range(count)]
     pieces = max(3, count // 3)
     teeth = count - pieces
     hub, root, tip = 0.3, 0.8, 1.0
@@ -52,12 +52,7 @@ def gear(rng: np.random.Generator, count: int) -> Parts:
     for k in range(teeth):
         tooth = ((0.25, 0.9 * flat), (0.75, 0.9 * flat), (0.6, tip), (0.4, tip))
         outlines.append([corner((k + share) / teeth, radius) for share, radius in tooth])
-    return [_prism(np.array(outline), height) for outline in outlines]
-
-
-def _prism(outline: np.ndarray, height: float) -> np.ndarray:
-    """Extrude an outline to both sides along z."""
-    return np.vstack([np.column_stack([outline, np.full(len(outline), z)]) for z in (-height, height)])
+    return [prism(outline, -height, height) for outline in outlines]
 
 
 def chunks(rng: np.random.Generator, count: int) -> Parts:
@@ -116,27 +111,7 @@ class UnionPair:
     @cached_property
     def poses(self) -> list[Any]:
         """The transforms for coal."""
-        import coal
-
-        return [coal.Transform3s(T[:3, :3], T[:3, 3]) for T in self.transforms]
-
-
-def coal_surface(body: Body) -> Any:
-    """Return the surfaces of all parts of a body as one mesh of coal: as far from others as their union is."""
-    import coal
-
-    vectors, triangles, first = coal.StdVec_Vec3s(), coal.StdVec_Triangle(), 0
-    for part in body.parts:
-        vectors.extend(list(part.vertices))
-        triangles.extend(
-            [coal.Triangle(first + loop[0], first + b, first + c) for loop in part.loops for b, c in pairwise(loop[1:])]
-        )
-        first += len(part.vertices)
-    model = coal.BVHModelOBBRSS()
-    model.beginModel(len(triangles), len(vectors))
-    model.addSubModel(vectors, triangles)
-    model.endModel()
-    return model
+        return [coal_pose(T) for T in self.transforms]
 
 
 def _pose(rng: np.random.Generator, one: Any, two: Any, reach: float) -> np.ndarray:
@@ -147,7 +122,7 @@ def _pose(rng: np.random.Generator, one: Any, two: Any, reach: float) -> np.ndar
     import coal
 
     way, R, fixed = _spread(rng, 1)[0], random_rotation(rng), coal.Transform3s()
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    (request, _), result = coal_requests(), coal.DistanceResult()
     offset, left = 1.1 * reach, np.inf
     while left > NEAR * reach and offset > NEAR * reach:
         result.clear()

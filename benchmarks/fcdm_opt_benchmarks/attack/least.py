@@ -19,7 +19,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from fcdm_opt_benchmarks.attack import motions
-from fcdm_opt_benchmarks.attack.separation import Array, ConvexSolid, axes, distance, reaches, separations
+from fcdm_opt_benchmarks.attack.separation import ConvexSolid, axes, distance, reaches, separations
+from fcdm_opt_benchmarks.shapes import Array
 
 EPS = 1e-11  # of the size: rounding of a scene's own coordinates
 SLACK = 1e-8  # of the size: what a valid motion may miss; far above rounding, far below every size in a scene

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial import HalfspaceIntersection
 
 from fcdm_opt_benchmarks.attack.least import KnownMotion, Setting, nearest
-from fcdm_opt_benchmarks.attack.separation import Array, ConvexSolid, axes
+from fcdm_opt_benchmarks.attack.separation import ConvexSolid, axes
+from fcdm_opt_benchmarks.shapes import Array
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fcdm_opt_benchmarks.attack.separation import Array
+from fcdm_opt_benchmarks.shapes import Array
 
 Point = tuple[float, float, float]
 

@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 import traceback
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fcdm_opt_benchmarks.attack.scenes import CHEAP, drawn, names
 from fcdm_opt_benchmarks.attack.verdicts import FAILURES, NOTES, failed, verdicts
+from fcdm_opt_benchmarks.record import table
+from fcdm_opt_benchmarks.scripts import chunks, in_pieces
 
 CHUNK = 6
 ROUNDS, QUICK = 60, 5
@@ -102,11 +101,9 @@ def report(lines: list[SceneOutcome], seconds: float) -> str:
     total = sum(counts.values(), Counter())
     rows = [[family, *(str(own[head]) for head in heads)] for family, own in sorted(counts.items())]
     rows.append(["all", *(str(total[head]) for head in heads)])
-    rows.insert(0, ["family", *heads])
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    table = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
-    text = [f"{len(lines)} scenes in {seconds:.0f} s; package {sum(line.seconds[0] for line in lines):.0f} s, "
-            f"oracles {sum(line.seconds[1] for line in lines):.0f} s", *table]  # fmt: skip
+    package, oracles = (sum(own) for own in zip((0.0, 0.0), *(line.seconds for line in lines), strict=True))
+    spent = f"{len(lines)} scenes in {seconds:.0f} s; package {package:.0f} s, oracles {oracles:.0f} s"
+    text = [spent, table(["family", *heads], rows)]
     for line in lines:
         text += [f"{line.words}\n    {kind}: {words}" for kind, words in line.told if kind in FAILURES]
     return "\n".join(text)
@@ -133,17 +130,12 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = [name for name in names(given.quick, rounds) if given.only in name]
     if given.quick:
         chosen = [name for name in chosen if (scene := drawn(name)) is not None and scene.label in CHEAP]
-    chunks = [chosen[k : k + CHUNK] for k in range(0, len(chosen), CHUNK)]
+    pieces = [(chosen[part.start : part.stop], given.effort) for part in chunks(len(chosen), CHUNK)]
     lines: list[SceneOutcome] = []
-    with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
-        jobs: list[Any] = [pool.submit(run, chunk, given.effort) for chunk in chunks]
-        for done, job in enumerate(as_completed(jobs), 1):
-            lines += job.result()
-            if given.json is not None:
-                given.json.write_text(json.dumps([line._asdict() for line in lines], indent=1) + "\n")
-            if sys.stderr.isatty():
-                print(f"\r{done} of {len(jobs)}", end="", file=sys.stderr, flush=True)
-    lines.sort(key=lambda line: chosen.index(line.name))
+    for found in in_pieces(run, pieces, given.jobs):
+        lines += found
+        if given.json is not None:
+            given.json.write_text(json.dumps([line._asdict() for line in lines], indent=1) + "\n")
     print(report(lines, time.perf_counter() - start))
     weak = given.proved and any(kind == "weak bound" for line in lines for kind, _ in line.told)
     return 3 if weak or any(failed(line.told) for line in lines) else 0

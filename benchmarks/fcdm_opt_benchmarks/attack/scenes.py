@@ -15,8 +15,9 @@ from fcdm_opt_benchmarks.attack import motions
 from fcdm_opt_benchmarks.attack.least import KnownMotion, Setting, SolidPair, least
 from fcdm_opt_benchmarks.attack.lines import TrackedPoint, least_tracked, switching_points
 from fcdm_opt_benchmarks.attack.motions import MotionStep, Steps
-from fcdm_opt_benchmarks.attack.separation import Array, ConvexSolid
-from fcdm_opt_benchmarks.attack.solids import FITS, Fit, Pieces, box, no_play
+from fcdm_opt_benchmarks.attack.separation import ConvexSolid
+from fcdm_opt_benchmarks.attack.solids import FITS, Fit, Pieces, no_play
+from fcdm_opt_benchmarks.shapes import Array, box
 
 SIGNS = {"A": (1, 1), "B": (1, -1), "C": (-1, 1), "D": (-1, -1)}
 TOLERANCES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
+from fcdm_opt_benchmarks.shapes import Array
+
 SAME = 1e-9  # directions that differ by less are one; sizes of the scenes are 1 to 10
 
 

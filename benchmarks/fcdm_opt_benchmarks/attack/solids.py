@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt_benchmarks.attack.separation import Array
+from fcdm_opt_benchmarks.shapes import Array, box, polygon, prism
 
 Pieces = list[Array]
 
@@ -30,22 +30,9 @@ class Fit(NamedTuple):
     round: bool = False
 
 
-def box(low: object, high: object) -> Array:
-    """Return the corners of a box."""
-    ends = np.array([low, high], dtype=np.float64)
-    return np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-
-
-def prism(outline: object, low: float, high: float) -> Array:
-    """Return a prism over an outline in x and y, (n, 2)."""
-    flat = np.asarray(outline, dtype=np.float64)
-    return np.vstack([np.column_stack([flat, np.full(len(flat), z)]) for z in (low, high)])
-
-
 def circle(count: int, radius: float) -> Array:
     """Return the corners of a polygon, (n, 2)."""
-    angle = 2 * np.pi * np.arange(count) / count
-    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    return radius * polygon(count)
 
 
 def ring(count: int, inner: float, outer: float, low: float, high: float) -> Pieces:

@@ -10,7 +10,7 @@ import numpy as np
 from fcdm_opt_benchmarks.attack.least import KnownMotion
 from fcdm_opt_benchmarks.attack.lines import reached
 from fcdm_opt_benchmarks.attack.scenes import FitScene
-from fcdm_opt_benchmarks.attack.separation import Array
+from fcdm_opt_benchmarks.shapes import Array
 
 SNAP = 1e-6  # how far sizes may be from those asked, relative
 PROVED = 0.01  # what is proved for one and two parameters

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt_benchmarks.contacts.placed import Placed, answered, columns, up_to
 from fcdm_opt_benchmarks.contacts.programs import ContactProgram, gain
 from fcdm_opt_benchmarks.library import library
-from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
+from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one, settings
+from fcdm_opt_benchmarks.placed import Placed, answered, up_to
 
 BUFFERED = 1  # the memory of a function's first buffer: 0 is that of its plain calls
 
@@ -53,7 +53,7 @@ def ipopt(pair: Pair, setting: float) -> Ask:
 
     def answer(question: ContactQuestion) -> ContactAnswer:
         R, d = placed.pose(question.transform)
-        parameters[:9], parameters[9:12], parameters[12] = columns(R), d, question.rho1
+        parameters[:9], parameters[9:12], parameters[12] = R.ravel("F"), d, question.rho1
         return answered(-solver("IPOPT", "return_status"))
 
     return one_by_one(answer)
@@ -139,13 +139,7 @@ class _Buffered:
 
 SLOW, LOST = up_to(5000, "over a second an answer"), up_to(1000, "no answer in its iterations")
 METHODS = (
-    Method(
-        "CasADi IPOPT",
-        "CasADi",
-        {"1e-4": 1e-4, "1e-8": 1e-8, "1e-12": 1e-12},
-        ipopt,
-        SLOW,
-    ),
-    Method("CasADi clp", "CasADi", {"1e-4": 1e-4, "1e-7": 1e-7, "1e-10": 1e-10}, clp),
-    Method("CasADi ipqp", "CasADi", {"1e-8": 1e-8}, ipqp, LOST),
+    Method("CasADi IPOPT", "CasADi", settings("1e-4", "1e-8", "1e-12"), ipopt, SLOW),
+    Method("CasADi clp", "CasADi", settings("1e-4", "1e-7", "1e-10"), clp),
+    Method("CasADi ipqp", "CasADi", settings("1e-8"), ipqp, LOST),
 )

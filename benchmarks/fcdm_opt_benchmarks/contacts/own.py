@@ -1,11 +1,8 @@
-"""One contact by ours: the walk's lines, or rational ones, at a scale of body 1.
-
-What touches is named by the vertices of the smallest faces that do: those of a face, an edge's ends, or one.
-"""
+"""One contact by ours: the walk's lines, or rational ones, at a scale of body 1."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +14,8 @@ from fcdm_opt.curve.kernels import kernel
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
-from fcdm_opt_benchmarks.contacts.placed import Placed, answered
-from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Failure, Method, Pair, Touching, one_by_one
+from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Failure, Method, Pair, one_by_one
+from fcdm_opt_benchmarks.placed import Placed, answered, elements
 
 NONE = Failure("no scale of body 2 above 0 touches")
 
@@ -38,7 +35,7 @@ def walked(pair: Pair, setting: None) -> Ask:
     """Call the compiled walk of one pose, and cross its lines; what floats cannot prove is left to the exact path."""
     Placed.of(pair)
     one, two = _parts(pair)
-    walk, name, exactly = kernels.walk, _naming(one, two), _exactly(pair)
+    walk, named, exactly = kernels.walk, elements(pair), _exactly(pair)
     packed, seeds, planarity = (*one.packed, *two.packed), (one.seed, two.seed), DEFAULT.planarity
 
     def ask(questions: Sequence[ContactQuestion]) -> list[Any]:
@@ -49,7 +46,8 @@ def walked(pair: Pair, setting: None) -> Ask:
                 answers += exactly([ContactQuestion(transform, rho1)])
                 continue
             rho2, k = _crossing(rows, rho1)
-            answers.append(ContactAnswer(rho2, name(*sites[k, :3].tolist())) if rho2 > 0 else NONE)
+            kind, i, j = sites[k, :3].tolist()
+            answers.append(ContactAnswer(rho2, (named[kind][0][i], named[kind][1][j])) if rho2 > 0 else NONE)
         return answers
 
     return ask
@@ -57,7 +55,7 @@ def walked(pair: Pair, setting: None) -> Ask:
 
 def batch(pair: Pair, setting: None) -> Ask:
     """Ask for the curves of all poses at once, in a box about the questions, and cross them in arrays."""
-    placed, name = Placed.of(pair), _naming(*_parts(pair))
+    placed, named = Placed.of(pair), elements(pair)
 
     def ask(questions: Sequence[ContactQuestion]) -> list[Any]:
         if not questions:
@@ -75,9 +73,9 @@ def batch(pair: Pair, setting: None) -> Ask:
         # of a contact in more than a point they are one facet, and name not all that touches
         sure = ~curves.settled[some]
         answers: list[Any] = [NONE] * len(questions)
-        for k, height, site, proved in zip(some.tolist(), rho2.tolist(), sites, sure.tolist(), strict=True):
+        for k, height, (kind, i, j), proved in zip(some.tolist(), rho2.tolist(), sites, sure.tolist(), strict=True):
             if height > 0:
-                answers[k] = ContactAnswer(height, name(*site) if proved else None)
+                answers[k] = ContactAnswer(height, (named[kind][0][i], named[kind][1][j]) if proved else None)
         return answers
 
     return ask
@@ -117,23 +115,6 @@ def _exactly(pair: Pair) -> Ask:
         return answered(quotient(highest.p, highest.q), (tuple(sorted(found.one)), tuple(sorted(found.two))))
 
     return one_by_one(answer)
-
-
-def _naming(one: ConvexPart, two: ConvexPart) -> Callable[[int, int, int], Touching]:
-    """Return the function from a facet of the parts' Minkowski difference to what touches there."""
-
-    def face(part: ConvexPart, k: int) -> tuple[int, ...]:
-        return tuple(sorted(part.loops[k]))
-
-    def edge(part: ConvexPart, k: int) -> tuple[int, ...]:
-        return tuple(sorted(part.edges[k, :2].tolist()))
-
-    def name(kind: int, i: int, j: int) -> Touching:
-        if kind == kernels.E1E2:
-            return edge(one, i), edge(two, j)
-        return (face(one, i), (j,)) if kind == kernels.F1V2 else ((i,), face(two, j))
-
-    return name
 
 
 def _parts(pair: Pair) -> tuple[ConvexPart, ConvexPart]:

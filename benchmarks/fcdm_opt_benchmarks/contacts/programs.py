@@ -12,17 +12,25 @@ A pose changes nine entries of the matrix and d, whatever the number of vertices
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.errors import FcdmError
-from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt_benchmarks.contacts.placed import Placed, answered, columns
-from fcdm_opt_benchmarks.library import library
-from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt_benchmarks.library import (
+    DUAL,
+    PRIMAL,
+    Compressed,
+    basic_weights,
+    highs_model,
+    highs_solver,
+    library,
+    solved_by_highs,
+)
+from fcdm_opt_benchmarks.method import Ask, ContactAnswer, ContactQuestion, Method, Pair, one_by_one, settings
+from fcdm_opt_benchmarks.placed import Placed, answered
 
-DUAL, PRIMAL = 1, 4  # of HiGHS: its simplex methods
 EVERY = np.arange(7, dtype=np.int32)
 
 
@@ -57,11 +65,12 @@ class ContactProgram:
         self.upper = np.zeros(len(self.matrix))
         self.upper[self.static] = 1.0
 
-    def compressed(self, matrix: Array) -> tuple[Ints, Ints, Array]:
+    def compressed(self, matrix: Array) -> Compressed:
         """Return starts, indices and values of a matrix by columns, without its zeros."""
-        order = matrix.T != 0
-        starts = np.concatenate([[0], np.cumsum(order.sum(axis=1))])
-        return starts.astype(np.int32), np.nonzero(order)[1].astype(np.int32), matrix.T[order]
+        from scipy.sparse import csc_matrix
+
+        made = csc_matrix(matrix)
+        return made.indptr, made.indices, made.data
 
 
 def gain(d: Array, rho1: float) -> Array:
@@ -83,24 +92,19 @@ def warm(pair: Pair, setting: Simplex) -> Ask:
 
 
 def _highs(pair: Pair, setting: Simplex, *, warm: bool) -> Ask:
-    highspy = library("highspy")
     placed = Placed.of(pair)
     program = ContactProgram(placed)
-    solver = highspy.Highs()
-    options = {
-        "output_flag": False,
-        "threads": 1,
-        "presolve": "off",  # takes longer than the simplex method on seven rows
-        "solver": "simplex",
-        "simplex_strategy": PRIMAL if warm else DUAL,
-        "primal_feasibility_tolerance": setting.tolerance,
-        "dual_feasibility_tolerance": setting.tolerance,
-    }
-    for key, value in options.items():
-        solver.setOptionValue(key, value)
-    solver.passModel(_model(highspy, program))
-    optimal, matrix, unit = highspy.HighsModelStatus.kOptimal, program.matrix.copy(), np.eye(7)
-    change = solver.changeCoeff
+    count = len(program.matrix)
+    solver = highs_solver(
+        setting.tolerance,
+        presolve="off",  # takes longer than the simplex method on seven rows
+        solver="simplex",
+        simplex_strategy=PRIMAL if warm else DUAL,
+    )
+    low = np.where(np.arange(count) < 3, -np.inf, 0.0)  # the dual: a column for every row of the program
+    columns, zero = (low, np.full(count, np.inf)), np.zeros(7)
+    solver.passModel(highs_model(program.compressed(program.matrix.T), program.upper, (zero, zero), columns))
+    matrix, change = program.matrix.copy(), solver.changeCoeff
 
     def answer(question: ContactQuestion) -> ContactAnswer:
         R, d = placed.pose(question.transform)
@@ -111,33 +115,14 @@ def _highs(pair: Pair, setting: Simplex, *, warm: bool) -> Ask:
         solver.changeRowsBounds(7, EVERY, g, g)
         if not warm:
             solver.clearSolver()
-        solver.run()
-        status = solver.getModelStatus()
-        if status != optimal:
-            raise FcdmError(f"HiGHS: {solver.modelStatusToString(status)}")
+        solved_by_highs(solver)
         if not setting.anew:
             return answered(solver.getObjectiveValue())
-        basis = np.asarray(solver.getBasicVariables()[1])  # a negative entry stands for a row, whose slack is zero
         matrix[:3, :3] = R
-        system = np.array([matrix[k] if k >= 0 else unit[-1 - k] for k in basis]).T
-        weights = np.linalg.solve(system, g)
+        basis, weights = basic_weights(solver, matrix, g)
         return answered(weights[basis >= program.static.start].sum())
 
     return one_by_one(answer)
-
-
-def _model(highspy: Any, program: ContactProgram) -> Any:
-    """Return the dual: a column for every row of the program."""
-    count, infinity = len(program.matrix), highspy.kHighsInf
-    model = highspy.HighsLp()
-    model.num_col_, model.num_row_ = count, 7
-    model.col_cost_, model.col_upper_ = program.upper, np.full(count, infinity)
-    model.col_lower_ = np.where(np.arange(count) < 3, -infinity, 0.0)
-    model.row_lower_ = model.row_upper_ = np.zeros(7)
-    matrix = model.a_matrix_
-    matrix.format_, matrix.num_col_, matrix.num_row_ = highspy.MatrixFormat.kColwise, count, 7
-    matrix.start_, matrix.index_, matrix.value_ = program.compressed(program.matrix.T)
-    return model
 
 
 # --------------------------------------------------------------------------------------------------------- Clarabel
@@ -161,7 +146,7 @@ def clarabel(pair: Pair, setting: float) -> Ask:
 
     def answer(question: ContactQuestion) -> ContactAnswer:
         R, d = placed.pose(question.transform)
-        solver.update(q=-gain(d, question.rho1), A=(turned, columns(R)))
+        solver.update(q=-gain(d, question.rho1), A=(turned, R.ravel("F")))
         found = solver.solve()
         if str(found.status) != "Solved":
             raise FcdmError(f"Clarabel: {found.status}")
@@ -195,7 +180,7 @@ def modelled(pair: Pair, setting: float) -> Ask:
 
 
 TIGHT = {"1e-4": Simplex(1e-4), "1e-7": Simplex(1e-7), "1e-10": Simplex(1e-10), "1e-10, anew": Simplex(1e-10, True)}
-INTERIOR = {"1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-11": 1e-11}
+INTERIOR = settings("1e-4", "1e-6", "1e-8", "1e-11")
 METHODS = (
     Method("HiGHS, cold", "HiGHS", TIGHT, cold),
     Method("HiGHS, warm", "HiGHS", TIGHT, warm),

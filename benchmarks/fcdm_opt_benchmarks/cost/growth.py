@@ -27,15 +27,14 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.decision_curve import decision_curve
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt_benchmarks import curves, motions
+from fcdm_opt_benchmarks.coal_shapes import coal_hull, coal_pose, coal_requests, coal_surface
 from fcdm_opt_benchmarks.cost.scenes import hull_pair, overlapping
-from fcdm_opt_benchmarks.library import coal_hull
 from fcdm_opt_benchmarks.method import Ask, CurveQuestion, Failure, Method, Pair, one_by_one
 from fcdm_opt_benchmarks.pairs import DrawnPair
 from fcdm_opt_benchmarks.record import Row
 from fcdm_opt_benchmarks.timing import TimedScene, Timing, TimingPlan, measured, warmed
-from fcdm_opt_benchmarks.union_pairs import FAMILIES, UnionPair, coal_surface
+from fcdm_opt_benchmarks.union_pairs import FAMILIES, UnionPair
 
 Say = Callable[[str], None]
 SHAPE = "long"  # of hulls: their curves have more segments the more vertices they have
@@ -101,6 +100,8 @@ def exponents(rows: Sequence[Row]) -> list[Row]:
     list of dict
         With "axis", "method", "exponent", "error", "from", "to", "points" and "factor": the line is factor x^exponent.
     """
+    from scipy.stats import linregress
+
     found = []
     for axis, method in dict.fromkeys((row["axis"], row["method"]) for row in rows):
         own = [row for row in rows if (row["axis"], row["method"]) == (axis, method) and row.get("seconds") is not None]
@@ -108,20 +109,11 @@ def exponents(rows: Sequence[Row]) -> list[Row]:
         if len({row["x"] for row in own}) < LEAST:
             continue
         x, y = np.log([row["x"] for row in own]), np.log([row["seconds"] for row in own])
-        slope, level, error = _line(x, y)
+        line = linregress(x, y)
         ends = min(row["x"] for row in own), max(row["x"] for row in own)
-        found.append({"axis": axis, "method": method, "exponent": slope, "error": error, "from": ends[0], "to": ends[1],
-                      "points": len(own), "factor": math.exp(level)})  # fmt: skip
+        found.append({"axis": axis, "method": method, "exponent": line.slope, "error": line.stderr, "from": ends[0],
+                      "to": ends[1], "points": len(own), "factor": math.exp(line.intercept)})  # fmt: skip
     return found
-
-
-def _line(x: Array, y: Array) -> tuple[float, float, float]:
-    """Return slope, level at 0 and the slope's standard error of the least-squares line."""
-    middle, spread = x.mean(), float(((x - x.mean()) ** 2).sum())
-    slope = float((x - middle) @ y) / spread
-    level = float(y.mean() - slope * middle)
-    left = float(((y - level - slope * x) ** 2).sum())
-    return slope, level, math.sqrt(left / (len(x) - 2) / spread)
 
 
 def _row(axis: _GrowthAxis, x: int, scene: TimedScene, own: Timing) -> Row:
@@ -176,12 +168,11 @@ def _hulls_apart(pair: Pair, setting: None) -> Ask:
 def _distances(one: Any, two: Any) -> Ask:
     import coal
 
-    fixed, request, result = coal.Transform3s(), coal.DistanceRequest(), coal.DistanceResult()
+    fixed, (request, _), result = coal.Transform3s(), coal_requests(), coal.DistanceResult()
 
     def answer(question: CurveQuestion) -> float:
         result.clear()  # or it prunes the next
-        pose = coal.Transform3s(question.transform[:3, :3], question.transform[:3, 3])
-        return float(coal.distance(one, pose, two, fixed, request, result))
+        return float(coal.distance(one, coal_pose(question.transform), two, fixed, request, result))
 
     return one_by_one(answer)
 

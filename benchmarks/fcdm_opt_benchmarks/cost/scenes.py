@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,8 @@ from fcdm_opt.motion.motions import Motion, Rotation, Translation
 from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt_benchmarks.pairs import SHAPES, random_rotation
+from fcdm_opt_benchmarks.pairs import SHAPES
+from fcdm_opt_benchmarks.shapes import box, random_directions, random_rotation
 from fcdm_opt_benchmarks.union_pairs import UnionPair
 
 FILES = Path(__file__).parents[3] / "problems"
@@ -40,24 +41,16 @@ CASES = {
     "lid, flush": ("lid", "A flush on the rim"),
     "lid, room for a seal": ("lid", "room for a seal"),
 }
-SOLIDS = {
-    "hull 12, 1 parameter": (12, 1),
-    "hull 12, 2 parameters": (12, 2),
-    "hull 12, 3 parameters": (12, 3),
-    "hull 12, 6 parameters": (12, 6),
-    "hull 100, 1 parameter": (100, 1),
-    "hull 100, 2 parameters": (100, 2),
-    "hull 100, 6 parameters": (100, 6),
-    "hull 1000, 1 parameter": (1000, 1),
-    "hull 1000, 3 parameters": (1000, 3),
-}
-UNIONS = {
-    "union 10, 1 parameter": (10, 1),
-    "union 10, 3 parameters": (10, 3),
-    "union 30, 2 parameters": (30, 2),
-    "union 60, 1 parameter": (60, 1),
-    "union 60, 2 parameters": (60, 2),
-}
+
+
+def _sized(kind: str, *sizes: tuple[int, int]) -> dict[str, tuple[int, int]]:
+    """Return (vertices or parts, parameters) by the name of their scene."""
+    return {f"{kind} {size}, {count} parameter{'s' * (count > 1)}": (size, count) for size, count in sizes}
+
+
+SOLIDS = _sized("hull", (12, 1), (12, 2), (12, 3), (12, 6), (100, 1), (100, 2), (100, 6), (1000, 1), (1000, 3))
+UNIONS = _sized("union", (10, 1), (10, 3), (30, 2), (60, 1), (60, 2))
+AMONG = {f"hull among {count} keep-outs": count for count in (12, 40)}
 QUICK = (
     "boxes, one direction",
     "example 2, A",
@@ -70,7 +63,7 @@ QUICK = (
 def names(quick: bool) -> tuple[str, ...]:
     """Return the scenes' names: five of them, or all."""
     there = [name for name in CASES if FILES.is_dir()]
-    every = (*there, *SOLIDS, *UNIONS, "hull among 12 keep-outs", "hull among 40 keep-outs")
+    every = (*there, *SOLIDS, *UNIONS, *AMONG)
     return tuple(name for name in every if name in QUICK or not quick)
 
 
@@ -81,12 +74,12 @@ def scene(name: str, seed: int) -> Problem:
         file, case = CASES[name]
         return next(problem for problem in load_problems(FILES / f"{file}.toml") if problem.name == case)
     if name in SOLIDS:
-        return _hulls(seed, *SOLIDS[name])
+        vertices, parameters = SOLIDS[name]
+        return overlapping(*hull_pair(seed, vertices), parameters)
     if name in UNIONS:
         return _unions(seed, *UNIONS[name])
-    around = {f"hull among {count} keep-outs": partial(_among, seed, count) for count in (12, 40)}
-    if name in around:
-        return around[name]()
+    if name in AMONG:
+        return _among(seed, AMONG[name])
     raise InputError("no such scene", key="scene", found=name, allowed=", ".join(names(quick=False)))
 
 
@@ -129,10 +122,6 @@ def overlapping(movable: Body, static: Body, parameters: int, keep_out: tuple[Ke
     )
 
 
-def _hulls(seed: int, vertices: int, parameters: int) -> Problem:
-    return overlapping(*hull_pair(seed, vertices), parameters)
-
-
 def _unions(seed: int, parts: int, parameters: int) -> Problem:
     pair = UnionPair.of(seed, "spiky", parts, 1)
     return overlapping(_moved(pair.parts[0], pair.transforms[0]), pair.bodies[1], parameters)
@@ -146,10 +135,8 @@ def _among(seed: int, count: int) -> Problem:
     """Put blocks all around body 1, some of them in its way."""
     one, two = hull_pair(seed, 12)
     rng, reach = np.random.default_rng([seed, count]), float(np.linalg.norm(one.vertices - one.seed, axis=1).max())
-    corners = BLOCK * reach * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    ways = rng.normal(size=(count, 3))
-    ways /= np.linalg.norm(ways, axis=1)[:, None]
-    places = one.seed + reach * ways * rng.uniform(AROUND, 2.0 * AROUND, (count, 1))
+    corners = BLOCK * reach * box((-1, -1, -1), (1, 1, 1))
+    places = one.seed + reach * random_directions(rng, count) * rng.uniform(AROUND, 2.0 * AROUND, (count, 1))
     blocks = [
         KeepOut(
             Body.convex(corners @ random_rotation(rng).T + place, name=f"block {k + 1}"), clearance=CLEARANCE * reach

@@ -12,18 +12,15 @@ import numpy as np
 
 from fcdm_opt.curve.batch import decision_curves
 from fcdm_opt.curve.decision_curve import decision_curve
-from fcdm_opt.curve.kernels import E1E2, F1V2, UNDECIDED, V1F2
-from fcdm_opt.errors import InputError
+from fcdm_opt.curve.kernels import UNDECIDED
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
-from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
-from fcdm_opt_benchmarks.curves.rays import SeededPart
 from fcdm_opt_benchmarks.curves.rivals import bisection, clarabel, cold_highs, distances, growth, linprog, warm_highs
-from fcdm_opt_benchmarks.method import Ask, CurveAnswer, CurveQuestion, Method, Pair, Touching, one_by_one
+from fcdm_opt_benchmarks.method import Ask, CurveAnswer, CurveQuestion, Method, Pair, Touching, one_by_one, settings
+from fcdm_opt_benchmarks.placed import elements, seeds_inside, up_to
 from fcdm_opt_benchmarks.references import exact_curve_in_box
 
 Batch = tuple[Ints, Array, Ints, Flags]  # segments a curve, their ends, features, and curves the floats did not prove
-Elements = tuple[tuple[list[tuple[int, ...]], list[tuple[int, ...]]], ...]
 
 
 def batch(pair: Pair, setting: None) -> Ask:
@@ -70,7 +67,7 @@ def _batched(
     settled: Callable[[CurveQuestion, Array], CurveAnswer],
 ) -> Ask:
     """Return the function that answers by arrays; `settled` answers for what no float has proved."""
-    elements = _elements(pair.movable.parts[0], pair.static.parts[0])
+    named = elements(pair)
 
     def ask(questions: Sequence[CurveQuestion]) -> list[CurveAnswer]:
         boxes = np.array([question.box for question in questions])
@@ -84,7 +81,7 @@ def _batched(
         points[np.arange(len(ends)) + np.repeat(np.arange(len(counts)), counts)] = ends[:, 0]
         some = np.flatnonzero(counts)
         points[offsets[1:][some] + some] = ends[offsets[1:][some] - 1, 1]
-        names = [(elements[kind][0][i], elements[kind][1][j]) for kind, i, j in features.tolist()]
+        names = [(named[kind][0][i], named[kind][1][j]) for kind, i, j in features.tolist()]
         answers: list[CurveAnswer] = []
         places = zip(questions, offsets.tolist(), offsets[1:].tolist(), doubtful.tolist(), strict=False)
         for k, (question, start, stop, unproved) in enumerate(places):
@@ -93,20 +90,6 @@ def _batched(
         return answers
 
     return ask
-
-
-def _elements(one: ConvexPart, two: ConvexPart) -> Elements:
-    """Return, by kind of feature, the sorted vertices of either part's elements by their numbers."""
-    faces, edges, vertices = (
-        [[tuple(sorted(own)) for own in table(part)] for part in (one, two)]
-        for table in (
-            lambda part: part.loops,
-            lambda part: part.edges[:, :2].tolist(),
-            lambda part: ((k,) for k in range(len(part.vertices))),
-        )
-    )
-    by_kind = {F1V2: (faces[0], vertices[1]), V1F2: (vertices[0], faces[1]), E1E2: (edges[0], edges[1])}
-    return tuple(by_kind[kind] for kind in range(len(by_kind)))
 
 
 def single(pair: Pair, setting: None) -> Ask:
@@ -137,55 +120,20 @@ def _exact(pair: Pair, question: CurveQuestion) -> CurveAnswer:
 
 # ------------------------------------------------------------------------------------------------------- who is asked
 
-
-def seeds_inside(pair: Pair) -> str | None:
-    """Return what keeps a pair from having one decreasing curve, see `SeededPart.of`."""
-    try:
-        for body in pair:
-            SeededPart.of(body)
-    except InputError as reason:
-        return str(reason)
-    return None
-
-
-def up_to(vertices: int, seconds: str) -> Callable[[Pair], str | None]:
-    """Return who refuses pairs with more vertices a part; `seconds`: what a curve of such a pair was seen to take."""
-
-    def refuses(pair: Pair) -> str | None:
-        found = max(len(body.vertices) for body in pair)
-        return f"more than {vertices} vertices a part: {seconds} a curve" if found > vertices else seeds_inside(pair)
-
-    return refuses
-
-
-DOUBLES = {"doubles": None}
+RAYS = {f"{rays} rays, {tolerance}": (rays, float(tolerance))
+        for rays, tolerance in ((9, "1e-3"), (33, "1e-6"), (33, "1e-12"), (129, "1e-12"))}  # fmt: skip
+DOUBLES, NEWTON, SIMPLEX = {"doubles": None}, settings("1e-6", "1e-12"), settings("1e-7", "1e-10")
+SLOW, VERY_SLOW = up_to(1000, "more than 1 s a curve"), up_to(1000, "up to 5 s a curve")
 METHODS: tuple[Method, ...] = (
     Method("decision_curves", "ours", DOUBLES, batch, seeds_inside),
     Method("kernel", "ours", DOUBLES, kernel, seeds_inside),
     Method("decision_curve", "ours", DOUBLES, single, seeds_inside),
     Method("exact path", "ours", {"rationals": None}, exact_path, seeds_inside),
-    Method(
-        "coal bisection",
-        "coal",
-        {
-            "9 rays, 1e-3": (9, 1e-3),
-            "33 rays, 1e-6": (33, 1e-6),
-            "33 rays, 1e-12": (33, 1e-12),
-            "129 rays, 1e-12": (129, 1e-12),
-        },
-        bisection,
-        seeds_inside,
-    ),
-    Method("coal distance + Newton", "coal", {"1e-6": 1e-6, "1e-12": 1e-12}, distances, seeds_inside),
-    Method("growth distances", "growth distance", {"1e-6": 1e-6, "1e-12": 1e-12}, growth, seeds_inside),
-    Method("HiGHS, cold", "HiGHS", {"1e-7": 1e-7, "1e-10": 1e-10}, cold_highs, seeds_inside),
-    Method("HiGHS, warm", "HiGHS", {"1e-7": 1e-7, "1e-10": 1e-10}, warm_highs, seeds_inside),
-    Method("scipy linprog", "HiGHS", {"1e-7": 1e-7, "1e-10": 1e-10}, linprog, up_to(1000, "up to 5 s")),
-    Method(
-        "Clarabel (cvxpy)",
-        "Clarabel",
-        {"1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10},
-        clarabel,
-        up_to(1000, "more than 1 s"),
-    ),
+    Method("coal bisection", "coal", RAYS, bisection, seeds_inside),
+    Method("coal distance + Newton", "coal", NEWTON, distances, seeds_inside),
+    Method("growth distances", "growth distance", NEWTON, growth, seeds_inside),
+    Method("HiGHS, cold", "HiGHS", SIMPLEX, cold_highs, seeds_inside),
+    Method("HiGHS, warm", "HiGHS", SIMPLEX, warm_highs, seeds_inside),
+    Method("scipy linprog", "HiGHS", SIMPLEX, linprog, VERY_SLOW),
+    Method("Clarabel (cvxpy)", "Clarabel", settings("1e-6", "1e-8", "1e-10"), clarabel, SLOW),
 )

@@ -13,33 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.kernels import _cross, _dot, kernel
-from fcdm_opt.errors import FcdmError, InputError
+from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.bodies import Body
 
 ROUNDING = 1e-12  # relative: scale pairs, and lines, that differ by less are equal to a method that works in floats
 STEPS = 10_000  # of a simplex method on three rows: hulls of 10,000 vertices take less than a hundred
 DEPTH = 200  # of a search between two lines: few steps deep even where a curve has a thousand segments
-
-
-class SeededPart(NamedTuple):
-    """A convex part about its seed: vertices, and radii of the balls about the seed inside and around it."""
-
-    vertices: Array
-    inner: float
-    outer: float
-
-    @classmethod
-    def of(cls, body: Body) -> SeededPart:
-        """Return a body's only part; raise `InputError` for several, or a seed that is not inside."""
-        if len(body.parts) != 1:
-            raise InputError("the rival methods take one convex part", key=f"body '{body.name}'", found=len(body.parts))
-        (part,) = body.parts
-        local = part.vertices - part.seed
-        inner = (part.normals * local[[loop[0] for loop in part.loops]]).sum(axis=1).min()
-        if not inner > 0:
-            raise InputError("the rival methods need the seed inside", key=f"body '{body.name}'", found=body.seed)
-        return cls(np.ascontiguousarray(local), float(inner), float(np.linalg.norm(local, axis=1).max()))
 
 
 class RayTouch(NamedTuple):

@@ -22,79 +22,36 @@ import numpy as np
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt_benchmarks.curves.rays import ROUNDING, RayTouch, SeededPart, breakpoints, clipped, growth_distance
-from fcdm_opt_benchmarks.library import coal_hull, library
+from fcdm_opt_benchmarks.coal_shapes import CoalHulls
+from fcdm_opt_benchmarks.curves.rays import ROUNDING, RayTouch, breakpoints, clipped, growth_distance
+from fcdm_opt_benchmarks.library import (
+    PRIMAL,
+    basic_weights,
+    dense,
+    highs_model,
+    highs_solver,
+    library,
+    solved_by_highs,
+)
 from fcdm_opt_benchmarks.method import Ask, CurveAnswer, CurveQuestion, Pair, one_by_one
+from fcdm_opt_benchmarks.placed import Placed
 
 SIDES = 1e-11  # relative: lines of support are no better known from nearest points of hulls of 10,000 vertices
 NEWTON = 60  # steps along one ray at most: each finds a new feature or ends it
-PRIMAL = 4  # of HiGHS: its primal simplex method
 SLACK = 10.0  # what an interior point method leaves of its answers, in units of its tolerance
-Tracer = Callable[[Array, Array], Array]  # of a transform and a box: points by increasing rho_1
-
-Place = Callable[[Array], tuple[Array, Array]]  # of a transform: vertices of part 1 about its seed, turned, and d
+Tracer = Callable[[Array, Array, Array], Array]  # of R, the way between the seeds, and a box: points by rho_1
 
 
-def solids(pair: Pair) -> tuple[SeededPart, SeededPart, Place]:
-    """Return both parts, and the function from a transform to (p_i, d)."""
-    one, two = SeededPart.of(pair.movable), SeededPart.of(pair.static)
-
-    def place(transform: Array) -> tuple[Array, Array]:
-        R = transform[:3, :3]
-        return one.vertices @ R.T, pair.static.seed - (R @ pair.movable.seed + transform[:3, 3])
-
-    return one, two, place
-
-
-def _asked(trace: Tracer) -> Ask:
+def _asked(placed: Placed, trace: Tracer) -> Ask:
     def answer(question: CurveQuestion) -> CurveAnswer:
-        return CurveAnswer(trace(question.transform, question.box))
+        return CurveAnswer(trace(*placed.pose(question.transform), question.box))
 
     return one_by_one(answer)
 
 
 # ---------------------------------------------------------------------------------------------------- along rays: coal
 
-
-class _Coal:
-    """Both parts about their seeds, in units of their size, for coal; along a ray only the offset changes, no vertex.
-
-    Scaling both bodies by t is moving them nearer by 1 / t.
-    """
-
-    def __init__(self, pair: Pair, tolerance: float) -> None:
-        self.coal = library("coal")
-        self.solids = one, two = SeededPart.of(pair.movable), SeededPart.of(pair.static)
-        self.size = max(one.outer, two.outer)
-        self.seeds = pair.movable.seed, pair.static.seed
-        self.shapes = [coal_hull(solid.vertices / self.size) for solid in (one, two)]
-        self._bases = [shape.points().copy() for shape in self.shapes]
-        self.poses = self.coal.Transform3s(), self.coal.Transform3s()
-        self.collision, self.distance = self.coal.CollisionRequest(), self.coal.DistanceRequest()
-        for request in (self.collision, self.distance):
-            request.gjk_tolerance = request.epa_tolerance = tolerance
-        self.collision.enable_contact = False
-
-    def place(self, transform: Array) -> tuple[Array, float]:
-        """Turn body 1; return the way between the seeds, a unit vector and its length."""
-        R = transform[:3, :3]
-        self.poses[0].setRotation(R)
-        d = self.seeds[1] - (R @ self.seeds[0] + transform[:3, 3])
-        length = math.sqrt(d @ d)
-        return d / length, length / self.size
-
-    def scale(self, ratio: Array) -> tuple[float, float]:
-        """Scale both shapes; return bounds of the offset at which they touch."""
-        for shape, base, scale in zip(self.shapes, self._bases, ratio, strict=True):
-            np.multiply(base, scale, out=shape.points())
-        one, two = self.solids
-        x, y = ratio.tolist()
-        return (x * one.inner + y * two.inner) / self.size, (x * one.outer + y * two.outer) / self.size
-
-    @property
-    def placed(self) -> tuple[Any, ...]:
-        """Shapes and poses, as coal's queries take them."""
-        return self.shapes[0], self.poses[0], self.shapes[1], self.poses[1]
+# Along a ray only the offset changes, no vertex: scaling both bodies by t is moving them nearer by 1 / t.
 
 
 def bisection(pair: Pair, setting: tuple[int, float]) -> Ask:
@@ -103,28 +60,28 @@ def bisection(pair: Pair, setting: tuple[int, float]) -> Ask:
     Setting: number of rays, spread over the box, and relative tolerance. The curve is taken as straight in between.
     """
     rays, tolerance = setting
-    world = _Coal(pair, tolerance)
-    collide, request, result = world.coal.collide, world.collision, world.coal.CollisionResult()
+    placed = Placed.of(pair)
+    one, two = placed.one, placed.two
+    hulls = CoalHulls(one.vertices, two.vertices, tolerance)
 
-    def trace(transform: Array, box: Array) -> Array:
-        way, length = world.place(transform)
-        moved, placed, points = world.poses[1], world.placed, []
+    def trace(R: Array, d: Array, box: Array) -> Array:
+        hulls.turn(R)
+        length, points = math.sqrt(d @ d), []
+        way = d / length
         (low1, high1), (low2, high2) = box.tolist()
         for angle in np.linspace(math.atan2(high2, low1), math.atan2(low2, high1), rays).tolist():
-            ratio = np.array([math.cos(angle), math.sin(angle)])
-            inside, outside = world.scale(ratio)
+            x, y = math.cos(angle), math.sin(angle)
+            hulls.scale(0, x)
+            hulls.scale(1, y)
+            inside, outside = x * one.inner + y * two.inner, x * one.outer + y * two.outer
             while outside - inside > tolerance * outside:
                 middle = (inside + outside) / 2
-                moved.setTranslation(middle * way)
-                result.clear()
-                if collide(*placed, request, result):
-                    inside = middle
-                else:
-                    outside = middle
-            points.append(2 * length / (inside + outside) * ratio)
+                hulls.shift(middle * way)
+                inside, outside = (middle, outside) if hulls.overlap() else (inside, middle)
+            points.append(2 * length / (inside + outside) * np.array([x, y]))
         return clipped(points, box)
 
-    return _asked(trace)
+    return _asked(placed, trace)
 
 
 def distances(pair: Pair, tolerance: float) -> Ask:
@@ -132,27 +89,29 @@ def distances(pair: Pair, tolerance: float) -> Ask:
 
     The lines of two rays cross where a third one is asked, see `rays.breakpoints`. Setting: coal's tolerance.
     """
-    world = _Coal(pair, tolerance)
-    measure, request, result = world.coal.distance, world.distance, world.coal.DistanceResult()
+    placed = Placed.of(pair)
+    hulls = CoalHulls(placed.one.vertices, placed.two.vertices, tolerance)
 
-    def trace(transform: Array, box: Array) -> Array:
-        way, length = world.place(transform)
-        moved, placed = world.poses[1], world.placed
+    def trace(R: Array, d: Array, box: Array) -> Array:
+        hulls.turn(R)
+        length = math.sqrt(d @ d)
+        way = d / length
 
         def touch(rho: Array, near: RayTouch | None) -> RayTouch:
             ratio = rho / math.hypot(*rho)
             x, y = ratio.tolist()
-            _, offset = world.scale(ratio)
-            line = None
+            hulls.scale(0, x)
+            hulls.scale(1, y)
+            line, offset = None, x * placed.one.outer + y * placed.two.outer
             if near is not None:  # its line holds here too: the bodies are apart from there on
                 line = near.line
                 offset = length * float(line[:2] @ ratio) / float(line[2])
             for _ in range(NEWTON):
                 shift = offset * way
-                moved.setTranslation(shift)
-                result.clear()
-                if measure(*placed, request, result) <= tolerance * offset and line is not None:
+                hulls.shift(shift)
+                if hulls.gap() <= tolerance * offset and line is not None:
                     break
+                result = hulls.result
                 n = result.normal
                 a = float(n @ result.getNearestPoint1()) / x
                 b = -float(n @ (result.getNearestPoint2() - shift)) / y
@@ -167,15 +126,16 @@ def distances(pair: Pair, tolerance: float) -> Ask:
 
         return breakpoints(touch, box, max(tolerance, SIDES))
 
-    return _asked(trace)
+    return _asked(placed, trace)
 
 
 def growth(pair: Pair, slack: float) -> Ask:
     """Ask single growth distances, compiled, where the contact lines of two rays cross. Setting: relative tolerance."""
-    one, two, place = solids(pair)
+    placed = Placed.of(pair)
+    one, two = placed.one, placed.two
 
-    def trace(transform: Array, box: Array) -> Array:
-        (P, d), Q = place(transform), two.vertices
+    def trace(R: Array, d: Array, box: Array) -> Array:
+        P, Q = np.ascontiguousarray(one.vertices @ R.T), two.vertices
 
         def touch(rho: Array, near: RayTouch | None) -> RayTouch:
             inner = (rho[0] * one.inner + rho[1] * two.inner) / 2
@@ -183,7 +143,7 @@ def growth(pair: Pair, slack: float) -> Ask:
 
         return breakpoints(touch, box, slack)
 
-    return _asked(trace)
+    return _asked(placed, trace)
 
 
 # --------------------------------------------------------------------------------------------- least w.rho, for all w
@@ -192,71 +152,47 @@ def growth(pair: Pair, slack: float) -> Ask:
 def warm_highs(pair: Pair, tolerance: float) -> Ask:
     """Solve the linear program with HiGHS, changing only the costs: each solution starts from the basis of the last."""
     options = {"presolve": "off", "solver": "simplex", "simplex_strategy": PRIMAL}  # the last basis is still feasible
-    return _highs(pair, tolerance, options, warm=True)
+    return _highs(pair, highs_solver(tolerance, **options), warm=True)
 
 
 def cold_highs(pair: Pair, tolerance: float) -> Ask:
     """Solve each linear program with HiGHS from nothing, by its own choice of presolve and method."""
-    return _highs(pair, tolerance, {}, warm=False)
+    return _highs(pair, highs_solver(tolerance), warm=False)
 
 
-def _highs(pair: Pair, tolerance: float, options: dict[str, Any], *, warm: bool) -> Ask:
-    highspy = library("highspy")
-    _, two, place = solids(pair)
-    solver = highspy.Highs()
-    own = {"output_flag": False, "threads": 1, **options}
-    own |= {"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance}
-    for key, value in own.items():
-        solver.setOptionValue(key, value)
-    optimal = highspy.HighsModelStatus.kOptimal
+def _highs(pair: Pair, solver: Any, *, warm: bool) -> Ask:
+    placed = Placed.of(pair)
+    one, two = placed.one, placed.two
+    counts = len(one.vertices), len(two.vertices)
+    everything = np.arange(sum(counts), dtype=np.int32)
 
-    def trace(transform: Array, box: Array) -> Array:
-        P, d = place(transform)
-        columns = np.vstack([P, -two.vertices])
-        everything, count = np.arange(len(columns), dtype=np.int32), len(P)
-        solver.passModel(_model(highspy, columns, d))
+    def trace(R: Array, d: Array, box: Array) -> Array:
+        columns = np.vstack([one.vertices @ R.T, -two.vertices])
+        solver.passModel(highs_model(dense(columns.T), np.ones(len(columns)), (d, d)))
 
         def least(w: Array) -> Array:
             if not warm:
                 solver.clearSolver()
-            solver.changeColsCost(len(columns), everything, np.repeat(w, [count, len(columns) - count]))
-            solver.run()
-            if solver.getModelStatus() != optimal:
-                raise FcdmError(f"HiGHS: {solver.modelStatusToString(solver.getModelStatus())}")
-            # from the basis, not the solver's own sums; a negative entry stands for a row, whose slack is zero
-            basis = np.asarray(solver.getBasicVariables()[1])
-            system = np.array([columns[k] if k >= 0 else np.eye(3)[-1 - k] for k in basis]).T
-            weights = np.linalg.solve(system, d)
-            return np.array([weights[(basis >= 0) & (basis < count)].sum(), weights[basis >= count].sum()])
+            solver.changeColsCost(len(columns), everything, np.repeat(w, counts))
+            solved_by_highs(solver)
+            basis, weights = basic_weights(solver, columns, d)
+            first = (basis >= 0) & (basis < counts[0])
+            return np.array([weights[first].sum(), weights[basis >= counts[0]].sum()])
 
         return by_chords(least, box, ROUNDING)
 
-    return _asked(trace)
-
-
-def _model(highspy: Any, columns: Array, d: Array) -> Any:
-    """Return the linear program, with costs still to be set."""
-    model = highspy.HighsLp()
-    model.num_col_, model.num_row_ = len(columns), 3
-    model.col_cost_ = np.ones(len(columns))
-    model.col_lower_, model.col_upper_ = np.zeros(len(columns)), np.full(len(columns), highspy.kHighsInf)
-    model.row_lower_ = model.row_upper_ = d
-    matrix = model.a_matrix_
-    matrix.format_, matrix.num_col_, matrix.num_row_ = highspy.MatrixFormat.kColwise, len(columns), 3
-    matrix.start_ = 3 * np.arange(len(columns) + 1, dtype=np.int32)
-    matrix.index_ = np.tile(np.arange(3, dtype=np.int32), len(columns))
-    matrix.value_ = columns.ravel()
-    return model
+    return _asked(placed, trace)
 
 
 def clarabel(pair: Pair, tolerance: float) -> Ask:
     """Solve the linear program in cvxpy: pose and costs are parameters, so the model is compiled once (Clarabel)."""
     cvxpy = library("cvxpy")
     library("clarabel")
-    one, two, place = solids(pair)
+    placed = Placed.of(pair)
+    one, two = placed.one, placed.two
     P, d = cvxpy.Parameter(one.vertices.T.shape), cvxpy.Parameter(3)
     w, high = cvxpy.Parameter(2, nonneg=True), cvxpy.Parameter(2)
-    first, second = (cvxpy.Variable(len(solid.vertices), nonneg=True) for solid in (one, two))
+    first, second = (cvxpy.Variable(len(part.vertices), nonneg=True) for part in (one, two))
     rho = cvxpy.hstack([cvxpy.sum(first), cvxpy.sum(second)])
     # an interior point method needs a bounded set of solutions, also for w = (1, 0): hence the upper ends of the box
     problem = cvxpy.Problem(cvxpy.Minimize(w @ rho), [P @ first - two.vertices.T @ second == d, rho <= high])
@@ -265,9 +201,8 @@ def clarabel(pair: Pair, tolerance: float) -> Ask:
     P.value, d.value, w.value, high.value = one.vertices.T, np.zeros(3), np.ones(2), np.ones(2)
     problem.get_problem_data(cvxpy.CLARABEL)
 
-    def trace(transform: Array, box: Array) -> Array:
-        placed, d.value = place(transform)
-        P.value, high.value = placed.T, box[:, 1]
+    def trace(R: Array, way: Array, box: Array) -> Array:
+        P.value, d.value, high.value = R @ one.vertices.T, way, box[:, 1]
 
         def least(costs: Array) -> Array | None:
             w.value = costs
@@ -281,19 +216,19 @@ def clarabel(pair: Pair, tolerance: float) -> Ask:
 
         return by_chords(least, box, SLACK * tolerance)
 
-    return _asked(trace)
+    return _asked(placed, trace)
 
 
 def linprog(pair: Pair, tolerance: float) -> Ask:
     """Solve each linear program with scipy's `linprog`, which hands it to HiGHS' dual simplex method."""
     from scipy.optimize import linprog as solve
 
-    _, two, place = solids(pair)
+    placed = Placed.of(pair)
+    one, two = placed.one.vertices, placed.two.vertices
     options = {"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance}
 
-    def trace(transform: Array, box: Array) -> Array:
-        P, d = place(transform)
-        system, counts = np.hstack([P.T, -two.vertices.T]), [len(P), len(two.vertices)]
+    def trace(R: Array, d: Array, box: Array) -> Array:
+        system, counts = np.hstack([R @ one.T, -two.T]), [len(one), len(two)]
 
         def least(w: Array) -> Array:
             found = solve(np.repeat(w, counts), A_eq=system, b_eq=d, method="highs-ds", options=options)
@@ -303,7 +238,7 @@ def linprog(pair: Pair, tolerance: float) -> Ask:
 
         return by_chords(least, box, ROUNDING)
 
-    return _asked(trace)
+    return _asked(placed, trace)
 
 
 def by_chords(least: Callable[[Array], Array | None], box: Array, slack: float) -> Array:

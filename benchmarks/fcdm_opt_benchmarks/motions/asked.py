@@ -20,7 +20,7 @@ from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.seats import independent, tilts
 from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
-from fcdm_opt_benchmarks.library import coal_hull
+from fcdm_opt_benchmarks.coal_shapes import coal_hull, coal_requests
 
 WAY = (0.25, 0.5, 0.75, 1.0)  # positions on the way at which a rival looks at the tracked contact
 DIFFERENCE = 1e-7  # of typical amounts, for derivatives: half the digits of the conditions
@@ -226,8 +226,7 @@ class AskedOfCoal(Asked):
 
         super().__init__(task)
         self._ask, self._here, self._there = coal.distance, coal.Transform3s(), coal.Transform3s()
-        self._result, self._request = coal.DistanceResult(), coal.DistanceRequest()
-        self._request.gjk_tolerance = self._request.epa_tolerance = tolerance
+        self._result, (self._request, _) = coal.DistanceResult(), coal_requests(tolerance)
         self._first = [_shape(part, float(task.target[0]), _KEPT[0]) for part in task.movable.parts]
         self._second = [_shape(own.part, own.scale, _KEPT[1] if own.keep_out < 0 else {}) for own in task.opponents]
         self._motion = task.motion.kinematics(task.movable.seed, task.static.seed)

@@ -19,7 +19,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 from fcdm_opt_benchmarks.motions.least import Least, least_amount
-from fcdm_opt_benchmarks.pairs import DrawnPair, random_hull, random_rotation
+from fcdm_opt_benchmarks.pairs import DrawnPair, random_hull
+from fcdm_opt_benchmarks.shapes import box, polygon, prism, random_directions, random_rotation
 
 BOX = ((0.5, 2.5), (0.5, 2.5))
 VERTICES = 12
@@ -126,18 +127,14 @@ def _hull(rng: np.random.Generator) -> np.ndarray:
     return random_hull(rng, VERTICES) * rng.uniform(0.5, 1.3, 3) @ random_rotation(rng).T
 
 
-def _block(low: Sequence[float], high: Sequence[float]) -> np.ndarray:
-    return np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)], dtype=float)
-
-
 def _shape(rng: np.random.Generator) -> list[np.ndarray]:
     """L, U, ring, or two to four overlapping hulls."""
     kind, thick = int(rng.integers(5)), float(rng.uniform(0.3, 0.5))
     sides = [
-        _block((-1, -1, -0.5), (1, -1 + thick, 0.5)),
-        _block((-1, -1, -0.5), (-1 + thick, 1, 0.5)),
-        _block((1 - thick, -1, -0.5), (1, 1, 0.5)),
-        _block((-1, 1 - thick, -0.5), (1, 1, 0.5)),
+        box((-1, -1, -0.5), (1, -1 + thick, 0.5)),
+        box((-1, -1, -0.5), (-1 + thick, 1, 0.5)),
+        box((1 - thick, -1, -0.5), (1, 1, 0.5)),
+        box((-1, 1 - thick, -0.5), (1, 1, 0.5)),
     ]
     if kind < 3:
         stretch = rng.uniform(0.7, 1.2, 3)
@@ -148,14 +145,11 @@ def _shape(rng: np.random.Generator) -> list[np.ndarray]:
 
 def _hexagon(rng: np.random.Generator, height: float) -> np.ndarray:
     """Prism of 12 vertices that stands on z = 0."""
-    angle = np.arange(6) * np.pi / 3 + rng.uniform(0, 1)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)]) * rng.uniform(0.6, 1.4, 2)
-    return np.vstack([np.column_stack([ring, np.full(6, z)]) for z in (0.0, height)])
+    return prism(polygon(6, rng.uniform(0, 1)) * rng.uniform(0.6, 1.4, 2), 0.0, height)
 
 
 def _bodies(rng: np.random.Generator, kind: str) -> tuple[fo.Body, fo.Body]:
-    away = rng.normal(size=3)
-    away *= rng.uniform(1.8, 3.5) / np.linalg.norm(away)
+    (away,) = random_directions(rng, 1) * rng.uniform(1.8, 3.5)
     if kind == "convex":
         parts = [[_hull(rng)], [_hull(rng)]]
     else:
@@ -177,7 +171,7 @@ def _seated(rng: np.random.Generator, kind: str) -> tuple[fo.Body, fo.Body]:
     lower, upper = _hexagon(rng, float(h[0])) - [0, 0, h[0]], _hexagon(rng, float(h[1])) + shift
     parts = [[lower], [upper]]
     if kind == "nonconvex":
-        parts[1].append(_block((-0.3, -0.3, 0.2), (2.0, 0.3, 0.6)) + shift)
+        parts[1].append(box((-0.3, -0.3, 0.2), (2.0, 0.3, 0.6)) + shift)
     R = random_rotation(rng)
     one, two = (fo.Body.from_parts([p @ R.T for p in own], seed=own[0].mean(axis=0) @ R.T) for own in parts)
     return one, two
@@ -247,11 +241,10 @@ def _problem(rng: np.random.Generator, kind: str, motion: Motion, goal: str) -> 
 
 def _obstacle(rng: np.random.Generator, one: fo.Body) -> fo.KeepOut:
     """Put a small block beside body 1."""
-    way = rng.normal(size=3)
-    way /= np.linalg.norm(way)
+    (way,) = random_directions(rng, 1)
     reach = float(np.abs((one.vertices - one.seed) @ way).max())
     centre = one.seed + way * (reach * rng.uniform(0.9, 1.3) + 0.25)
-    corners = _block((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2)) @ random_rotation(rng).T + centre
+    corners = box((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2)) @ random_rotation(rng).T + centre
     clearance = float(rng.choice([0.0, 0.0, 0.01]))
     return fo.KeepOut(fo.Body.convex(corners, name="obstacle"), clearance=clearance)
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.batch import DecisionCurves
-from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.method import Pair
-from fcdm_opt_benchmarks.references.exact import ExactStretches, as_float, parts_of, whole_curve
+from fcdm_opt_benchmarks.placed import elements
+from fcdm_opt_benchmarks.references.exact import ExactStretches, as_float, whole_curve
 
 ENDS = 2  # of a segment
 
@@ -48,7 +47,7 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
     if len(transforms) != len(curves):
         return [CurveFault(-1, -1, "poses", len(curves), len(transforms))]
     box = np.array(curves.box)
-    elements = _elements(*parts_of(pair))
+    named = elements(pair)
     faults: list[CurveFault] = []
     rows: list[int] = []
     truths: list[tuple[Array, Array, Array]] = []
@@ -64,10 +63,10 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
             faults.append(CurveFault(pose, -1, "status", str(curves.status[pose]), status))
         for k, own in zip(mine, exact, strict=True):
             kind, i, j = curves.features[k].tolist()
-            named, piece = (elements[kind][0](i), elements[kind][1](j)), own.piece
-            right = own.touching, (piece.tight_one, piece.tight_two)
-            if named != right[0] and not all(set(a) <= set(b) for a, b in zip(named, right[1], strict=True)):
-                faults.append(CurveFault(pose, k, "feature", named, own.touching))
+            told, piece = (named[kind][0][i], named[kind][1][j]), own.piece
+            tight = zip(told, (piece.tight_one, piece.tight_two), strict=True)
+            if told != own.touching and not all(set(a) <= set(b) for a, b in tight):
+                faults.append(CurveFault(pose, k, "feature", told, own.touching))
             ends = np.array([[as_float(x) for x in point] for point in (own.start, own.end)])
             rows.append(k)
             truths.append((piece.normal, piece.line, ends))
@@ -113,18 +112,3 @@ def _number_faults(
 def _long(ends: Array) -> bool:
     (x, y), (u, v) = ends.tolist()
     return abs(u - x) + abs(v - y) > DEFAULT.line * (x + y)
-
-
-def _elements(one: ConvexPart, two: ConvexPart) -> dict[int, tuple[Callable[[int], tuple[int, ...]], ...]]:
-    """Return, by kind of feature, what gives the vertices of either body's element from its number."""
-
-    def faces(part: ConvexPart) -> Callable[[int], tuple[int, ...]]:
-        return lambda k: tuple(sorted(part.loops[k]))
-
-    def vertices(k: int) -> tuple[int, ...]:
-        return (k,)
-
-    def edges(part: ConvexPart) -> Callable[[int], tuple[int, ...]]:
-        return lambda k: tuple(sorted(part.edges[k, :2].tolist()))
-
-    return {F1V2: (faces(one), vertices), V1F2: (vertices, faces(two)), E1E2: (edges(one), edges(two))}

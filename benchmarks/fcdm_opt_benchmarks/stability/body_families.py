@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt_benchmarks.shapes import box, polygon, prism, random_rotation
 from fcdm_opt_benchmarks.stability.case import HardCase
 
 Blocks = frozenset[tuple[int, int, int]]
@@ -31,7 +32,7 @@ def families(seed: int) -> dict[str, list[HardCase]]:
         Of turns and of random points.
     """
     rng = np.random.default_rng(seed)
-    turn = _turn(rng)
+    turn = random_rotation(rng)
     made = dict[str, list[HardCase]]()
     for case in [*_of_blocks(turn), *_faulty(turn), *_overlaps(turn), *_hulls(turn), *_random_hulls(rng)]:
         made.setdefault(case.family, []).append(case)
@@ -95,7 +96,7 @@ def _faulty(turn: Array) -> Iterable[HardCase]:
 
 
 def _overlaps(turn: Array) -> Iterable[HardCase]:
-    corners = _grid(2)
+    corners = box((0, 0, 0), (1, 1, 1))
     for depth in (1e-7, 1e-3, 1e-5, 1e-9, -1e-7, -1e-9, -1e-5):
         for place, shift in (("", 0.0), (" at 1000", 1000.0)):
             x = np.array([shift, 0.0, 0.0])
@@ -119,13 +120,15 @@ def _overlap_data(one: Array, two: Array) -> Plain:
 def _hulls(turn: Array) -> Iterable[HardCase]:
     family = "hull: many sides"
     for sides in (3, 4, 5, 7, 30, 101, 1000):
-        prism, pyramid = (2 * sides, 3 * sides, sides + 2), (sides + 1, 2 * sides, sides + 1)
-        yield _hull_case(family, f"prism of {sides} sides, turned", _prism(sides) @ turn.T, prism, turned=True)
-        yield _hull_case(family, f"pyramid of {sides} sides, turned", _pyramid(sides) @ turn.T, pyramid, turned=True)
+        flat, pointed = (2 * sides, 3 * sides, sides + 2), (sides + 1, 2 * sides, sides + 1)
+        yield _hull_case(
+            family, f"prism of {sides} sides, turned", prism(polygon(sides), -1, 1) @ turn.T, flat, turned=True
+        )
+        yield _hull_case(family, f"pyramid of {sides} sides, turned", _pyramid(sides) @ turn.T, pointed, turned=True)
     a, b = 0.414213562373, 0.171572875254
     rounded = np.array(sorted({own for x in product((-a, a), (-a, a), (-b, b)) for own in _orders(x)}))
     yield _hull_case(family, "rounded cube of 24 vertices", rounded, (24, 36, 14))
-    family, corners = "hull: thin, tiny, far away", _grid(2)
+    family, corners = "hull: thin, tiny, far away", box((0, 0, 0), (1, 1, 1))
     for thin in (1e-9, 1e-4, 1e-6, 1e-11):
         slab, rod = corners * [1, 1, thin], corners * [1, thin, thin]
         yield _hull_case(family, f"slab of thickness {thin:g}", slab, CUBE)
@@ -149,7 +152,7 @@ def _hulls(turn: Array) -> Iterable[HardCase]:
 
 
 def _random_hulls(rng: np.random.Generator) -> Iterable[HardCase]:
-    family, corners = "hull: needless points", _grid(2)
+    family, corners = "hull: needless points", box((0, 0, 0), (1, 1, 1))
     yield _hull_case(family, "grid of 27 points", _grid(3), CUBE)
     yield _hull_case(family, "grid of 1000 points", _grid(10), CUBE)
     yield _hull_case(family, "corners of a cube, 5 times each", np.repeat(corners, 5, axis=0), CUBE)
@@ -254,27 +257,12 @@ def _joined(surfaces: Sequence[Surface]) -> Surface:
     return np.vstack([vertices for vertices, _ in surfaces]), faces
 
 
-def _turn(rng: np.random.Generator) -> Array:
-    matrix, upper = np.linalg.qr(rng.normal(size=(3, 3)))
-    matrix = matrix * np.sign(np.diag(upper))
-    return matrix * np.linalg.det(matrix).round()
-
-
 def _grid(steps: int) -> Array:
     return np.array(list(product(np.linspace(0, 1, steps), repeat=3)))
 
 
-def _ring(sides: int) -> Array:
-    angles = 2 * np.pi * np.arange(sides) / sides
-    return np.column_stack([np.cos(angles), np.sin(angles)])
-
-
-def _prism(sides: int) -> Array:
-    return np.array([(*x, z) for z in (-1.0, 1.0) for x in _ring(sides)])
-
-
 def _pyramid(sides: int) -> Array:
-    return np.array([*((*x, 0.0) for x in _ring(sides)), (0.0, 0.0, 1.0)])
+    return np.array([*((*x, 0.0) for x in polygon(sides)), (0.0, 0.0, 1.0)])
 
 
 def _orders(own: Sequence[float]) -> Iterable[tuple[float, ...]]:

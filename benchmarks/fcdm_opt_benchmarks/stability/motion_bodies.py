@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt_benchmarks.shapes import random_rotation
 from fcdm_opt_benchmarks.stability import scenes
 from fcdm_opt_benchmarks.stability.scenes import CUBE, FREE, PLATE, RY, RZ, SLANT, Plain, X, Y, Z
 
@@ -164,8 +165,7 @@ def far_away(rng: Any) -> Members:
 def turned_frames(rng: Any) -> Members:
     """Draw the same bodies and axes in a frame that is turned by lot: no face is along an axis."""
     for k in range(4):
-        rows, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        rows = rows * np.sign(np.linalg.det(rows))
+        rows = random_rotation(rng)
 
         def seen(p: Any, rows: Any = rows) -> Any:
             return (rows @ np.asarray(p, dtype=float)).tolist()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import product
 from typing import Any
 
 from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks import shapes
 
 Plain = dict[str, Any]
 Point = Sequence[float]
@@ -26,7 +26,7 @@ def convex(vertices: Iterable[Point], seed: Point | str = "centroid") -> Plain:
 def box(low: Point, high: Point, seed: Point | None = None) -> Plain:
     """Return an axis-aligned box; its seed is the centre unless given."""
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
-    return convex(product(*zip(low, high, strict=True)), middle if seed is None else seed)
+    return convex(shapes.box(low, high).tolist(), middle if seed is None else seed)
 
 
 def about(centre: Point, *half: float) -> Plain:
@@ -125,8 +125,7 @@ def placed(data: Mapping[str, Any], place: Any, direction: Any) -> Plain:
 
 CUBE = about((0, 0, 0), 0.5)
 PLATE = about((1.25, 0, 0), 0.25, 2, 2)  # 1 <= x <= 3/2
-TIP = convex([(x / 2, y / 2, z / 2) for x, y, z in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1),
-                                                    (0, 0, -1))], (0, 0, 0))  # fmt: skip
+TIP = convex([[side * (axis == k) for k in range(3)] for axis in range(3) for side in (0.5, -0.5)], (0, 0, 0))
 LEVER = convex([(1, 0, 0), (-0.1, 0.1, -0.1), (-0.1, -0.1, -0.1), (-0.1, 0, 0.1)], (0, 0, 0))  # its tip is at 1
 SLANT = convex([(1.5 + a + b, 0.5 - a + b, c) for a in (-4, 4) for b in (0, 2) for c in (-1, 1)])  # x + y >= 2
 

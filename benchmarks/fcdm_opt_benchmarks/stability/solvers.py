@@ -14,6 +14,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.library import dense, highs_model, highs_solver
 
 Answer = dict[str, Any]
 Rows = Callable[[Any, Mapping[str, Any], Any], tuple[Any, list[Any], list[Any]]]
@@ -125,23 +126,12 @@ def highs(options: Mapping[str, Any], statement: Statement) -> Answer:
     import highspy
 
     P, linear, A, low, high = statement.quadratic
-    model, columns = highspy.HighsModel(), len(linear)
-    lp, hessian = model.lp_, model.hessian_
-    lp.num_col_, lp.num_row_ = columns, len(A)
-    lp.col_cost_ = linear
-    lp.col_lower_, lp.col_upper_ = statement.bounds
-    lp.row_lower_, lp.row_upper_ = low, high
-    lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-    lp.a_matrix_.start_ = np.arange(len(A) + 1) * columns
-    lp.a_matrix_.index_ = np.tile(np.arange(columns), len(A))
-    lp.a_matrix_.value_ = A.ravel()
-    hessian.dim_, hessian.format_ = columns, highspy.HessianFormat.kTriangular
-    hessian.start_ = np.arange(columns + 1)
-    hessian.index_, hessian.value_ = np.arange(columns), np.diag(P)
-    solver = highspy.Highs()
-    solver.silent()
-    for key, value in options.items():
-        solver.setOptionValue(key, value)
+    model, count = highspy.HighsModel(), len(linear)
+    model.lp_ = highs_model(dense(A), linear, (low, high), statement.bounds)
+    hessian = model.hessian_
+    hessian.dim_, hessian.format_ = count, highspy.HessianFormat.kTriangular
+    hessian.start_, hessian.index_, hessian.value_ = np.arange(count + 1), np.arange(count), np.diag(P)
+    solver = highs_solver(**options)
     solver.passModel(model)
     solver.run()
     status = solver.getModelStatus()
@@ -204,8 +194,7 @@ NONLINEAR: dict[str, Callable[[Statement], Answer]] = {
 }  # fmt: skip
 QUADRATIC: dict[str, Callable[[Statement], Answer]] = {
     "HiGHS": partial(highs, {}),
-    "HiGHS, tight": partial(highs, {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10,
-                                    "small_matrix_value": 1e-12}),
+    "HiGHS, tight": partial(highs, {"tolerance": 1e-10, "small_matrix_value": 1e-12}),
     "Clarabel": partial(clarabel, {}),
     "Clarabel, tight": partial(clarabel, dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), TIGHT)),
     "OSQP": partial(osqp, {"eps_abs": TIGHT, "eps_rel": TIGHT, "eps_prim_inf": TIGHT, "eps_dual_inf": TIGHT,

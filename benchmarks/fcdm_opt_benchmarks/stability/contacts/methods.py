@@ -23,7 +23,8 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
-from fcdm_opt_benchmarks.library import coal_hull
+from fcdm_opt_benchmarks.coal_shapes import coal_hull, coal_requests
+from fcdm_opt_benchmarks.library import dense, highs_model, highs_solver
 from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def coal_distance(data: Data, tolerance: float | None = None, normalised: bool =
 
     scene = _CoalScene(coal, data, normalised)
     scene.scale(*data["rho"])
-    request = _coal_request(coal.DistanceRequest(), tolerance)
+    request, _ = coal_requests(tolerance)
     least: Answer = {"gap": np.inf}
     for shapes in scene.pairs:
         result = coal.DistanceResult()
@@ -142,7 +143,7 @@ def coal_collide(data: Data, tolerance: float | None = None) -> Answer:
     import coal
 
     scene = _CoalScene(coal, data)
-    return scene.collide(data["rho"], _coal_request(coal.CollisionRequest(), tolerance))
+    return scene.collide(data["rho"], _colliding(tolerance))
 
 
 def coal_bisection(data: Data, tolerance: float | None = None) -> Answer:
@@ -150,7 +151,7 @@ def coal_bisection(data: Data, tolerance: float | None = None) -> Answer:
     import coal
 
     scene, (rho1, _), (low, high) = _CoalScene(coal, data), data["rho"], data["box"][1]
-    request = _coal_request(coal.CollisionRequest(), tolerance)
+    request = _colliding(tolerance)
 
     def meets(rho2: float) -> bool:
         return bool(scene.collide((rho1, rho2), request)["meets"])
@@ -228,11 +229,9 @@ def _manifold(manifold3d: Any, cloud: Array) -> Any:
     return made
 
 
-def _coal_request(request: Any, tolerance: float | None) -> Any:
-    if hasattr(request, "enable_contact"):
-        request.enable_contact = True
-    if tolerance is not None:
-        request.gjk_tolerance = request.epa_tolerance = tolerance
+def _colliding(tolerance: float | None) -> Any:
+    request = coal_requests(tolerance)[1]
+    request.enable_contact = True
     return request
 
 
@@ -279,21 +278,9 @@ def highs(A: Array, b: Array, c: Array, **settings: Any) -> float | None:
     """Minimise c.x by HiGHS; None where it is infeasible, -inf where it has no end."""
     import highspy
 
-    solver = highspy.Highs()
-    for key, value in {"output_flag": False, "threads": 1, **settings}.items():
-        solver.setOptionValue(key, value)
-    model = highspy.HighsLp()
-    rows, columns = A.shape
-    model.num_col_, model.num_row_ = columns, rows
-    model.col_cost_, model.col_lower_ = c, np.zeros(columns)
-    model.col_upper_ = np.full(columns, highspy.kHighsInf)
-    model.row_lower_ = model.row_upper_ = b
-    matrix = model.a_matrix_
-    matrix.format_, matrix.num_col_, matrix.num_row_ = highspy.MatrixFormat.kColwise, columns, rows
-    matrix.start_ = rows * np.arange(columns + 1, dtype=np.int32)
-    matrix.index_ = np.tile(np.arange(rows, dtype=np.int32), columns)
-    matrix.value_ = A.T.ravel()
-    if solver.passModel(model) != highspy.HighsStatus.kOk:  # a warning: coefficients were too small or too large for it
+    solver = highs_solver(**settings)
+    # a warning: coefficients were too small or too large for it
+    if solver.passModel(highs_model(dense(A), c, (b, b))) != highspy.HighsStatus.kOk:
         raise NoAnswerError("HiGHS does not take the model as it is")
     solver.run()
     status, known = solver.getModelStatus(), highspy.HighsModelStatus
@@ -371,9 +358,7 @@ METHODS: dict[str, Callable[[Data], Answer]] = {
     "manifold3d gap": manifold_gap,
     "manifold3d intersection": manifold_boolean,
     "HiGHS": partial(linear_program, solver=highs),
-    "HiGHS 1e-10": partial(
-        linear_program, solver=highs, primal_feasibility_tolerance=1e-10, dual_feasibility_tolerance=1e-10
-    ),
+    "HiGHS 1e-10": partial(linear_program, solver=highs, tolerance=1e-10),
     "Clarabel": partial(linear_program, solver=clarabel),
     "CasADi IPOPT": partial(linear_program, solver=ipopt),
 }

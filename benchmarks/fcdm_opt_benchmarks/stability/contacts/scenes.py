@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import permutations, product
-from math import cos, pi, sin
+from math import cos, sin
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt_benchmarks import shapes
 
 Solid = dict[str, Any]
 STILL = np.eye(4)
@@ -87,7 +88,7 @@ def solid(vertices: Any, seed: Any = (0.0, 0.0, 0.0), parts: Any = None) -> Soli
 
 def cuboid(*half: float) -> Solid:
     """Return a box about the origin."""
-    return solid([[x * y for x, y in zip(half, signs, strict=True)] for signs in product((-1.0, 1.0), repeat=3)])
+    return solid(shapes.box([-x for x in half], half))
 
 
 def stretched(own: Solid, *factors: float) -> Solid:
@@ -114,25 +115,18 @@ def seeded(own: Solid, seed: Sequence[float]) -> Solid:
 
 def hull_of(rng: np.random.Generator, count: int) -> Solid:
     """Return points on a sphere of radius about 1, seed inside."""
-    points = rng.normal(size=(count, 3))
-    return solid(points / np.linalg.norm(points, axis=1)[:, None] * rng.uniform(0.8, 1.0, (count, 1)))
-
-
-def ring(sides: int, phase: float = 0.0) -> list[tuple[float, float]]:
-    """Return the corners of a regular polygon; opposite ones of an even number are exactly so."""
-    angles = [2 * pi * k / sides + phase for k in range(sides if sides % 2 else sides // 2)]
-    corners = [(cos(angle), sin(angle)) for angle in angles]
-    return corners if sides % 2 else [*corners, *((-x, -y) for x, y in corners)]
+    return solid(shapes.random_directions(rng, count) * rng.uniform(0.8, 1.0, (count, 1)))
 
 
 def prism(sides: int, phase: float = 0.0, half: float = 1.0) -> Solid:
     """Return a prism about the z axis."""
-    return solid([(x, y, z) for z in (-half, half) for x, y in ring(sides, phase)])
+    return solid(shapes.prism(shapes.polygon(sides, phase), -half, half))
 
 
 def pyramid(sides: int, phase: float = 0.0) -> Solid:
     """Return a pyramid about the z axis, its apex above."""
-    return solid([*((x, y, -1.0) for x, y in ring(sides, phase)), (0.0, 0.0, 1.0)], (0.0, 0.0, -0.5))
+    base = shapes.polygon(sides, phase).tolist()
+    return solid([*((x, y, -1.0) for x, y in base), (0.0, 0.0, 1.0)], (0.0, 0.0, -0.5))
 
 
 CUBE = cuboid(1.0, 1.0, 1.0)
@@ -164,10 +158,9 @@ def moved(shift: Sequence[float] | Array, turn: Array = STILL) -> Array:
 
 def random_turn(rng: np.random.Generator) -> Array:
     """Return a random rotation."""
-    Q, R = np.linalg.qr(rng.normal(size=(3, 3)))
-    Q *= np.sign(np.diag(R))
-    Q[:, 0] *= np.sign(np.linalg.det(Q))
-    return moved((0, 0, 0), np.block([[Q, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
+    turn = np.eye(4)
+    turn[:3, :3] = shapes.random_rotation(rng)
+    return turn
 
 
 def orientations() -> list[Array]:
@@ -191,11 +184,9 @@ def box_of(sides: Sequence[float]) -> Solid:
 
 def random_way(rng: np.random.Generator) -> Array:
     """Return a random unit vector."""
-    way = rng.normal(size=3)
-    return np.asarray(way / np.linalg.norm(way))
+    return shapes.random_directions(rng, 1)[0]
 
 
 def sphere(rng: np.random.Generator, count: int) -> Solid:
     """Return random points on the unit sphere: all of them are corners."""
-    points = rng.normal(size=(count, 3))
-    return solid(points / np.linalg.norm(points, axis=1)[:, None])
+    return solid(shapes.random_directions(rng, count))
