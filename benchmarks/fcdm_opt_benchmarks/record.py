@@ -30,6 +30,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from fcdm_opt.errors import InputError
 from fcdm_opt.show.plain import plain
 
@@ -104,13 +106,11 @@ class Watch:
     def _times() -> tuple[float, float, float] | None:
         """Return seconds that all cores were busy, that they had, and that this process and its children used."""
         try:
-            ticks = [int(x) for x in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
-        except (OSError, ValueError, IndexError):
+            cores = psutil.cpu_times()
+        except OSError:
             return None
-        per_second = os.sysconf("SC_CLK_TCK")
-        own = os.times()
-        total = sum(ticks) / per_second
-        idle = (ticks[3] + ticks[4]) / per_second  # idle, and waiting for a disk
+        own, idle = os.times(), cores.idle + getattr(cores, "iowait", 0.0)  # waiting for a disk is idle too
+        total = sum(cores) - getattr(cores, "guest", 0.0) - getattr(cores, "guest_nice", 0.0)  # within the others
         return total - idle, total, own.user + own.system + own.children_user + own.children_system
 
 
@@ -180,6 +180,11 @@ class BenchRun:
             f"{self.command}, {form}, seed {self.seed}, {self.started[:16].replace('T', ' ')} UTC, {self.seconds:.0f} s"
         )
         return f"{took}. {self.where}; {packages}. {self.load.sentence}"
+
+    @property
+    def caption(self) -> str:
+        """Date, form, seed and machine, for a picture."""
+        return f"{self.started[:10]}, {'quick' if self.quick else 'full'} form, seed {self.seed}, {self.where}."
 
     @property
     def where(self) -> str:

@@ -109,6 +109,11 @@ class Timing:
         return float(low), float(median), float(high)
 
     @property
+    def times(self) -> dict[str, float]:
+        """Median and quartiles as columns of a table, and the number of timed calls."""
+        return {**dict(zip(("low", "seconds", "high"), self.quartiles, strict=True)), "rounds": len(self.seconds)}
+
+    @property
     def late_setup(self) -> float:
         """Seconds of set-up that were put off until the first question."""
         if not self.seconds or self.first < LATE * max(self.seconds) or self.first < max(self.seconds) + NOTICEABLE:

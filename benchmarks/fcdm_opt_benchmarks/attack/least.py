@@ -179,6 +179,12 @@ class Setting:
             touch = np.concatenate([along - above, -along - below], axis=1)
             yield FreeingShifts(g, touch + pair.clearance, touch, pair.own)
 
+    def bounds(self, inverse: Array) -> tuple[Array, Array]:
+        """Return the limits of the lengths as rows G y >= h, y = inverse^-1 q."""
+        low, high = self.limits[~self.turns].T
+        below, above = np.isfinite(low), np.isfinite(high)
+        return np.vstack([inverse[below], -inverse[above]]), np.concatenate([low[below], -high[above]])
+
 
 def _between(n: Array) -> Array:
     """Return the directions half-way between any two of the first few."""
@@ -363,7 +369,7 @@ def _translated(setting: Setting) -> KnownMotion | None:
         return _on_line(setting)
     inverse = np.linalg.inv(S)
     pairs = [FreeingShifts(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
-    y, certain = least_shift(pairs, setting.touch, _bounds(setting, inverse), np.inf, EPS * setting.size)
+    y, certain = least_shift(pairs, setting.touch, setting.bounds(inverse), np.inf, EPS * setting.size)
     if y is None:
         return None
     q = inverse @ y
@@ -413,20 +419,6 @@ def _on_line(setting: Setting) -> KnownMotion | None:
     return KnownMotion(np.array([best]), setting.amount([best]), True)
 
 
-def _bounds(setting: Setting, inverse: Array) -> tuple[Array, Array]:
-    """Return the limits of the lengths as rows G y >= h, y = inverse^-1 q."""
-    limits = setting.limits[~setting.turns]
-    G, h = [], []
-    for k, (low, high) in enumerate(limits):
-        if np.isfinite(low):
-            G.append(inverse[k])
-            h.append(low)
-        if np.isfinite(high):
-            G.append(-inverse[k])
-            h.append(-high)
-    return np.array(G).reshape(-1, len(limits)), np.array(h)
-
-
 def _turned_and_shifted(setting: Setting, rng: np.random.Generator, effort: int) -> KnownMotion | None:
     """Search over the angles, with the lengths exact for each."""
     turns = setting.turns
@@ -450,7 +442,7 @@ def _turned_and_shifted(setting: Setting, rng: np.random.Generator, effort: int)
         inverse = np.diag(1.0 / setting.weights[~turns])
         pairs = [FreeingShifts(r.g[0] @ inverse, r.h[0], r.touch[0], r.own) for r in setting.rows(R, t, B)]
         rest = np.sqrt(best * best - turned * turned) if np.isfinite(best) else np.inf
-        y, _ = least_shift(pairs, setting.touch, _bounds(setting, inverse), rest, EPS * setting.size)
+        y, _ = least_shift(pairs, setting.touch, setting.bounds(inverse), rest, EPS * setting.size)
         if y is None:
             return None
         q[~turns] = inverse @ y

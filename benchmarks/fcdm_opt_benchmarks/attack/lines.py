@@ -177,8 +177,8 @@ def _translated(tracked: TrackedPoint, setting: Setting, goal: str, target: Arra
     normals = np.array([line.normal(rest[None])[0] for line in tracked.lines])
     inverse = np.linalg.inv(own[:, :2])
     start, slope = inverse @ own[:, 2], -inverse @ normals @ B  # x = start + slope y
-    rows, _ = table(tracked.one, tracked.two, tracked.s1, tracked.s2, rest, tracked.s1)
-    n = _normals(tracked)
+    rows, lines = table(tracked.one, tracked.two, tracked.s1, tracked.s2, rest, tracked.s1)
+    n = np.array([line.normal(rest[None])[0] for line in lines])
     G = [rows[:, :2] @ slope + n @ B]
     h = [rows[:, 2] - rows[:, :2] @ start - 1e-10]
     if goal == "at":
@@ -187,25 +187,9 @@ def _translated(tracked: TrackedPoint, setting: Setting, goal: str, target: Arra
     else:
         G.append(signs[:, None] * slope)
         h.append(signs * (target - start))
-    for k, (low, high) in enumerate(setting.limits):
-        unit = np.eye(len(setting.limits))[k : k + 1] / setting.weights[k]
-        G += [unit, -unit] if np.isfinite(low) else []
-        h += [np.array([low]), np.array([-high])] if np.isfinite(low) else []
-    y = nearest(np.vstack(G), np.concatenate(h))
+    bounds = setting.bounds(np.diag(1.0 / setting.weights))
+    y = nearest(np.vstack([*G, bounds[0]]), np.concatenate([*h, bounds[1]]))
     if y is None:
         return None
     q = y / setting.weights
     return KnownMotion(q, float(np.linalg.norm(y)), True)
-
-
-def _normals(tracked: TrackedPoint) -> Array:
-    """Return the normals of the rows of `table` at rest."""
-    lines = table(tracked.one, tracked.two, tracked.s1, tracked.s2, np.eye(3), tracked.s1)[1]
-    return np.array([line.sign * _plain(line) for line in lines])
-
-
-def _plain(line: ContactLine) -> Array:
-    if line.kind == "EE":
-        n = np.cross(line.one, line.two)
-        return n / np.linalg.norm(n)
-    return line.one if line.kind == "FV" else line.two

@@ -337,20 +337,9 @@ def _tracked(name: str, family: str, number: int, rng: np.random.Generator) -> F
         tracked = points[int(rng.integers(len(points)))]
         label = ("T", "TT", "R", "TTT", "screw")[number % 5]
         goal = "at" if label in ("TT", "TTT") and rng.random() < 0.5 else "beyond"
-        return FitScene(
-            name,
-            fit,
-            s1,
-            s2,
-            MOTIONS[label](rng),
-            label,
-            _length(fit.movable),
-            **_sizes(rng, tracked.rho),
-            goal=goal,
-            nominal=tuple(tracked.rho.tolist()),
-            tracked=tracked,
-            path=str(rng.choice(["coherent", "free"])),
-        )
+        steps, length, sizes = MOTIONS[label](rng), _length(fit.movable), _sizes(rng, tracked.rho)
+        more = {**sizes, "goal": goal, "nominal": tuple(tracked.rho.tolist()), "tracked": tracked}
+        return FitScene(name, fit, s1, s2, steps, label, length, path=str(rng.choice(["coherent", "free"])), **more)
     return None
 
 
@@ -361,18 +350,10 @@ def _no_play(name: str, family: str, number: int, rng: np.random.Generator) -> F
     s2 = np.array(((0, 0, 1.5), (1, 1, 1), (2, 0, 0), (0, 0, 0))[int(rng.integers(4))], dtype=np.float64)
     label = ("T", "TT", "TTT", "T>>R")[number % 4]
     goal = ("at", "seat", None, "touch", "clear")[int(rng.integers(5))]
-    return FitScene(
-        name,
-        fit,
-        s1,
-        s2,
-        MOTIONS[label](rng),
-        label,
-        _length(fit.movable),
-        **(_sizes(rng) if goal in ("touch", "clear") else _required(rng)),
-        goal=goal,
-        path=str(rng.choice(["coherent", "free"])),
-    )
+    steps, length = MOTIONS[label](rng), _length(fit.movable)
+    sizes = _sizes(rng) if goal in ("touch", "clear") else _required(rng)
+    path = str(rng.choice(["coherent", "free"]))
+    return FitScene(name, fit, s1, s2, steps, label, length, **sizes, goal=goal, path=path)
 
 
 def _required(rng: np.random.Generator) -> dict[str, Any]:

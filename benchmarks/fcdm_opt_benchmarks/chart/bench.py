@@ -288,13 +288,11 @@ def row(task: ChartTask, scene: TimedScene, own: Timing) -> Row:
     worths = [_worth(task, scene, k, answer) for k, answer in enumerate(answers)]
     errors = [worth.error for worth in worths if worth.error is not None and not worth.failure]
     failures = [worth.failure for worth in worths if worth.failure]
-    low, median, high = own.quartiles
     outcome = "answered" if not failures else "failed" if not errors else "partly"
     made |= {"outcome": outcome, "asked": len(worths), "failed": len(failures)}
     said = failures[:1] + ([f"set-up at the first question, {own.late_setup:.2g} s"] if own.late_setup else [])
     made |= {"misnamed": sum(worth.misnamed for worth in worths), "reason": "; ".join(said)}
-    made |= {"seconds": median, "low": low, "high": high, "rounds": len(own.seconds)}
-    made |= {"setup": own.setup, "first": own.first, "late_setup": own.late_setup}
+    made |= own.times | {"setup": own.setup, "first": own.first, "late_setup": own.late_setup}
     if errors:
         quartiles = [float(x) for x in np.percentile(errors, (50, 25, 75))]
         made |= dict(zip(("error", "error_low", "error_high"), quartiles, strict=True)) | {"worst": max(errors)}

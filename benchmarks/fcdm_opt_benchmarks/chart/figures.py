@@ -83,11 +83,8 @@ def overview_figure(run: BenchRun) -> Figure:
 
 
 def _caption(run: BenchRun) -> str:
-    form = "quick form" if run.quick else "full form"
-    return (
-        f"A line joins a method's settings; medians and quartiles of what it was asked. Top: answers failed, in %. "
-        f"{run.started[:10]}, {form}, seed {run.seed}, {run.where}."
-    )
+    told = "A line joins a method's settings; medians and quartiles of what it was asked. Top: answers failed, in %."
+    return f"{told} {run.caption}"
 
 
 def _styles(rows: Sequence[Row]) -> dict[str, tuple[str, str, str]]:

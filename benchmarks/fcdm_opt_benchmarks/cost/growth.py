@@ -77,12 +77,8 @@ def growth(quick: bool, seed: int, progress: Say) -> list[Row]:
                     warmed([scene], asked)
                 there = [method for method in asked if _key(scene, method) not in slow]
                 found = measured(scene, there, axis.plan, rng, [])
-                rows += [_row(axis, x, scene, own) for own in found]
-                rows += [
-                    {"axis": axis.name, "method": _key(scene, method), "family": method.family, "x": x, "seconds": None,
-                     "reason": slow[_key(scene, method)]}
-                    for method in asked if _key(scene, method) in slow
-                ]  # fmt: skip
+                late = [Timing(method, "", slow[_key(scene, method)]) for method in asked if method not in there]
+                rows += [_row(axis, x, scene, own) for own in (*found, *late)]
                 for own in found:
                     if own.quartiles[1] > axis.most:
                         slow[_key(scene, own.method)] = f"took {own.quartiles[1]:.2g} s at {x} {axis.name}"
@@ -117,14 +113,12 @@ def exponents(rows: Sequence[Row]) -> list[Row]:
 
 
 def _row(axis: _GrowthAxis, x: int, scene: TimedScene, own: Timing) -> Row:
+    row: Row = {"axis": axis.name, "method": _key(scene, own.method), "family": own.method.family, "x": x}
     if own.refused is not None:
-        return {"axis": axis.name, "method": _key(scene, own.method), "family": own.method.family, "x": x,
-                "seconds": None, "reason": own.refused}  # fmt: skip
-    low, median, high = own.quartiles
+        return {**row, "seconds": None, "reason": own.refused}
     failures = [answer.reason for answer in own.answers if isinstance(answer, Failure)]
-    return {"axis": axis.name, "method": _key(scene, own.method), "family": own.method.family, "setting": own.setting,
-            "x": x, "asked": len(own.answers), "failed": len(failures), "reason": failures[0] if failures else None,
-            "seconds": median, "low": low, "high": high, "rounds": len(own.seconds)}  # fmt: skip
+    row |= {"setting": own.setting, "asked": len(own.answers), "failed": len(failures)}
+    return {**row, "reason": failures[0] if failures else None, **own.times}
 
 
 def _key(scene: TimedScene, method: Method) -> str:

@@ -57,18 +57,9 @@ def growth_figure(run: BenchRun) -> Figure:
             axes.set_xticks(numbers, [f"{x:g}" for x in numbers])
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), fontsize=7.5, frameon=False, handlelength=1.5)
     panels[0].set_ylabel("seconds an answer", fontsize=8.5)
-    form = "quick form" if run.quick else "full form"
     figure.suptitle("Growth of time", fontsize=11, y=0.985)
-    figure.text(
-        0.5,
-        0.008,
-        f"Medians, bars: quartiles; exponents where their standard error is below 0.3. Hollow: some "
-        f"answers failed.\n{run.started[:10]}, {form}, seed {run.seed}, {run.where}.",
-        ha="center",
-        va="bottom",
-        fontsize=7,
-        color=GREY,
-    )
+    told = "Medians, bars: quartiles; exponents where their standard error is below 0.3. Hollow: some answers failed."
+    figure.text(0.5, 0.008, f"{told}\n{run.caption}", ha="center", va="bottom", fontsize=7, color=GREY)
     figure.subplots_adjust(left=0.07, right=0.99, top=0.85, bottom=0.4, wspace=0.2)
     return figure
 

@@ -143,12 +143,11 @@ def _words(figure: Figure, run: BenchRun, height: float) -> None:
     figure.suptitle("What the models cost: the solver's choice, each stage forced, and everything in one program",
                     fontsize=11, y=1.0 - 0.12 / height)  # fmt: skip
     count = {word: sum(row["outcome"] == word for row in rows) for word in OUTCOMES}
-    form = "quick form" if run.quick else "full form"
     said = (
         f"Drawn: {count['settled']} solves; hollow: not passed by the judge; arrows: {count['over']} over the "
         f"limit and {count['crashed']} that crashed. "
         f"Not drawn: {count['refused']} forced stages that do not settle\nthe scene, {count['no motion']} that find no "
-        f"motion. {run.started[:10]}, {form}, seed {run.seed}, {run.where}."
+        f"motion. {run.caption}"
     )
     figure.text(0.5, 0.06 / height, said, ha="center", va="bottom", fontsize=7, color=GREY, linespacing=1.4)
 

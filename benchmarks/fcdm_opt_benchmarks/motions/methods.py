@@ -155,11 +155,7 @@ def _slsqp(asked: Asked, setting: Sequential, slopes: Callable[[Array], Array]) 
     e, g = asked.conditions(asked.task.start / asked.scales)
     rows = {"eq": slice(0, len(e)), "ineq": slice(len(e), len(e) + len(g))}
     constraints = [
-        {
-            "type": kind,
-            "fun": lambda z, own=own: asked.stacked(z)[own],
-            "jac": lambda z, own=own: slopes(z)[own],
-        }
+        {"type": kind, "fun": lambda z, own=own: asked.stacked(z)[own], "jac": lambda z, own=own: slopes(z)[own]}
         for kind, own in rows.items()
         if own.stop > own.start
     ]
@@ -424,68 +420,38 @@ def _rival(
     return Method(name, family, settings, partial(_searched, search, refuses), partial(_refused, refuses))
 
 
+def _numbers(words: str, *labels: str) -> dict[str, float]:
+    """Return settings that are numbers, by a library's own word for them."""
+    return {f"{words} {label}": float(label) for label in labels}
+
+
+STEPS = {"steps x 100": 100.0, "steps x 10": 10.0, "steps as printed": 1.0}
+FTOL = {label: Sequential(value) for label, value in _numbers("ftol", "1e-3", "1e-6", "1e-20").items()}
+STARTS = {f"{count} starts": Sequential(1e-20, starts=count) for count in (3, 12, 40)}
+GENERATIONS = {f"{count} generations": count for count in (15, 60, 240)}
+LOOSE = {f"to {width}, coal 1e-6": Library(float(width), COAL) for width in ("1e-4", "1e-8")}
 METHODS = (
     Method("fcdm_opt", "ours", {"auto": False, "certified": True}, _solved),
-    _rival(
-        "grid",
-        "the paper's",
-        grid,
-        {"steps x 100": 100.0, "steps x 10": 10.0, "steps as printed": 1.0},
-        _without_equations,
-    ),
-    _rival("Nelder-Mead", "scipy", nelder_mead, {"xatol 1e-2": 1e-2, "xatol 1e-4": 1e-4, "xatol 1e-9": 1e-9}),
-    _rival(
-        "SLSQP",
-        "scipy",
-        slsqp,
-        {
-            "ftol 1e-3": Sequential(1e-3),
-            "ftol 1e-6": Sequential(1e-6),
-            "ftol 1e-20": Sequential(1e-20),
-            "ftol 1e-20, central differences": Sequential(1e-20, central=True),
-        },
-    ),
-    _rival(
-        "SLSQP, multistart",
-        "scipy",
-        slsqp,
-        {f"{starts} starts": Sequential(1e-20, starts=starts) for starts in (3, 12, 40)},
-    ),
-    _rival("trust-constr", "scipy", trust_constr, {"gtol 1e-4": 1e-4, "gtol 1e-8": 1e-8, "gtol 1e-12": 1e-12}),
-    _rival("COBYQA", "scipy", cobyqa, {"radius 1e-4": 1e-4, "radius 1e-6": 1e-6, "radius 1e-10": 1e-10}),
-    _rival(
-        "differential evolution",
-        "scipy",
-        differential_evolution,
-        {f"{count} generations": count for count in (15, 60, 240)},
-    ),
-    _rival(
-        "IPOPT, full model",
-        "CasADi",
-        ipopt_in_full,
-        {"tol 1e-4": 1e-4, "tol 1e-8": 1e-8, "tol 1e-11": DEFAULT.solver},
-        _without_seats,
-    ),
+    _rival("grid", "the paper's", grid, STEPS, _without_equations),
+    _rival("Nelder-Mead", "scipy", nelder_mead, _numbers("xatol", "1e-2", "1e-4", "1e-9")),
+    _rival("SLSQP", "scipy", slsqp, {**FTOL, "ftol 1e-20, central differences": Sequential(1e-20, central=True)}),
+    _rival("SLSQP, multistart", "scipy", slsqp, STARTS),
+    _rival("trust-constr", "scipy", trust_constr, _numbers("gtol", "1e-4", "1e-8", "1e-12")),
+    _rival("COBYQA", "scipy", cobyqa, _numbers("radius", "1e-4", "1e-6", "1e-10")),
+    _rival("differential evolution", "scipy", differential_evolution, GENERATIONS),
+    _rival("IPOPT, full model", "CasADi", ipopt_in_full, _numbers("tol", "1e-4", "1e-8", "1e-11"), _without_seats),
     _rival(
         "coal in the loop",
         "coal",
         coal_in_the_loop,
-        {
-            "to 1e-4, coal 1e-6": Library(1e-4, COAL),
-            "to 1e-8, coal 1e-6": Library(1e-8, COAL),
-            "to 1e-12, coal 1e-12": Library(DEFAULT.line, DEFAULT.judge_gjk),
-        },
+        {**LOOSE, "to 1e-12, coal 1e-12": Library(DEFAULT.line, DEFAULT.judge_gjk)},
         _without_features,
     ),
     _rival(
         "coal distance + Newton",
         "coal",
         coal_with_newton,
-        {
-            "to 1e-4, coal 1e-6": Library(1e-4, COAL),
-            "to 1e-8, coal 1e-6": Library(1e-8, COAL),
-            "to 1e-8, coal 1e-12": Library(1e-8, DEFAULT.judge_gjk),
-        },
+        {**LOOSE, "to 1e-8, coal 1e-12": Library(1e-8, DEFAULT.judge_gjk)},
         _with_one_distance,
     ),
 )

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -80,25 +79,22 @@ def judged(case: HardCase, answer: Mapping[str, Any]) -> Grade:
 # ------------------------------------------------------------------------------------------------------------- methods
 
 
-def _refusing(*kinds: type[Exception]) -> Callable[[Callable[[Data], Answer]], Callable[[Data], Answer]]:
-    """Make what a method raises its refusal."""
+def _refusing(
+    method: Callable[..., Answer], kind: type[Exception] = Exception, **settings: Any
+) -> Callable[[Data], Answer]:
+    """Return a method at some settings; what it raises is its refusal."""
 
-    def wrap(method: Callable[[Data], Answer]) -> Callable[[Data], Answer]:
-        @wraps(method)
-        def answer(data: Data) -> Answer:
-            try:
-                return method(data)
-            except (ModuleNotFoundError, MemoryError):
-                raise
-            except kinds as reason:
-                return {"refused": f"{type(reason).__name__}: {' '.join(str(reason).split())}"[:300]}
+    def answer(data: Data) -> Answer:
+        try:
+            return method(data, **settings)
+        except (ModuleNotFoundError, MemoryError):
+            raise
+        except kind as reason:
+            return {"refused": f"{type(reason).__name__}: {' '.join(str(reason).split())}"[:300]}
 
-        return answer
-
-    return wrap
+    return answer
 
 
-@_refusing(InputError)
 def _ours(data: Data) -> Answer:
     from fcdm_opt.curve.decision_curve import decision_curve
     from fcdm_opt.geometry.bodies import Body
@@ -113,7 +109,6 @@ def _ours(data: Data) -> Answer:
     return {"depth": max(0.0, -float(curve.gap((1.0, 1.0))))}
 
 
-@_refusing(Exception)
 def _coacd(data: Data) -> Answer:
     import coacd
 
@@ -123,16 +118,6 @@ def _coacd(data: Data) -> Answer:
     if not parts:
         raise ValueError("no parts")
     return {"volume": union_volume([np.array(corners, float) for corners, _ in parts])}
-
-
-@_refusing(Exception)
-def _trimesh(data: Data) -> Answer:
-    return _by_trimesh(data, checked=False)
-
-
-@_refusing(Exception)
-def _trimesh_checked(data: Data) -> Answer:
-    return _by_trimesh(data, checked=True)
 
 
 def _by_trimesh(data: Data, *, checked: bool) -> Answer:
@@ -149,16 +134,6 @@ def _by_trimesh(data: Data, *, checked: bool) -> Answer:
     if checked and not mesh.is_volume:
         raise ValueError("is_volume is False")
     return {"volume": float(mesh.volume)}
-
-
-@_refusing(Exception)
-def _manifold(data: Data) -> Answer:
-    return _by_manifold(data, 64)
-
-
-@_refusing(Exception)
-def _manifold_single(data: Data) -> Answer:
-    return _by_manifold(data, 32)
 
 
 def _by_manifold(data: Data, bits: int) -> Answer:
@@ -188,22 +163,11 @@ def _by_manifold(data: Data, bits: int) -> Answer:
     return {"volume": whole.volume()}
 
 
-@_refusing(Exception)
 def _qhull(data: Data) -> Answer:
     from scipy.spatial import ConvexHull
 
     made = ConvexHull(np.array(data["vertices"]))
     return {"vertices": len(made.vertices), "faces": _different(made.equations[:, :3])}
-
-
-@_refusing(Exception)
-def _coal(data: Data) -> Answer:
-    return _by_coal(data, triangles=False)
-
-
-@_refusing(Exception)
-def _coal_triangles(data: Data) -> Answer:
-    return _by_coal(data, triangles=True)
 
 
 def _by_coal(data: Data, *, triangles: bool) -> Answer:
@@ -215,29 +179,24 @@ def _by_coal(data: Data, *, triangles: bool) -> Answer:
     return {"vertices": int(made.num_points)}
 
 
-METHODS: dict[str, Callable[[Data], Answer]] = {
-    "our bodies": _ours,
-    "CoACD": _coacd,
-    "trimesh": _trimesh,
-    "trimesh, is_volume": _trimesh_checked,
-    "manifold3d": _manifold,
-    "manifold3d, float32": _manifold_single,
-    "Qhull (scipy)": _qhull,
-    "coal hull": _coal,
-    "coal hull, Qt": _coal_triangles,
+METHODS = {
+    "our bodies": _refusing(_ours, InputError),
+    "CoACD": _refusing(_coacd),
+    "trimesh": _refusing(_by_trimesh, checked=False),
+    "trimesh, is_volume": _refusing(_by_trimesh, checked=True),
+    "manifold3d": _refusing(_by_manifold, bits=64),
+    "manifold3d, float32": _refusing(_by_manifold, bits=32),
+    "Qhull (scipy)": _refusing(_qhull),
+    "coal hull": _refusing(_by_coal, triangles=False),
+    "coal hull, Qt": _refusing(_by_coal, triangles=True),
 }
 OURS = ("our bodies",)
 ASKED = {
-    "our bodies": {"volume", "hull", "overlap"},
-    "CoACD": {"volume"},
-    "trimesh": {"volume", "hull", "overlap"},
-    "trimesh, is_volume": {"volume"},
-    "manifold3d": {"volume", "hull", "overlap"},
-    "manifold3d, float32": {"volume", "overlap"},
-    "Qhull (scipy)": {"hull"},
-    "coal hull": {"hull"},
-    "coal hull, Qt": {"hull"},
+    "volume": ("our bodies", "CoACD", "trimesh", "trimesh, is_volume", "manifold3d", "manifold3d, float32"),
+    "hull": ("our bodies", "trimesh", "manifold3d", "Qhull (scipy)", "coal hull", "coal hull, Qt"),
+    "overlap": ("our bodies", "trimesh", "manifold3d", "manifold3d, float32"),
 }
+"""Who is asked what."""
 
 
 def applies(name: str, case: HardCase) -> bool:
@@ -245,7 +204,7 @@ def applies(name: str, case: HardCase) -> bool:
 
     CoACD is not asked what its manual leaves to its preprocessing, which makes another solid: faulty surfaces.
     """
-    return case.data["ask"] in ASKED[name] and not (name == "CoACD" and case.family in FAULTY)
+    return name in ASKED[case.data["ask"]] and not (name == "CoACD" and case.family in FAULTY)
 
 
 # ------------------------------------------------------------------------------------------------- measuring of answers
@@ -253,6 +212,8 @@ def applies(name: str, case: HardCase) -> bool:
 
 def union_volume(parts: Sequence[Array]) -> float:
     """Return the volume of a union of convex parts, each (n, 3) points: of each what is outside of those before it."""
+    from scipy.spatial import ConvexHull
+
     lowest = np.min([part.min(axis=0) for part in parts], axis=0)
     size = float(np.max([part.max(axis=0) for part in parts] - lowest))
     local = [own for part in parts if len(own := _corners((part - lowest) / size))]
@@ -261,7 +222,7 @@ def union_volume(parts: Sequence[Array]) -> float:
         rest = [part]
         for other in local[:k]:
             rest = [piece for own in rest for piece in _outside(own, other)]
-        total += sum(_hull_volume(piece) for piece in rest)
+        total += sum(float(ConvexHull(piece).volume) for piece in rest)
     return total * size**3
 
 
@@ -300,12 +261,6 @@ def _corners(points: Array) -> Array:
         return points[ConvexHull(points).vertices]
     except QhullError:
         return points[:0]
-
-
-def _hull_volume(points: Array) -> float:
-    from scipy.spatial import ConvexHull
-
-    return float(ConvexHull(points).volume)
 
 
 def _normals(points: Array, faces: Ints) -> Array:

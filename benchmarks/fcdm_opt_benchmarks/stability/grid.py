@@ -46,9 +46,7 @@ class StabilityRun:
         """Write stability.json, stability.md, the map, and every failing input; return the files but the last."""
         made = [folder / "stability.json", write_tables(self.results, folder / "stability.md", about=self.run.about)]
         self.run.write(made[0])
-        form = "quick form" if self.run.quick else "full form"
-        caption = f"{self.run.started[:10]}, {form}, seed {self.run.seed}, {self.run.where}."
-        figure = stability_figure(self.results, title="Where methods fail", caption=caption)
+        figure = stability_figure(self.results, title="Where methods fail", caption=self.run.caption)
         made += save_figure(figure, folder / "stability", small=True)
         save(self.results, folder)
         return made

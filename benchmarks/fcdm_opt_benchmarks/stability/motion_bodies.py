@@ -25,10 +25,10 @@ def unions(rng: Any) -> Members:
     key = scenes.box((-0.7, -1, -1), (0.7, 1, 1))
     motions = {"x": [X], "x, y": [X, Y], "x, y, turn": [X, Y, RZ]}
     for (name, motion), off, goal in product(motions.items(), (0.3, 1e-3, 1e-6), ("touch", "clear")):
-        away = scenes.mapped(key, lambda p, off=off: [p[0] + off, *p[1:]])
+        away = scenes.shifted(key, (off, 0, 0))
         yield f"snug, {goal}, {name}, off by {off:g}", scenes.problem(away, _slot(0.7), motion, goal=goal), off
     for name, motion in motions.items():
-        away = scenes.mapped(key, lambda p: [p[0] + 0.3, *p[1:]])
+        away = scenes.shifted(key, (0.3, 0, 0))
         yield f"with play, {name}", scenes.problem(away, _slot(0.8), motion, goal="clear"), 0.2
     for name, motion, slot, amount in (
         ("short slot", [X, Y], _slot(0.7, 0.5), 1.7),

@@ -60,7 +60,7 @@ def only_a_turn(rng: Any) -> Members:
 def beyond_coherence(rng: Any) -> Members:
     """Let a tip glide down a wall of slope 1/200 past a bump: the coherent range ends where the tip meets that."""
     for side, way in product((1, -1), ((0.02, "coherent"), (0.02, "free"), (0.002, "coherent"), (0.002, "free"))):
-        tip = scenes.mapped(TIP, lambda p, side=side: [p[0], p[1] + side, p[2]])
+        tip = scenes.shifted(TIP, (0, side, 0))
         wall = scenes.union(
             scenes.box((1, -4, -4), (2, 4, 4)), scenes.box((0.9, -0.1, -0.1), (1.5, 0.1, 0.1)), seed=(1.5, 0, 0)
         )
@@ -237,8 +237,8 @@ def stationary(rng: Any) -> Members:
     """Close a gap that no turn changes at rest, by acos .9; or bring the tooth out."""
     amount = math.acos(0.9)
     pairs = {
-        "claw": (scenes.claw(), scenes.about((0.85, 0, 0), 0.05, 2, 2)),
-        "tooth": (scenes.tooth(), scenes.about((1.4, 0, 0), 0.5, 2, 2)),
+        "claw": (scenes.CLAW, scenes.about((0.85, 0, 0), 0.05, 2, 2)),
+        "tooth": (scenes.TOOTH, scenes.about((1.4, 0, 0), 0.5, 2, 2)),
     }
     motions = {"z": [RZ], "-z": [scenes.rotation("-z")], "x, z": [RX, RZ], "z, y": [RZ, Y]}
     for (name, motion), (pair, goal) in product(motions.items(), (("claw", "touch"), ("claw", "at"), ("tooth", "touch"),
@@ -264,7 +264,7 @@ def corners(rng: Any) -> Members:
             scenes.problem(CUBE, scenes.about([1 - off] * 3, 0.5), motion, goal="clear"),
             off,
         )
-    away = scenes.mapped(TIP, lambda p: [p[0] + 1, *p[1:]])
+    away = scenes.shifted(TIP, (1, 0, 0))
     for goal, letter, tau in product(("at", "touch", "clear"), "AD", (0.02, 1e-7)):
         asked = scenes.problem(TIP, away, [X], goal=goal, nominal=[1.0, 1.0], tolerance=tau, requirement=letter)
         yield f"tips, {goal}, {letter}, {tau:g}", asked, 0.0 if (goal, letter) == ("clear", "D") else tau

@@ -104,7 +104,7 @@ def cosine_rows(x: Any, n: Numbers, m: Any) -> Any:
 def cosine_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Swing a tip that points at its pivot to a thin wall at c, nearer than the tip; or beyond its reach."""
     c = data["numbers"]["c"]
-    return _lever(data, scenes.claw() if c <= 1 else LEVER, scenes.about(_wall(c), 0.05, 2, 2), **keywords)
+    return _lever(data, scenes.CLAW if c <= 1 else LEVER, scenes.about(_wall(c), 0.05, 2, 2), **keywords)
 
 
 def _wall(c: float) -> Vector:
@@ -147,7 +147,7 @@ def tips_rows(x: Any, n: Numbers, m: Any) -> Any:
 
 def tips_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Bring a tip to a tip."""
-    away = scenes.mapped(TIP, lambda point: [point[0] + (1 + data["numbers"]["off"]), *point[1:]])
+    away = scenes.shifted(TIP, (1 + data["numbers"]["off"], 0, 0))
     return _solved(scenes.problem(TIP, away, [X, Y, Z], limits=_bounds(data, ["TX", "TY", "TZ"])), **keywords)
 
 
@@ -158,7 +158,7 @@ def repeated_rows(x: Any, n: Numbers, m: Any) -> Any:
 
 def repeated_scene(data: Mapping[str, Any], **keywords: Any) -> tuple[Any, Vector]:
     """Keep tip on tip, eight contacts in one, while both bodies grow."""
-    away = scenes.mapped(TIP, lambda point: [point[0] + 1, *point[1:]])
+    away = scenes.shifted(TIP, (1, 0, 0))
     off = data["numbers"]["off"]
     asked = scenes.problem(TIP, away, [X], goal="at", nominal=[1.0, 1.0], tolerance=off, requirement="A")
     return _solved(asked, **keywords)

@@ -61,6 +61,11 @@ def mapped(body: Plain, place: Any) -> Plain:
     return {**body, "vertices": [place(x) for x in body["vertices"]], "seed": place(body["seed"])}
 
 
+def shifted(body: Plain, shift: Point) -> Plain:
+    """Return a body moved."""
+    return mapped(body, lambda point: [x + s for x, s in zip(point, shift, strict=True)])
+
+
 def rotation(axis: str | Point, centre: str | Point = "seed") -> Plain:
     """Return the step of a turn."""
     return {"rotation": axis, "centre": centre}
@@ -127,6 +132,8 @@ CUBE = about((0, 0, 0), 0.5)
 PLATE = about((1.25, 0, 0), 0.25, 2, 2)  # 1 <= x <= 3/2
 TIP = convex([[side * (axis == k) for k in range(3)] for axis in range(3) for side in (0.5, -0.5)], (0, 0, 0))
 LEVER = convex([(1, 0, 0), (-0.1, 0.1, -0.1), (-0.1, -0.1, -0.1), (-0.1, 0, 0.1)], (0, 0, 0))  # its tip is at 1
+CLAW = convex([(1, 0, 0), (1.3, 0.1, 0.1), (1.3, -0.1, 0.1), (1.3, 0, -0.1)], (0, 0, 0))  # its tip, at 1, points to 0
+TOOTH = convex([(x, y, z) for x, y in ((1, 0), (0.5, 0.1), (0.5, -0.1)) for z in (-0.2, 0.2)], (0, 0, 0))  # edge at 1
 SLANT = convex([(1.5 + a + b, 0.5 - a + b, c) for a in (-4, 4) for b in (0, 2) for c in (-1, 1)])  # x + y >= 2
 
 
@@ -141,16 +148,6 @@ def ramp(slope: float) -> Plain:
         [(-1 + a * along[0] + b * across[0], a * along[1] + b * across[1], c)
          for a in (-3, 3) for b in (0, 2) for c in (-1, 1)]
     )  # fmt: skip
-
-
-def claw() -> Plain:
-    """Return a body whose tip is at x = 1 and points to the pivot at the origin."""
-    return convex([(1, 0, 0), (1.3, 0.1, 0.1), (1.3, -0.1, 0.1), (1.3, 0, -0.1)], (0, 0, 0))
-
-
-def tooth() -> Plain:
-    """Return a body with an edge at x = 1 that points away from the pivot at the origin."""
-    return convex([(x, y, z) for x, y in ((1, 0), (0.5, 0.1), (0.5, -0.1)) for z in (-0.2, 0.2)], (0, 0, 0))
 
 
 def swung(half: float, wall: float = 1.0) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable
 from itertools import product
 
 import numpy as np
@@ -16,8 +16,10 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
     SLIGHT,
     TETRAHEDRON,
     TILT,
+    Families,
     HardPair,
     Solid,
+    family,
     hull_of,
     moved,
     orientations,
@@ -35,7 +37,10 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
     turns,
 )
 
+FAMILIES: Families = {}
 
+
+@family(FAMILIES, "parallel boxes")
 def parallel_boxes(rng: np.random.Generator) -> list[HardPair]:
     """Axis-aligned boxes in all 24 orientations."""
     made = []
@@ -46,19 +51,19 @@ def parallel_boxes(rng: np.random.Generator) -> list[HardPair]:
     return [*made, *turns(made)]
 
 
-def nearly_parallel(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "turned by 1e-3 to 1e-15", count=2)
+def nearly_parallel(rng: np.random.Generator) -> Iterable[HardPair]:
     """Cubes turned by 1e-3 to 1e-15 rad out of parallel."""
-    made = []
     for k in range(3, 16):
         angle = 10.0**-k
         for name, offset in (("face", (4, 0.5, 0.25)), ("edge", (4, 4, 0.5)), ("vertex", (4, 4, 4))):
             two = shifted(CUBE, offset)
-            made.append(HardPair(f"{name}, {angle:g} about one axis", CUBE, two, turned(1, angle)))
+            yield HardPair(f"{name}, {angle:g} about one axis", CUBE, two, turned(1, angle))
             both = turned(1, angle) @ turned(2, 0.7 * angle)
-            made.append(HardPair(f"{name}, {angle:g} about two axes", CUBE, two, both))
-    return turns(made, count=2)
+            yield HardPair(f"{name}, {angle:g} about two axes", CUBE, two, both)
 
 
+@family(FAMILIES, "flush contacts")
 def flush_contacts(rng: np.random.Generator) -> list[HardPair]:
     """Vertex on vertex, edges on one line, faces of one outline, cubes at the same place."""
     mirrored = stretched(TETRAHEDRON, -1)
@@ -90,22 +95,22 @@ def flush_contacts(rng: np.random.Generator) -> list[HardPair]:
     return [*turns([*made, *scaled]), *drawn, *same, *more]
 
 
-def seed_places(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "places of the seeds", count=1)
+def seed_places(rng: np.random.Generator) -> Iterable[HardPair]:
     """Seeds inside, on a face, on an edge, at a vertex, outside, and outside in line with a face or edge."""
-    made = []
     for (p, first), (q, second) in product(_SEEDS.items(), _SEEDS.items()):
         for where, offset in (("away", (5, 1, 2)), ("behind", (-5, 1, 2)), ("at the same place", (0, 0, 0))):
             two = shifted(seeded(SLAB, second), offset)
-            made.append(HardPair(f"seeds {p}, {q}; second {where}", seeded(CUBE, first), two, rho=(1.3, 1.0)))
+            yield HardPair(f"seeds {p}, {q}; second {where}", seeded(CUBE, first), two, rho=(1.3, 1.0))
     around = seeded(shifted(CUBE, (11, 0, 0)), (0, 0, 0))  # a closed curve: far from its seed
     against = shifted(seeded(shifted(CUBE, (0, 11, 0)), (0, 22, 0)), (11, -11, 0))
-    made += [
+    yield from [
         HardPair("closed polygon, cubes", around, against),
         HardPair("closed polygon, tilted", placed(around, TILT), placed(against, TILT)),
     ]
-    return turns(made)
 
 
+@family(FAMILIES, "seeds at one point")
 def no_offset(rng: np.random.Generator) -> list[HardPair]:
     """Seeds at one point: d = 0."""
     made = []
@@ -116,11 +121,11 @@ def no_offset(rng: np.random.Generator) -> list[HardPair]:
     return [scene if k % 2 else scene.opened(SLIGHT[k // 2 % len(SLIGHT)]) for k, scene in enumerate(made)]
 
 
-def offset_ways(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "ways between the seeds", count=1)
+def offset_ways(rng: np.random.Generator) -> Iterable[HardPair]:
     """D parallel to a face, through a vertex, through an edge, along an edge."""
-    made = []
     for where, d in _WAYS.items():
-        made += [
+        yield from [
             HardPair(f"d {where}, cubes", CUBE, shifted(CUBE, d)),
             HardPair(f"d {where}, cube and tetrahedron", CUBE, shifted(TETRAHEDRON, d)),
             HardPair(f"d {where}, octahedron and tetrahedron", OCTAHEDRON, shifted(TETRAHEDRON, d)),
@@ -130,12 +135,11 @@ def offset_ways(rng: np.random.Generator) -> list[HardPair]:
                 seeded(OCTAHEDRON, (0, 2, 0)), shifted(seeded(TETRAHEDRON, (1, 1, 1)), d)
             )),
         ]  # fmt: skip
-    return turns(made)
 
 
-def size_ratios(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "size ratio 1e-8 to 1e8", count=2)
+def size_ratios(rng: np.random.Generator) -> Iterable[HardPair]:
     """Sizes in the ratio 1e-8 to 1e8."""
-    made = []
     for k in (-8, -6, -4, -2, 2, 4, 6, 8):
         for name, own, reach, other, way in (
             ("cubes face on face", stretched(CUBE, 10.0**k), 1, CUBE, (1, 0, 0)),
@@ -145,13 +149,12 @@ def size_ratios(rng: np.random.Generator) -> list[HardPair]:
             ("tilted tetrahedra", stretched(placed(TETRAHEDRON, TILT), 10.0**k), 1, TETRAHEDRON, (0.6, 0.7, 0.2)),
         ):
             offset = (1.0 if k > 4 else 1.5) * (1 + reach * 10.0**k) * np.array(way)
-            made.append(HardPair(f"1e{k}, {name}", own, shifted(other, offset), box=((1e-9, 1e9), (1e-9, 1e9))))
-    return turns(made, count=2)
+            yield HardPair(f"1e{k}, {name}", own, shifted(other, offset), box=((1e-9, 1e9), (1e-9, 1e9)))
 
 
-def aspects(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "aspect 1e4 to 1e8", count=3)
+def aspects(rng: np.random.Generator) -> Iterable[HardPair]:
     """Plates and needles of aspect 1e4 to 1e8."""
-    made = []
     for k in (4, 6, 8):
         t = 10.0**-k
         plate, needle = stretched(CUBE, 1, 1, t), stretched(CUBE, 1, t, t)
@@ -169,49 +172,47 @@ def aspects(rng: np.random.Generator) -> list[HardPair]:
             )),
             ("a tilted plate on a plate", placed(plate, TILT), placed(plate, TILT), TILT[:3, 2] * 3 * t),
         ):  # fmt: skip
-            made.append(HardPair(f"1e{k}, {name}", one, shifted(two, offset)))
-    return turns(made, count=3)
+            yield HardPair(f"1e{k}, {name}", one, shifted(two, offset))
 
 
-def far_away(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "1e6 from the origin", count=3)
+def far_away(rng: np.random.Generator) -> Iterable[HardPair]:
     """Pairs drawn 1e6 from the origin, tilted too, and brought from there."""
     place = np.array([1e6, -1e6, 1e6])
-    made = []
     for name, one, two in _plain():
-        made += [
+        yield from [
             HardPair(name, shifted(one, place), shifted(two, place)),
             seen(f"{name}, tilted", placed(one, TILT), placed(two, TILT), moved(place)),
             HardPair(f"{name}, brought from there", shifted(one, place), two, moved(-place)),
         ]
-    return turns(made, count=3)
 
 
-def units(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "micrometres, kilometres", count=2)
+def units(rng: np.random.Generator) -> Iterable[HardPair]:
     """Pairs in micrometres, millimetres, kilometres and 1e6."""
     tilted = ("tilted tetrahedra", placed(TETRAHEDRON, TILT), placed(shifted(TETRAHEDRON, (3, 1, 2)), TILT @ TILT))
-    made = [
+    return [
         HardPair(f"{name}, unit {unit:g}", stretched(one, unit), stretched(two, unit))
         for unit in (1e-9, 1e-6, 1e-3, 1e3, 1e6)
         for name, one, two in (*_plain(), tilted)
     ]
-    return turns(made, count=2)
 
 
-def vertex_counts(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "4 to 100,000 vertices")
+def vertex_counts(rng: np.random.Generator) -> Iterable[HardPair]:
     """Hulls of 4 to 100,000 vertices."""
-    made = []
     for count in (4, 5, 30, 300, 1000, 10_000, 100_000):
         for k in range(1 if count > 1000 else 2):
             one = hull_of(rng, count) if count <= 30 else sphere(rng, count)
             other = shifted(hull_of(rng, 4 if k else 12), 2.5 * random_way(rng))
             scene = HardPair(f"{count} vertices, {k + 1}", one, other, heavy=count > 300)
-            made += turns([scene], SLIGHT[1:], count=4 if count <= 1000 else 1)
-    return made
+            yield from turns([scene], SLIGHT[1:], count=4 if count <= 1000 else 1)
 
 
-def coplanar_points(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "coplanar points", count=2)
+def coplanar_points(rng: np.random.Generator) -> Iterable[HardPair]:
     """Seven of 15 points in a plane, and a cube with points on all its edges and faces."""
-    made = [
+    return [
         HardPair(f"{name}, offset {offset}", one, shifted(two, offset))
         for offset in ((0, 0, 9), (9, 0, 0), (6, 6, 6), (5, 1.5, 7))
         for name, one, two in (
@@ -221,14 +222,14 @@ def coplanar_points(rng: np.random.Generator) -> list[HardPair]:
             ("seven of 15 on a cube, tilted", placed(_SEVEN, TILT), placed(CUBE, TILT)),
         )
     ]
-    return turns(made, count=2)
 
 
-def superfluous_points(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "repeated and inner points", count=2)
+def superfluous_points(rng: np.random.Generator) -> Iterable[HardPair]:
     """Points named twice and points inside."""
     twice = solid([*CUBE["vertices"], *CUBE["vertices"][::-1], (0, 0, 0), (0.5, 0.25, 0), (1, 1, 1)])
     inner = solid([(0, 0, 0), (0.5, 1, 1), *CUBE["vertices"], (-1, 0, 0)])
-    made = [
+    return [
         HardPair(f"{name}, offset {offset}", one, shifted(two, offset))
         for offset in ((0, 0, 3), (3, 0, 0), (3, 3, 3), (3, 1.5, 2))
         for name, one, two in (
@@ -237,12 +238,11 @@ def superfluous_points(rng: np.random.Generator) -> list[HardPair]:
             ("inside, tilted", placed(inner, TILT), placed(twice, TILT)),
         )
     ]
-    return turns(made, count=2)
 
 
-def many_sides(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "prisms and pyramids", count=1)
+def many_sides(rng: np.random.Generator) -> Iterable[HardPair]:
     """Regular prisms and pyramids with 3 to 1000 sides."""
-    made = []
     for sides in (3, 4, 5, 6, 7, 12, 64, 300, 1000):
         up, down = pyramid(sides), stretched(pyramid(sides), 1, 1, -1)
         for name, one, two in (
@@ -254,10 +254,10 @@ def many_sides(rng: np.random.Generator) -> list[HardPair]:
             ("pyramids apex on apex", up, shifted(down, (0, 0, 3.5))),
             ("pyramids side by side, tilted", placed(up, TILT), placed(shifted(up, (2.5, 1, 0.5)), TILT)),
         ):
-            made.append(HardPair(f"{sides} sides, {name}", one, two, heavy=sides > 64))
-    return turns(made)
+            yield HardPair(f"{sides} sides, {name}", one, two, heavy=sides > 64)
 
 
+@family(FAMILIES, "three features meet")
 def many_features(rng: np.random.Generator) -> list[HardPair]:
     """Scale pairs at which three or more features meet; unions of two parts with a seam at the contact too."""
     made = []
@@ -284,15 +284,14 @@ def many_features(rng: np.random.Generator) -> list[HardPair]:
     return [*made, *turns(made)]
 
 
-def box_corners(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "corner of the scale box")
+def box_corners(rng: np.random.Generator) -> Iterable[HardPair]:
     """Boxes that touch at the corner of the scale box."""
-    made = []
     for name, box in (("lowest", ((1.0, 3.0), (1.0, 3.0))), ("highest", ((0.25, 1.0), (0.25, 1.0)))):
         for way, offset in (("face", (2, 0, 0)), ("edge", (2, 2, 0)), ("vertex", (2, 2, 2)), ("off", (2, 0.5, 0.25))):
-            made.append(HardPair(f"{name} corner, {way}", CUBE, shifted(CUBE, offset), box=box))
+            yield HardPair(f"{name} corner, {way}", CUBE, shifted(CUBE, offset), box=box)
             own = placed(CUBE, TILT)
-            made.append(HardPair(f"{name} corner, {way}, tilted", own, placed(shifted(CUBE, offset), TILT), box=box))
-    return made
+            yield HardPair(f"{name} corner, {way}, tilted", own, placed(shifted(CUBE, offset), TILT), box=box)
 
 
 _SEEDS = {
@@ -328,23 +327,3 @@ def _plain() -> list[tuple[str, Solid, Solid]]:
         ("octahedron and tetrahedron", OCTAHEDRON, shifted(TETRAHEDRON, (4, 2, 1))),
         ("seeds outside", seeded(CUBE, (3, 0.5, 0.25)), shifted(seeded(OCTAHEDRON, (0, 3, 1)), (5, 1, 2))),
     ]
-
-
-FAMILIES: Mapping[str, Callable[[np.random.Generator], list[HardPair]]] = {
-    "parallel boxes": parallel_boxes,
-    "turned by 1e-3 to 1e-15": nearly_parallel,
-    "flush contacts": flush_contacts,
-    "places of the seeds": seed_places,
-    "seeds at one point": no_offset,
-    "ways between the seeds": offset_ways,
-    "size ratio 1e-8 to 1e8": size_ratios,
-    "aspect 1e4 to 1e8": aspects,
-    "1e6 from the origin": far_away,
-    "micrometres, kilometres": units,
-    "4 to 100,000 vertices": vertex_counts,
-    "coplanar points": coplanar_points,
-    "repeated and inner points": superfluous_points,
-    "prisms and pyramids": many_sides,
-    "three features meet": many_features,
-    "corner of the scale box": box_corners,
-}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable
 from itertools import permutations, product
 from math import pi
 from typing import Any
@@ -20,10 +20,12 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
     STILL,
     TETRAHEDRON,
     TILT,
+    Families,
     HardPair,
     Solid,
     box_of,
     each,
+    family,
     hull_of,
     moved,
     placed,
@@ -41,6 +43,10 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
 OPENINGS = (1e-3, -1e-3, 1e-5, -1e-5, 1e-7, -1e-7, 1e-9, -1e-9, 1e-11, -1e-11)
 
 
+FAMILIES: Families = {}
+
+
+@family(FAMILIES, "random hulls, slightly opened")
 def random_hulls(rng: np.random.Generator) -> list[HardPair]:
     """Random hulls of unit size in random poses, opened and closed."""
     made = []
@@ -50,6 +56,7 @@ def random_hulls(rng: np.random.Generator) -> list[HardPair]:
     return each(made, OPENINGS[2:])
 
 
+@family(FAMILIES, "size 1 against 1e-3")
 def small_on_large(rng: np.random.Generator) -> list[HardPair]:
     """Random hulls of size 1 and 1e-3."""
     made = []
@@ -59,19 +66,19 @@ def small_on_large(rng: np.random.Generator) -> list[HardPair]:
     return each(made, OPENINGS[:-2])
 
 
-def millionth_gaps(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "boxes 1e-6 apart")
+def millionth_gaps(rng: np.random.Generator) -> Iterable[HardPair]:
     """Boxes a millionth of their size apart."""
-    made = []
     for k, offset in enumerate([(1, 0, 0), (1, 0.3, 0.2), (0, 1, 0), (1, 1, 0), (1, 1, 1), (0.2, 0.1, -1)]):
         reach = np.array(offset, float)
         full = np.abs(reach) == 1
         reach[full] *= 2 + 1e-6
         for name, turn in (("as drawn", STILL), ("tilted", TILT), ("turned", random_turn(rng))):
             two = placed(shifted(CUBE, reach), turn)
-            made.append(HardPair(f"offset {k + 1}, {name}", placed(CUBE, turn), two))
-    return made
+            yield HardPair(f"offset {k + 1}, {name}", placed(CUBE, turn), two)
 
 
+@family(FAMILIES, "normals at touch")
 def normals(rng: np.random.Generator) -> list[HardPair]:
     """Contacts whose direction is known: edge to edge, face to face, of very different sizes too."""
     made = [
@@ -93,13 +100,13 @@ def normals(rng: np.random.Generator) -> list[HardPair]:
     return [*made, *(scene.opened(0.0)._replace(transform=random_turn(rng)) for scene in made[::3])]
 
 
-def thin_prisms(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "thin prisms")
+def thin_prisms(rng: np.random.Generator) -> Iterable[HardPair]:
     """Prisms of thickness 1e-6 and 1e-9 that overlap by half of it, cross each other, touch, or are just apart."""
-    made = []
     for sides, thickness in product((3, 4, 6), (1e-6, 1e-9)):
         thin = prism(sides, half=thickness / 2)
         name = f"{sides} sides, thickness {thickness:g}"
-        made += [
+        yield from [
             HardPair(f"{name}, half of it overlaps", thin, shifted(thin, (0.1, 0.2, thickness / 2))),
             seen(f"{name}, tilted, half of it overlaps", thin, shifted(thin, (0.1, 0.2, thickness / 2)), TILT),
             HardPair(f"{name}, crossed", thin, shifted(thin, (0.1, 0.2, 0.0)), turned(0, 1.0)),
@@ -107,23 +114,20 @@ def thin_prisms(rng: np.random.Generator) -> list[HardPair]:
             HardPair(f"{name}, touching", thin, shifted(thin, (0.1, 0.2, thickness))),
             HardPair(f"{name}, half of it apart", thin, shifted(thin, (0.1, 0.2, 1.5 * thickness))),
         ]  # fmt: skip
-    return made
 
 
-def coincident(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "the same place")
+def coincident(rng: np.random.Generator) -> Iterable[HardPair]:
     """Solids at the same place, and touching ones of which libraries say that they overlap a little."""
-    made = []
     for name, turn in (("", STILL), (", tilted", TILT), (", turned", random_turn(rng))):
         for kind, own in (("cubes", CUBE), ("octahedra", OCTAHEDRON), ("tetrahedra", TETRAHEDRON)):
-            made.append(HardPair(f"{kind} at the same place{name}", placed(own, turn), placed(own, turn)))
-        made.append(HardPair(f"cubes of one place and two sizes{name}", placed(CUBE, turn), placed(SLAB, turn)))
-        made.append(HardPair(f"cubes face to face{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 0, 0)), turn)))
-        made.append(
-            HardPair(f"cubes beside each other{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 1, 1)), turn))
-        )
-    return made
+            yield HardPair(f"{kind} at the same place{name}", placed(own, turn), placed(own, turn))
+        yield HardPair(f"cubes of one place and two sizes{name}", placed(CUBE, turn), placed(SLAB, turn))
+        yield HardPair(f"cubes face to face{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 0, 0)), turn))
+        yield HardPair(f"cubes beside each other{name}", placed(CUBE, turn), placed(shifted(CUBE, (2, 1, 1)), turn))
 
 
+@family(FAMILIES, "FCL's boxes")
 def fcl_boxes(rng: np.random.Generator) -> list[HardPair]:
     """Return the pairs of boxes of FCL's regression tests, in their poses, the second box as drawn."""
     return [
@@ -132,30 +136,29 @@ def fcl_boxes(rng: np.random.Generator) -> list[HardPair]:
     ]
 
 
-def kissing_cubes(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "kissing cubes")
+def kissing_cubes(rng: np.random.Generator) -> Iterable[HardPair]:
     """Tilted cubes face to face, opened by a few roundings, after FCL #493."""
     tilt = turned(0, pi / 12) @ turned(1, -pi / 18) @ turned(2, 17 * pi / 180)
-    made = []
     for side, opening in product((0.01, 0.25, 0.5, 10.0, 1000.0), (-1e-15, -2.5e-16, -1e-16, 0, 1e-16, 2.5e-16, 1e-15)):
         own, base = stretched(SMALL_CUBE, side), np.array([0, 0, 5 * side])
         one = moved(base, tilt)
         two = moved(base + tilt[:3, :3] @ [0, side + opening * max(1.0, side), 0], tilt)
-        made.append(HardPair(f"side {side:g}, opened by {opening:g}", own, placed(own, two), one))
-    return made
+        yield HardPair(f"side {side:g}, opened by {opening:g}", own, placed(own, two), one)
 
 
-def nearly_parallel_edges(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "nearly parallel edges")
+def nearly_parallel_edges(rng: np.random.Generator) -> Iterable[HardPair]:
     """Boxes with nearly parallel edges a few millionths apart, after coal #604."""
     one, two = box_of((0.363, 0.277, 0.363)), box_of((0.363, 0.363, 0.277))
-    made = []
     for k in range(12):
         turn = turned(0, rng.uniform(-1e-2, 1e-2)) @ turned(1, rng.uniform(-1e-2, 1e-2))
         turn = turn @ turned(2, rng.uniform(-1e-2, 1e-2) * 10.0 ** -(k % 4))
         way = np.array([(1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0.1, 0.2)][k % 4], float)
-        made.append(_apart_by(f"rotation {k + 1}", one, two, turn, way / np.linalg.norm(way), 3.575e-6))
-    return made
+        yield _apart_by(f"rotation {k + 1}", one, two, turn, way / np.linalg.norm(way), 3.575e-6)
 
 
+@family(FAMILIES, "no thickness")
 def flat_inputs(rng: np.random.Generator) -> list[HardPair]:
     """Bodies without thickness: no solids, which may be refused, but not answered wrong."""
     square = solid([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
@@ -175,29 +178,28 @@ def flat_inputs(rng: np.random.Generator) -> list[HardPair]:
     ]
 
 
-def far_boxes(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "boxes at 9e4", count=2)
+def far_boxes(rng: np.random.Generator) -> Iterable[HardPair]:
     """Boxes of size 2 and 100 at coordinates about 9e4."""
-    made = []
     for name, place in (("one axis", (9e4, 0, 0)), ("two axes", (9e4, -9e4, 0)), ("three axes", (9e4, 9e4, -9e4))):
         for way, offset in (("face", (52, 3, 5)), ("edge", (52, 52, 5)), ("vertex", (52, 52, 52))):
             large = shifted(stretched(CUBE, 50.0), np.add(place, offset))
-            made.append(HardPair(f"{name}, {way}", shifted(CUBE, place), large))
-            made.append(seen(f"{name}, {way}, tilted", shifted(CUBE, place), large, TILT))
-    return turns(made, count=2)
+            yield HardPair(f"{name}, {way}", shifted(CUBE, place), large)
+            yield seen(f"{name}, {way}, tilted", shifted(CUBE, place), large, TILT)
 
 
-def rounded_cubes(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "rounded cubes", count=3)
+def rounded_cubes(rng: np.random.Generator) -> Iterable[HardPair]:
     """Return the rounded cube of 24 vertices, all permutations of (+-a, +-a, +-b)."""
     a, b = 0.414213562373, 0.171572875254
     places = {(s * x, t * y, u * z) for x, y, z in permutations((a, a, b)) for s, t, u in product((1, -1), repeat=3)}
     own = solid(sorted(places))
-    made = []
     for k, offset in enumerate([(1.2, 0, 0), (1, 1, 0), (1, 1, 1), (1.1, 0.3, 0.2), (0.7, 0.9, -0.4)]):
-        made.append(HardPair(f"two of them, offset {k + 1}", own, shifted(own, offset)))
-        made.append(HardPair(f"a cube, offset {k + 1}", own, shifted(stretched(CUBE, 0.5), offset), random_turn(rng)))
-    return turns(made, count=3)
+        yield HardPair(f"two of them, offset {k + 1}", own, shifted(own, offset))
+        yield HardPair(f"a cube, offset {k + 1}", own, shifted(stretched(CUBE, 0.5), offset), random_turn(rng))
 
 
+@family(FAMILIES, "edges of no length")
 def zero_edges(rng: np.random.Generator) -> list[HardPair]:
     """Triangles with an edge of no length: prisms and tetrahedra on them, corners named twice, or nearly twice."""
     made = []
@@ -216,9 +218,9 @@ def zero_edges(rng: np.random.Generator) -> list[HardPair]:
     return [*turns(made, count=2), HardPair("a triangle that is a segment", flat, shifted(CUBE, (0.5, 0.25, 2)))]
 
 
-def boxes_on_boxes(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "a box on a box")
+def boxes_on_boxes(rng: np.random.Generator) -> Iterable[HardPair]:
     """Boxes of half size .1 on, .25 above, and .25 inside boxes of half size 1 to 100; resting off the middle too."""
-    made = []
     small = stretched(CUBE, 0.1)
     for half in (1.0, 10.0, 25.0, 50.0, 100.0):
         large = stretched(CUBE, half)
@@ -228,21 +230,19 @@ def boxes_on_boxes(rng: np.random.Generator) -> list[HardPair]:
             ("inside by .25", 0.0, half - 0.15),
             ("resting on the rim", half - 0.25, half + 0.1),
         ):
-            made.append(HardPair(f"half size {half:g}, {name}", small, large, moved((x, 0.0, z))))
-    return made
+            yield HardPair(f"half size {half:g}, {name}", small, large, moved((x, 0.0, z)))
 
 
-def cubes_far_out(rng: np.random.Generator) -> list[HardPair]:
+@family(FAMILIES, "cubes at 100 m")
+def cubes_far_out(rng: np.random.Generator) -> Iterable[HardPair]:
     """Cubes of 1000, 100, 50 and 10 mm at 100 m, and 100 m apart."""
-    made = []
     for side in (1.0, 0.1, 0.05, 0.01):
         own = stretched(SMALL_CUBE, side)
         for name, offset in (("face", (1, 0, 0)), ("edge", (1, 1, 0)), ("off the middle", (1, 0.3, 0.2))):
             two = shifted(own, 1.2 * side * np.array(offset))
-            made += turns([seen(f"side {side:g}, {name}", own, two, moved((100, 100, 100)))], count=3)
-        made.append(HardPair(f"side {side:g}, 100 m apart", own, shifted(own, (100, 0, 0)), box=((1e-3, 1e6),) * 2))
-        made.append(HardPair(f"side {side:g}, 100 m apart, tilted", own, shifted(own, (60, 80, 0)), TILT))
-    return made
+            yield from turns([seen(f"side {side:g}, {name}", own, two, moved((100, 100, 100)))], count=3)
+        yield HardPair(f"side {side:g}, 100 m apart", own, shifted(own, (100, 0, 0)), box=((1e-3, 1e6),) * 2)
+        yield HardPair(f"side {side:g}, 100 m apart, tilted", own, shifted(own, (60, 80, 0)), TILT)
 
 
 _FCL: list[tuple[tuple[float, ...], Any, tuple[float, ...], Any]] = [
@@ -311,22 +311,3 @@ def _apart_by(name: str, one: Solid, two: Solid, turn: Array, way: Array, gap: f
     moving = rate > 1e-3
     t = ((gap + reach[moving]) / rate[moving]).min()
     return HardPair(name, one, shifted(two, t * way), turn)
-
-
-FAMILIES: Mapping[str, Callable[[np.random.Generator], list[HardPair]]] = {
-    "random hulls, slightly opened": random_hulls,
-    "size 1 against 1e-3": small_on_large,
-    "boxes 1e-6 apart": millionth_gaps,
-    "normals at touch": normals,
-    "thin prisms": thin_prisms,
-    "the same place": coincident,
-    "FCL's boxes": fcl_boxes,
-    "kissing cubes": kissing_cubes,
-    "nearly parallel edges": nearly_parallel_edges,
-    "no thickness": flat_inputs,
-    "boxes at 9e4": far_boxes,
-    "rounded cubes": rounded_cubes,
-    "edges of no length": zero_edges,
-    "a box on a box": boxes_on_boxes,
-    "cubes at 100 m": cubes_far_out,
-}

@@ -6,7 +6,8 @@ is right of them is worked out elsewhere, from the floats that come out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
 from itertools import permutations, product
 from math import cos, sin
 from typing import Any, NamedTuple
@@ -75,6 +76,25 @@ def turns(scenes: Iterable[HardPair], openings: Sequence[float] = SLIGHT, count:
         made += [scene.opened(openings[(taken + k) % len(openings)]) for k in range(count)]
         taken += count
     return made
+
+
+Drawing = Callable[[np.random.Generator], Iterable[HardPair]]
+Families = dict[str, Callable[[np.random.Generator], list[HardPair]]]
+
+
+def family(families: Families, name: str, count: int = 0) -> Callable[[Drawing], Callable[..., list[HardPair]]]:
+    """Put what a function draws among the families, each scene opened by `count` of the amounts, or none, in turn."""
+
+    def registered(draw: Drawing) -> Callable[[np.random.Generator], list[HardPair]]:
+        @wraps(draw)
+        def scenes(rng: np.random.Generator) -> list[HardPair]:
+            made = list(draw(rng))
+            return turns(made, count=count) if count else made
+
+        families[name] = scenes
+        return scenes
+
+    return registered
 
 
 # -------------------------------------------------------------------------------------------------------------- solids
