@@ -154,9 +154,10 @@ def test_an_answer_of_another_kind_fails_alone(answer: Any) -> None:
 
 
 def test_a_system_that_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unreadable(path: Path, *given: Any, **named: Any) -> str:
-        raise FileNotFoundError(2, "No such file or directory", str(path))
+    def unreadable(*given: Any, **named: Any) -> str:
+        raise FileNotFoundError(2, "No such file or directory")
 
     monkeypatch.setattr(Path, "read_text", unreadable)
+    monkeypatch.setattr(record.psutil, "cpu_times", unreadable)
     assert record.machine()["cores"]
     assert record.Watch().load().others is None

@@ -8,12 +8,12 @@ import json
 import numpy as np
 import pytest
 
+from fcdm_opt_benchmarks.shapes import random_rotation
 from fcdm_opt_benchmarks.stability import bodies
 from fcdm_opt_benchmarks.stability.bodies import METHODS, applies, judged
 from fcdm_opt_benchmarks.stability.body_families import (
     SOLIDS,
     TOUCHING,
-    _turn,
     blocks,
     exact_counts,
     exact_volume,
@@ -78,7 +78,7 @@ def test_volumes_of_unions_are_counts_of_cells():
         boxes = [np.sort(rng.integers(0, 6, (2, 3)), axis=0) + np.array([[0], [1]]) for _ in range(rng.integers(1, 6))]
         cells = {cell for low, high in boxes for cell in itertools.product(*map(range, low, high))}
         parts = [np.array(list(itertools.product(*zip(low, high, strict=True))), float) for low, high in boxes]
-        turn = _turn(rng)
+        turn = random_rotation(rng)
         assert bodies.union_volume(parts) == pytest.approx(len(cells), rel=1e-12)
         assert bodies.union_volume([1e-9 * part @ turn.T for part in parts]) == pytest.approx(
             1e-27 * len(cells), rel=1e-9

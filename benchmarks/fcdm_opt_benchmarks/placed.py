@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.errors import FcdmError, InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt_benchmarks.method import ContactAnswer, Pair, Touching
+from fcdm_opt_benchmarks.method import ContactAnswer, Pair, Touching, anything
 
 Elements = tuple[tuple[list[tuple[int, ...]], list[tuple[int, ...]]], ...]
 
@@ -85,7 +85,7 @@ def elements(pair: Pair) -> Elements:
     faces = [[tuple(sorted(loop)) for loop in part.loops] for part in parts]
     edges = [[tuple(sorted(own)) for own in part.edges[:, :2].tolist()] for part in parts]
     vertices = [[(k,) for k in range(len(part.vertices))] for part in parts]
-    by_kind = {F1V2: (faces[0], vertices[1]), V1F2: (vertices[0], faces[1]), E1E2: (edges[0], edges[1])}
+    by_kind: dict[int, Any] = {F1V2: (faces[0], vertices[1]), V1F2: (vertices[0], faces[1]), E1E2: (edges[0], edges[1])}
     return tuple(by_kind[kind] for kind in range(len(by_kind)))
 
 
@@ -105,11 +105,11 @@ def seeds_inside(pair: Pair) -> str | None:
     return None
 
 
-def up_to(most: int, reason: str) -> Callable[[Pair], str | None]:
-    """Return what refuses pairs of more than `most` vertices a body, and seeds that are not inside."""
+def up_to(most: int, reason: str, besides: Callable[[Pair], str | None] = anything) -> Callable[[Pair], str | None]:
+    """Return what refuses pairs of more than `most` vertices a body, and what something else refuses."""
 
     def refuses(pair: Pair) -> str | None:
         vertices = max(len(body.vertices) for body in pair)
-        return f"{reason} above {most:,} vertices" if vertices > most else seeds_inside(pair)
+        return f"{reason} above {most:,} vertices" if vertices > most else besides(pair)
 
     return refuses

@@ -43,7 +43,7 @@ def problem(scene: FitScene) -> Any:
     for step in scene.steps[1:]:
         motion = motion >> _step(step)
     names = [parameter.name for parameter in motion.parameters]
-    sizes = {"target": tuple(scene.target.tolist())}
+    sizes: dict[str, Any] = {"target": tuple(scene.target.tolist())}
     if scene.requirement is not None:
         sizes = {"requirement": scene.requirement, "tolerance": scene.tolerance}
     return fo.Problem(

@@ -12,7 +12,7 @@ import heapq
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -297,7 +297,7 @@ def _thinned(pair: FreeingShifts, eps: float) -> FreeingShifts:
     return FreeingShifts(pair.g[first], pair.h[first], pair.touch[first], pair.own)
 
 
-def intervals(rows: FreeingShifts, eps: float) -> tuple[Array, Array, Array, Array]:
+def intervals(rows: FreeingShifts, eps: float) -> tuple[Array, Array, Any, Any]:
     """Return, for one length, (low, high) of the blocked interval, whether it is blocked and may touch, each (N,)."""
     g, h = rows.g[:, :, 0], rows.h
     flat = np.abs(g) < FLAT
@@ -475,10 +475,10 @@ def _one_angle(setting: Setting, motion: Inner, span: tuple[float, float], effor
                 found.append((float(np.hypot(weight * angle, own * length)), q))
         else:
             for angle in angles[np.argsort(np.abs(angles))]:
-                q = motion(np.array([angle]), best)
-                if q is not None:
-                    best = min(best, setting.amount(q))
-                    found.append((setting.amount(q), q))
+                least = motion(np.array([angle]), best)
+                if least is not None:
+                    best = min(best, setting.amount(least))
+                    found.append((setting.amount(least), least))
         return [(amount, q) for amount, q in found if not np.isnan(amount)]
 
     found = values(grid, np.inf)
@@ -552,25 +552,25 @@ def _scanned(setting: Setting) -> KnownMotion | None:
     own, every = setting.margins(grid[:, None])
     eps = EPS * setting.size
     at_once = grid[setting.valid(grid[:, None])].tolist()
-    events: list[tuple[float, Callable[[], list[float]]]] = [(abs(s), lambda s=s: [s]) for s in at_once]
+    events: list[tuple[float, Callable[[], list[float]]]] = [(abs(s), partial(list, [s])) for s in at_once]
     radius = 2.0 * setting.size + float(np.linalg.norm(setting.corners - setting.movable, axis=1).max())
     for sign, values in ((1.0, every), (-1.0, own)):
         for k in np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0)):
             ends = grid[k], grid[k + 1]
-            events.append((min(map(abs, ends)), lambda ends=ends, sign=sign: _root(setting, *ends, sign > 0)))
+            events.append((min(map(abs, ends)), partial(_root, setting, *ends, sign > 0)))
         middle, high = sign * values[1:-1], np.maximum(sign * values[:-2], sign * values[2:])
         near = -middle <= (grid[2:] - grid[:-2]) * radius  # a window, or a graze, between the points of the scan
         for k in 1 + np.flatnonzero((middle < 0) & (middle >= high) & near):
             ends = grid[k - 1], grid[k + 1]
-            events.append((min(map(abs, ends)), lambda ends=ends, sign=sign: _window(setting, *ends, sign)))
+            events.append((min(map(abs, ends)), partial(_window, setting, *ends, sign)))
     best: KnownMotion | None = None
     for nearest_, candidates in sorted(events, key=lambda event: event[0]):
         if best is not None and nearest_ > abs(best.q[0]):
             break  # what follows is further from rest
         for s in candidates():
             found, others = setting.margins([[s]])
-            fine = others[0] >= -10 * eps and (not setting.touch or found[0] <= 10 * eps)
-            if fine and (best is None or abs(s) < abs(best.q[0])):
+            meets = others[0] >= -10 * eps and (not setting.touch or found[0] <= 10 * eps)
+            if meets and (best is None or abs(s) < abs(best.q[0])):
                 best = KnownMotion(np.array([s]), setting.amount([s]), False)
     return best
 

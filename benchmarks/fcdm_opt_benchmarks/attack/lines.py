@@ -66,7 +66,7 @@ class TrackedPoint:
         moved = np.einsum("nij,j->ni", R, self.s1) + t
         rows = np.stack([line.at(R, self.s2 - moved) for line in self.lines], axis=1)
         with np.errstate(all="ignore"):
-            x = np.linalg.solve(rows[:, :, :2], rows[:, :, 2:])[:, :, 0]
+            x: Array = np.asarray(np.linalg.solve(rows[:, :, :2], rows[:, :, 2:])[:, :, 0], dtype=np.float64)
         fine = (x > 0).all(axis=1)
         arms, rest = self.one.points - self.s1, self.two.points - self.s2
         for line in self.lines:  # its own corners are still the outermost along its normal

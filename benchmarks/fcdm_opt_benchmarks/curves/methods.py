@@ -123,7 +123,8 @@ def _exact(pair: Pair, question: CurveQuestion) -> CurveAnswer:
 RAYS = {f"{rays} rays, {tolerance}": (rays, float(tolerance))
         for rays, tolerance in ((9, "1e-3"), (33, "1e-6"), (33, "1e-12"), (129, "1e-12"))}  # fmt: skip
 DOUBLES, NEWTON, SIMPLEX = {"doubles": None}, settings("1e-6", "1e-12"), settings("1e-7", "1e-10")
-SLOW, VERY_SLOW = up_to(1000, "more than 1 s a curve"), up_to(1000, "up to 5 s a curve")
+SLOW = up_to(1000, "more than 1 s a curve", seeds_inside)
+VERY_SLOW = up_to(1000, "up to 5 s a curve", seeds_inside)
 METHODS: tuple[Method, ...] = (
     Method("decision_curves", "ours", DOUBLES, batch, seeds_inside),
     Method("kernel", "ours", DOUBLES, kernel, seeds_inside),
