@@ -19,7 +19,6 @@ from fcdm_opt_benchmarks.placed import SeededPart
 from fcdm_opt_benchmarks.shapes import polygon, prism, random_directions, random_rotation
 
 BOX = ((0.8, 3.0), (0.8, 3.0))
-SIZES = (8, 12, 20, 100, 1000, 10000)
 PARALLEL = 2.0**-32
 """Unit of all that parallel bodies are moved by: sums of such numbers up to a million are exact, so nothing turns."""
 WAYS = 3  # parallel bodies lie apart along integers up to this: often in the plane of a face, or along an edge
@@ -131,14 +130,6 @@ def quarter_turns(rng: np.random.Generator) -> Array:
     """Rotation about z by a multiple of a right angle, exact, and in half of the cases upside down."""
     c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][rng.integers(4)]
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0]][rng.integers(2)])
-
-
-def random_pose(
-    rng: np.random.Generator, movable: Body, static: Body, separation: Separation = SEPARATIONS["middling"]
-) -> Array:
-    """Transform that turns body 1 at random and puts it on any side of body 2, at a random growth distance."""
-    parts = SeededPart.of(movable), SeededPart.of(static)
-    return _posed(rng, (movable, static), parts, separation, parallel=False)[0]
 
 
 def _posed(

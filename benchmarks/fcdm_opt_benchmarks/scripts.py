@@ -9,9 +9,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show.plain import plain
 from fcdm_opt_benchmarks.record import machine, versions
 from fcdm_opt_benchmarks.timing import timed
@@ -40,20 +37,6 @@ def in_turns(works: Mapping[str, Work], rounds: int, patience: float = float("in
                 seconds, _ = timed(work)
                 times[name] += [seconds] if turn else []
     return times
-
-
-def beside(work: Work, other: Work, rounds: int) -> Array:
-    """Return the seconds of two pieces of work, (2, rounds): one right after the other, each run untimed just before.
-
-    So ratios compare what ran within the same milliseconds, and neither pays for what the other left in the caches.
-    """
-    rows = []
-    for _ in range(rounds):
-        other()
-        second, _ = timed(other)
-        work()
-        rows.append((timed(work)[0], second))
-    return np.array(rows).T
 
 
 def in_pieces(work: Callable[..., Any], pieces: Sequence[Iterable[Any]], jobs: int) -> Iterator[Any]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt_benchmarks.coal_shapes import coal_pose, coal_requests, coal_surface
+from fcdm_opt_benchmarks.coal_shapes import coal_requests, coal_surface
 from fcdm_opt_benchmarks.shapes import prism, random_rotation
 
 GROWTH = (1.05, 1.5)  # both scales at which the poses touch: apart as drawn, and the curve crosses the box
@@ -107,11 +106,6 @@ class UnionPair:
         reach = sum(float(np.linalg.norm(body.vertices, axis=1).max()) for body in (one, two))
         surfaces = coal_surface(one), coal_surface(two)
         return cls(parts, (one, two), np.array([_pose(rng, *surfaces, reach) for _ in range(poses)]))
-
-    @cached_property
-    def poses(self) -> list[Any]:
-        """The transforms for coal."""
-        return [coal_pose(T) for T in self.transforms]
 
 
 def _pose(rng: np.random.Generator, one: Any, two: Any, reach: float) -> np.ndarray:

@@ -13,7 +13,8 @@ Table "growth", one row for each axis, number and method:
     reason      why it was not asked, or of the first failure
 
 What an answer is: on "vertices" and "parts" a whole decision curve, in a pose of its own each; coal's, drawn beside it,
-is a single distance. On "parameters" the smallest motion of hulls that overlap, ours with its verification.
+is a single distance, or whether the bodies collide. On "parameters" the smallest motion of hulls that overlap, ours
+with its verification.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import decision_curve
+from fcdm_opt.geometry.arrays import frozen
+from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks import curves, motions
 from fcdm_opt_benchmarks.coal_shapes import coal_hull, coal_pose, coal_requests, coal_surface
 from fcdm_opt_benchmarks.cost.scenes import hull_pair, overlapping
@@ -145,28 +149,46 @@ def _vertices(quick: bool, seed: int) -> _GrowthAxis:
 
     by_name = {method.name: method for method in curves.METHODS}
     methods = (
+        Method("compiled walk", "ours", {"doubles": None}, _walked),
         _at(by_name["decision_curves"], "doubles"),
+        _at(by_name["decision_curve"], "doubles"),
         _at(by_name["exact path"], "rationals"),
         _at(by_name["HiGHS, warm"], "1e-10"),
         _at(by_name["coal bisection"], "33 rays, 1e-12"),
-        Method("coal, one distance", "coal", {"default": None}, _hulls_apart),
+        Method("coal, one distance", "coal", {"default": None}, partial(_hulls_apart, "distance")),
+        Method("coal, one collide", "coal", {"default": None}, partial(_hulls_apart, "collide")),
     )
     return _GrowthAxis("vertices", {n: [partial(scene, n)] for n in sizes}, methods, plan, 0.1 if quick else 0.5)
 
 
-def _hulls_apart(pair: Pair, setting: None) -> Ask:
-    """Ask coal for the distance of two hulls in each pose."""
-    return _distances(*(coal_hull(body.vertices) for body in pair))
+def _walked(pair: Pair, setting: None) -> Ask:
+    """Call the compiled walk of all poses once: whole curves, proved and clipped, next to no Python."""
+    one, two = (body.parts[0] for body in pair)
+    packed, seeds = (*one.packed, *two.packed), np.array([one.seed, two.seed])
+    bounds = DEFAULT.planarity, DEFAULT.point, DEFAULT.sign
+
+    def ask(questions: Sequence[CurveQuestion]) -> list[int]:
+        transforms = frozen([question.transform for question in questions])
+        found = kernels.walk_many(*packed, transforms, seeds, np.array(questions[0].box).ravel(), *bounds)
+        return list(found[1].tolist())
+
+    return ask
 
 
-def _distances(one: Any, two: Any) -> Ask:
+def _hulls_apart(what: str, pair: Pair, setting: None) -> Ask:
+    """Ask coal for the distance of two hulls in each pose, or whether they collide."""
+    return _asked_of_coal(what, *(coal_hull(body.vertices) for body in pair))
+
+
+def _asked_of_coal(what: str, one: Any, two: Any) -> Ask:
     import coal
 
-    fixed, (request, _), result = coal.Transform3s(), coal_requests(), coal.DistanceResult()
+    ask, fixed, request = getattr(coal, what), coal.Transform3s(), coal_requests()[what == "collide"]
+    result = coal.DistanceResult() if what == "distance" else coal.CollisionResult()
 
     def answer(question: CurveQuestion) -> float:
         result.clear()  # or it prunes the next
-        return float(coal.distance(one, coal_pose(question.transform), two, fixed, request, result))
+        return float(ask(one, coal_pose(question.transform), two, fixed, request, result))
 
     return one_by_one(answer)
 
@@ -211,7 +233,7 @@ def _diagram(pair: Pair, setting: None) -> Ask:
 
 def _unions_apart(pair: Pair, setting: None) -> Ask:
     """Ask coal for the distance of the bodies' surfaces in each pose."""
-    return _distances(*(coal_surface(body) for body in pair))
+    return _asked_of_coal("distance", *(coal_surface(body) for body in pair))
 
 
 # --------------------------------------------------------------------------------------------------------- parameters

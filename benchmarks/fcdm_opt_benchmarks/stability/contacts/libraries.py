@@ -40,7 +40,7 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
     turns,
 )
 
-OPENINGS = (1e-3, -1e-3, 1e-5, -1e-5, 1e-7, -1e-7, 1e-9, -1e-9, 1e-11, -1e-11)
+OPENINGS = (1e-3, -1e-3, 1e-5, -1e-5, 1e-7, -1e-7, 1e-9, -1e-9, 1e-11, -1e-11, 1e-13, -1e-13)
 
 
 FAMILIES: Families = {}
@@ -63,7 +63,7 @@ def small_on_large(rng: np.random.Generator) -> list[HardPair]:
     for k in range(6):
         one, two = hull_of(rng, 12), shifted(stretched(hull_of(rng, 12), 1e-3), 1.01 * random_way(rng))
         made.append(HardPair(f"pair {k + 1}", one, two, random_turn(rng)))
-    return each(made, OPENINGS[:-2])
+    return each(made, OPENINGS[:-4])
 
 
 @family(FAMILIES, "boxes 1e-6 apart")
