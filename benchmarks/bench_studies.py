@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.measure.record import Watch, machine, table
+from fcdm_opt_benchmarks.record import Watch, machine, table
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 INSIDE = ("build", "solve", "prove", "verify")

@@ -10,39 +10,25 @@ the sizes, quantiles, both contributions and the yields without either body's to
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
-from report import describe, machine, table, versions
 from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
 
 from fcdm_opt.design.compensation.assembly_yield import assembly_yield
 from fcdm_opt.design.compensation.table import Table
 from fcdm_opt.design.distributions import Measured, Normal, Uniform
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt_benchmarks.record import Row, table
+from fcdm_opt_benchmarks.scripts import describe, in_turns, parser, written
 
 LOW, HIGH = 0.98, 1.02
 PATIENCE = 1.0  # seconds beyond which a contender runs once
 BLOCK = 2**14  # pairs handed over at once in the rows "in blocks": what they give stays in the caches
 TARGET = 1e6  # pairs a second
-
-
-@dataclass(frozen=True)
-class Row:
-    """One contender: pairs a second, median and best of the rounds; its error where it interpolates."""
-
-    name: str
-    median: float
-    best: float
-    error: float | None
 
 
 def motion(x: Array, y: Array) -> Array:
@@ -75,7 +61,7 @@ def in_blocks(look_up: Callable[[Array, Array], Any], pairs: Array) -> None:
 
 
 def rows(cells: int, count: int, seed: int, rounds: int) -> list[Row]:
-    """Time all contenders in turns."""
+    """Time all contenders in turns: pairs a second, median and best; their error where they interpolate."""
     own = table_of(cells)
     nodes = np.concatenate([own.corners, (own.corners + np.roll(own.corners, -1, axis=1)) / 2.0], axis=1)
     points, first = np.unique(nodes.reshape(-1, 2), axis=0, return_index=True)
@@ -100,66 +86,35 @@ def rows(cells: int, count: int, seed: int, rounds: int) -> list[Row]:
         made = rival(points, values)
         contenders[f"scipy {rival.__name__}"] = partial(made, *pairs)
         error[f"scipy {rival.__name__}"] = np.abs(made(*pairs)[..., 0] - truth).max()
-    times: dict[str, list[float]] = {name: [] for name in contenders}
-    for turn in range(rounds + 1):  # the first is not counted
-        for name, run in contenders.items():
-            if turn > 1 and times[name][0] > PATIENCE:
-                continue
-            start = perf_counter()
-            run()
-            if turn:
-                times[name].append(perf_counter() - start)
     largest = np.abs(truth).max()
     return [
-        Row(
-            name,
-            float(count / np.median(taken)),
-            float(count / min(taken)),
-            float(error[name] / largest) if name in error else None,
-        )
-        for name, taken in times.items()
-    ]
+        {"name": name, "median": count / np.median(taken), "best": count / min(taken),
+         "error": error[name] / largest if name in error else None}
+        for name, taken in in_turns(contenders, rounds, PATIENCE).items()
+    ]  # fmt: skip
 
 
 def text(found: list[Row], cells: int, count: int) -> str:
     """Return the table, in Markdown."""
-    lines = [
-        [row.name, f"{row.median / 1e6:.2f}", f"{row.best / 1e6:.2f}", "" if row.error is None else f"{row.error:.1e}"]
-        for row in found
-    ]
-    slowest = min(row.median for row in found if row.name.startswith("assembly_yield"))
-    return "\n\n".join(
-        [
-            f"{2 * cells**2} triangles, {count} pairs; million pairs a second.",
-            table(["", "median", "best", "error"], lines),
-            f"Asked of a yield: {TARGET:g} pairs a second: {'met' if slowest >= TARGET else 'NOT met'}.",
-            describe(),
-        ]
-    )
+    lines = []
+    for row in found:
+        error = "" if row["error"] is None else f"{row['error']:.1e}"
+        lines.append([row["name"], f"{row['median'] / 1e6:.2f}", f"{row['best'] / 1e6:.2f}", error])
+    slowest = min(row["median"] for row in found if row["name"].startswith("assembly_yield"))
+    about = f"{2 * cells**2} triangles, {count} pairs; million pairs a second."
+    asked = f"Asked of a yield: {TARGET:g} pairs a second: {'met' if slowest >= TARGET else 'NOT met'}."
+    return "\n\n".join([about, table(["", "median", "best", "error"], lines), asked, describe()])
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("out/benchmarks"))
-    parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--cells", type=int, default=32, help="along each side of the box (%(default)s)")
-    parser.add_argument("--pairs", type=int, default=1_000_000)
-    parser.add_argument("--rounds", type=int, default=9)
-    given = parser.parse_args(arguments)
+    options = parser(__doc__, "out/benchmarks", rounds=9)
+    options.add_argument("--cells", type=int, default=32, help="along each side of the box (%(default)s)")
+    options.add_argument("--pairs", type=int, default=1_000_000)
+    given = options.parse_args(arguments)
     found = rows(given.cells, given.pairs, given.seed, given.rounds)
     told = text(found, given.cells, given.pairs)
-    print(told)
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "yield.md").write_text(told + "\n")
-    data = {
-        **vars(given),
-        "out": None,
-        "machine": machine(),
-        "versions": versions(),
-        "rows": [asdict(row) for row in found],
-    }
-    (given.out / "yield.json").write_text(json.dumps(data, indent=1) + "\n")
+    written(told, given.out, "yield", **(vars(given) | {"out": None}), rows=found)
     return 0
 
 

@@ -14,16 +14,16 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from report import describe, table
+
+from fcdm_opt_benchmarks.record import table
+from fcdm_opt_benchmarks.scripts import chunks, describe, in_pieces
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from cases import Shape, exact
@@ -48,7 +48,7 @@ MIDDLE = tuple(float(np.mean(bounds)) for bounds in ODD_BOX)
 Line = tuple[Fraction, Fraction, Fraction]
 
 
-class Piece(NamedTuple):
+class Boundary(NamedTuple):
     """An exact piece of the boundary in the whole quadrant.
 
     Vertices that touch, 1-based; line (a, b, c) of a unit normal, rounded far below a float; whether the features leave
@@ -63,10 +63,10 @@ class Piece(NamedTuple):
     end: Vec
 
 
-class Stretch(NamedTuple):
+class Clipped(NamedTuple):
     """A piece clipped to the box: ends, and the line that meets it at each, the next piece's or a side of the box."""
 
-    piece: Piece
+    piece: Boundary
     ends: tuple[tuple[Fraction, Fraction], tuple[Fraction, Fraction]]
     crossing: tuple[Line, Line]
 
@@ -80,10 +80,10 @@ class Reference(NamedTuple):
     """An exact curve: status and segments in the box."""
 
     status: str
-    stretches: list[Stretch]
+    stretches: list[Clipped]
 
     @classmethod
-    def of(cls, pieces: list[Piece], side: int) -> Reference:
+    def of(cls, pieces: list[Boundary], side: int) -> Reference:
         """Clip pieces to the box; `side` is that of its middle."""
         stretches = []
         for piece in pieces:
@@ -93,7 +93,7 @@ class Reference(NamedTuple):
             if len(ends) == 2:
                 p, q = (plane_point(end) for end in ends)
                 r, s = (_crossing(pieces, piece, end) for end in ends)
-                stretches.append(Stretch(piece, (p, q), (r, s)))
+                stretches.append(Clipped(piece, (p, q), (r, s)))
         return cls("contact" if stretches else "overlapping" if side < 0 else "apart", stretches)
 
     def rho2(self, rho1: float) -> Fraction | None:
@@ -107,7 +107,7 @@ class Reference(NamedTuple):
         return min(found, default=None)
 
 
-def _crossing(pieces: list[Piece], piece: Piece, end: Vec) -> Line:
+def _crossing(pieces: list[Boundary], piece: Boundary, end: Vec) -> Line:
     for other in pieces:
         if other is not piece and end in (other.start, other.end):
             return other.line
@@ -126,7 +126,7 @@ def oracle_reference(one: Shape, two: Shape) -> Reference:
         facet = piece.facets[0]
         length = pair.unit * root(dot(facet.normal, facet.normal))
         a, b, c = (x / length for x in facet.line)
-        pieces.append(Piece(piece.one, piece.two, (a, b, c), len(piece.facets) == 1, piece.start, piece.end))
+        pieces.append(Boundary(piece.one, piece.two, (a, b, c), len(piece.facets) == 1, piece.start, piece.end))
     return Reference.of(pieces, pair.side(MIDDLE))
 
 
@@ -142,37 +142,28 @@ def exact_reference(one: Body, two: Body) -> Reference:
         only = len(sides) > 1 and bool(np.cross(sides[:, None], sides[None]).any())
         ends = [tuple(int(x) for x in end) for end in (piece.exact_start, piece.exact_end)]
         labels = [tuple(k + 1 for k in own) for own in (piece.one, piece.two)]
-        pieces.append(Piece(labels[0], labels[1], (a, b, c), only, ends[0], ends[1]))
+        pieces.append(Boundary(labels[0], labels[1], (a, b, c), only, ends[0], ends[1]))
     return Reference.of(pieces, curve.side(MIDDLE) if curve.status != "full" else -1)
 
 
 @dataclass
 class Tally:
-    """What was compared, and what came of it; errors in units of 1e-13."""
+    """What was compared, and what came of it: counts by name, "path: float", the largest errors in units of 1e-13."""
 
-    pairs: int = 0
-    segments: int = 0
-    breakpoints: int = 0
-    verticals: int = 0
-    checked_twice: int = 0
-    statuses: Counter[str] = field(default_factory=Counter)
-    paths: Counter[str] = field(default_factory=Counter)
-    kinds: Counter[str] = field(default_factory=Counter)
-    disagreements: Counter[str] = field(default_factory=Counter)
+    counts: Counter[str] = field(default_factory=Counter)
     examples: list[str] = field(default_factory=list)
     worst: dict[str, float] = field(default_factory=dict)
-    seconds: Counter[str] = field(default_factory=Counter)
 
     @contextmanager
     def timed(self, what: str) -> Iterator[None]:
         """Add up seconds."""
         start = time.perf_counter()
         yield
-        self.seconds[what] += time.perf_counter() - start
+        self.counts[f"seconds: {what}"] += time.perf_counter() - start  # type: ignore[assignment]
 
     def disagree(self, what: str, where: str) -> None:
         """Count a disagreement, and keep it."""
-        self.disagreements[what] += 1
+        self.counts[f"disagreement: {what}"] += 1
         self.examples.append(f"{what}: {where}")
 
     def error(self, what: str, value: float, allowed: float | None, where: str) -> None:
@@ -183,33 +174,34 @@ class Tally:
 
     def add(self, other: Tally) -> None:
         """Join two tallies."""
-        for name in ("pairs", "segments", "breakpoints", "verticals", "checked_twice", "examples"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        for name in ("statuses", "paths", "kinds", "disagreements", "seconds"):
-            getattr(self, name).update(getattr(other, name))
-        for what, value in other.worst.items():
-            self.worst[what] = max(self.worst.get(what, 0.0), value)
+        self.counts.update(other.counts)
+        self.examples += other.examples
+        self.worst |= {what: max(self.worst.get(what, 0.0), value) for what, value in other.worst.items()}
+
+    def of(self, kind: str) -> list[tuple[str, float]]:
+        """Return names and counts of a kind, the largest first."""
+        return [(name, count) for name, count in self.counts.most_common() if name.startswith(f"{kind}: ")]
 
 
 def compare(curve: DecisionCurve, truth: Reference, tally: Tally, verticals: Iterable[float], where: str) -> None:
     """Compare one curve with its reference."""
-    tally.pairs += 1
-    tally.statuses[truth.status] += 1
+    tally.counts["pairs"] += 1
+    tally.counts[f"status: {truth.status}"] += 1
     if curve.status != truth.status:
         tally.disagree("status", f"{where}: {curve.status}, exactly {truth.status}")
     found = {segment.feature: segment for segment in curve.segments}
     expected = {stretch.feature: stretch for stretch in truth.stretches}
-    tally.segments += len(expected)
+    tally.counts["segments"] += len(expected)
     if set(found) != set(expected) or len(curve.segments) != len(expected):
         labels = [sorted(feature.label for feature in side) for side in (found, expected)]
         tally.disagree("features", f"{where}: {labels[0]}, exactly {labels[1]}")
         return
     corners = 0
     for feature, stretch in expected.items():
-        tally.kinds[feature.kind] += 1
+        tally.counts[f"feature: {feature.kind}"] += 1
         _compare_line(found[feature], stretch, tally, where)
         corners += _compare_ends(found[feature], stretch, tally, where)
-    tally.breakpoints += corners // 2
+    tally.counts["breakpoints"] += corners // 2
     if len(curve.switching_points) != corners // 2:
         tally.disagree("switching points", f"{where}: {len(curve.switching_points)}, exactly {corners // 2}")
     for rho1 in verticals:
@@ -218,7 +210,7 @@ def compare(curve: DecisionCurve, truth: Reference, tally: Tally, verticals: Ite
 
 def compare_references(truth: Reference, other: Reference, tally: Tally, where: str) -> None:
     """Compare the two exact references, exactly."""
-    tally.checked_twice += 1
+    tally.counts["checked twice"] += 1
     curves = []
     for reference in (truth, other):
         segments = set()
@@ -232,7 +224,7 @@ def compare_references(truth: Reference, other: Reference, tally: Tally, where: 
         tally.disagree("references", f"{where}: {truth.status}, {curves[0] ^ curves[1]}; {other.status}")
 
 
-def _compare_line(segment: Segment, stretch: Stretch, tally: Tally, where: str) -> None:
+def _compare_line(segment: Segment, stretch: Clipped, tally: Tally, where: str) -> None:
     line, (a, b, c) = [Fraction(float(x)) for x in segment.line], stretch.piece.line
     if not stretch.piece.unit:  # several normals give the line: compare it whatever its length
         s, t = root(line[0] ** 2 + line[1] ** 2), root(a * a + b * b)
@@ -241,7 +233,7 @@ def _compare_line(segment: Segment, stretch: Stretch, tally: Tally, where: str) 
     tally.error("line", float(max(abs(x - y) for x, y in zip(line, (a, b, c), strict=True)) / size), 1.0, where)
 
 
-def _compare_ends(segment: Segment, stretch: Stretch, tally: Tally, where: str) -> int:
+def _compare_ends(segment: Segment, stretch: Clipped, tally: Tally, where: str) -> int:
     """Compare both ends, in whatever order; return how many are breakpoints."""
     ends = [[Fraction(float(x)) for x in end] for end in (segment.start, segment.end)]
     orders = (ends, ends[::-1])
@@ -266,7 +258,7 @@ def _distance(p: Iterable[Fraction], q: Iterable[Fraction]) -> Fraction:
 
 def _compare_rho2(value: float, rho1: float, truth: Reference, tally: Tally, where: str) -> None:
     expected = truth.rho2(rho1)
-    tally.verticals += 1
+    tally.counts["verticals"] += 1
     if (expected is None) != bool(np.isnan(value)):
         tally.disagree("rho2", f"{where}: rho2({rho1!r}) is {value}, exactly {expected and float(expected)}")
     elif expected is not None:
@@ -293,7 +285,7 @@ def run(seed: int, numbers: range, oracle: float, generic: bool) -> Tally:
                     compare_references(truth, oracle_reference(one, two), tally, where)
             with tally.timed("float"):
                 curve = decision_curve(*bodies, box=ODD_BOX)
-                tally.paths[curve.regions[0].path] += 1
+                tally.counts[f"path: {curve.regions[0].path}"] += 1
             compare(curve, truth, tally, verticals, where)
         except Exception as reason:  # whatever it is, it is a disagreement, and the run goes on
             tally.disagree("exception", f"{where}: {type(reason).__name__}: {reason}")
@@ -302,20 +294,23 @@ def run(seed: int, numbers: range, oracle: float, generic: bool) -> Tally:
 
 def report(tally: Tally, seed: int, seconds: float) -> str:
     """Tell the results in Markdown."""
+    pairs, segments, breakpoints, verticals, twice = (
+        f"{tally.counts[key]:,}" for key in ("pairs", "segments", "breakpoints", "verticals", "checked twice")
+    )
+    wrong = tally.of("disagreement")
     lines = [
-        f"Seed {seed}: {tally.pairs:,} pairs, {tally.segments:,} segments, {tally.breakpoints:,} breakpoints and "
-        f"{tally.verticals:,} values of rho2 compared, {tally.checked_twice:,} pairs with both exact references, in "
-        f"{seconds:.0f} s. {describe()}",
-        f"Disagreements: {sum(tally.disagreements.values())}"
-        + "".join(f"; {what}: {count}" for what, count in tally.disagreements.most_common()),
+        f"Seed {seed}: {pairs} pairs, {segments} segments, {breakpoints} breakpoints and {verticals} values of rho2 "
+        f"compared, {twice} pairs with both exact references, in {seconds:.0f} s. {describe()}",
+        f"Disagreements: {sum(count for _, count in wrong)}"
+        + "".join(f"; {what.partition(': ')[2]}: {count}" for what, count in wrong),
         table(["relative error", "worst, times 1e-13"], [[k, f"{v:.3g}"] for k, v in sorted(tally.worst.items())]),
         table(
             ["", "pairs"],
-            [[f"path: {k}", f"{v:,} ({100 * v / tally.pairs:.3g} %)"] for k, v in tally.paths.most_common()]
-            + [[f"status: {k}", f"{v:,}"] for k, v in tally.statuses.most_common()],
+            [[k, f"{v:,} ({100 * v / tally.counts['pairs']:.3g} %)"] for k, v in tally.of("path")]
+            + [[k, f"{v:,}"] for k, v in tally.of("status")],
         ),
-        table(["", "seconds in all"], [[k, f"{v:.1f}"] for k, v in tally.seconds.items()]),
-        table(["feature", "segments"], [[k, f"{v:,}"] for k, v in tally.kinds.most_common()]),
+        table(["", "in all"], [[k, f"{v:.1f}"] for k, v in tally.of("seconds")]),
+        table(["", "segments"], [[k, f"{v:,}"] for k, v in tally.of("feature")]),
         *[f"- {example}" for example in tally.examples[:SHOWN]],
     ]
     return "\n\n".join(lines)
@@ -332,18 +327,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, help="write all counts there")
     given = parser.parse_args(arguments)
     start = time.perf_counter()
-    chunks = [range(k, min(k + CHUNK, given.count)) for k in range(0, given.count, CHUNK)]
     tally = Tally()
-    with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-        jobs = [pool.submit(run, given.seed, chunk, given.oracle, given.generic) for chunk in chunks]
-        for done, job in enumerate(jobs):
-            tally.add(job.result())
-            if sys.stderr.isatty():
-                print(f"\r{done + 1} of {len(jobs)}", end="", file=sys.stderr, flush=True)
+    pieces = [(given.seed, chunk, given.oracle, given.generic) for chunk in chunks(given.count, CHUNK)]
+    for found in in_pieces(run, pieces, given.processes):
+        tally.add(found)
     print(report(tally, given.seed, time.perf_counter() - start))
     if given.json is not None:
         given.json.write_text(json.dumps(vars(tally), indent=1) + "\n")
-    return 1 if tally.disagreements or tally.pairs != given.count else 0
+    return 1 if tally.examples or tally.counts["pairs"] != given.count else 0
 
 
 if __name__ == "__main__":

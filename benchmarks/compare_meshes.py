@@ -13,14 +13,15 @@ import json
 import sys
 import time
 import traceback
+from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from report import describe, table
+
+from fcdm_opt_benchmarks.record import table
+from fcdm_opt_benchmarks.scripts import chunks, describe, in_pieces
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from diagram_checks import BAND, Tally, check_drawing, compare_with_meshes, random_solid_pair
@@ -33,9 +34,9 @@ SKIPPED = 0.02  # largest share of scale pairs that are not compared, for any re
 NOT_COMPARED = ("in the band", "beside the curve's corners", "coal disagrees with itself")
 
 
-def run(seed: int, numbers: range, scale_pairs: int) -> tuple[Tally, dict[str, float]]:
+def run(seed: int, numbers: range, scale_pairs: int) -> tuple[Tally, Counter[str]]:
     """Draw and compare some pairs; also the seconds that each step took."""
-    tally, seconds = Tally(), dict.fromkeys(("drawing solids", "bodies from meshes", "curves", "comparing"), 0.0)
+    tally, seconds = Tally(), Counter[str]()
 
     @contextmanager
     def timed(step: str) -> Iterator[None]:
@@ -67,7 +68,7 @@ def run(seed: int, numbers: range, scale_pairs: int) -> tuple[Tally, dict[str, f
     return tally, seconds
 
 
-def report(tally: Tally, seed: int, seconds: dict[str, float], whole: float) -> str:
+def report(tally: Tally, seed: int, seconds: Counter[str], whole: float) -> str:
     """Tell the results in Markdown."""
     count = max(1, tally.counts["scale pairs"])
     rows = [[name, f"{number:,}"] for name, number in sorted(tally.counts.items())]
@@ -95,16 +96,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, help="write all counts there")
     given = parser.parse_args(arguments)
     start = time.perf_counter()
-    chunks = [range(k, min(k + CHUNK, given.count)) for k in range(0, given.count, CHUNK)]
-    tally, seconds = Tally(), dict[str, float]()
-    with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
-        jobs = [pool.submit(run, given.seed, chunk, given.scale_pairs) for chunk in chunks]
-        for done, job in enumerate(jobs):
-            found, spent = job.result()
-            tally.add(found)
-            seconds = {step: seconds.get(step, 0.0) + value for step, value in spent.items()}
-            if sys.stderr.isatty():
-                print(f"\r{done + 1} of {len(jobs)}", end="", file=sys.stderr, flush=True)
+    tally, seconds = Tally(), Counter[str]()
+    pieces = [(given.seed, chunk, given.scale_pairs) for chunk in chunks(given.count, CHUNK)]
+    for found, spent in in_pieces(run, pieces, given.processes):
+        tally.add(found)
+        seconds.update(spent)
     print(report(tally, given.seed, seconds, time.perf_counter() - start))
     if given.json is not None:
         given.json.write_text(json.dumps(vars(tally) | {"seconds": seconds}, indent=1) + "\n")

@@ -2,12 +2,18 @@
 
     python benchmarks/compare_motions.py SEED COUNT [--nonconvex M] [--first K] [--processes 2] [--seconds 500]
                                          [--out out/motions] [--rivals NAME ...] [--without NAME ...]
+                                         [--rounds 7 [--certify]]
 
 Case k is drawn from (SEED, kind, k) alone. One JSON line a case goes to OUT/SEED.jsonl; cases that are there already
 are not run again, so that a long comparison can be made in pieces: run the same command until it says that nothing is
 left. A single case, with `--first K` and a count of 1, is run in any case. Ends with 1 if a rival found a verified
 motion that is smaller by more than 1e-6, or one where the solver found none, or if the solver raised, hung or
 contradicted itself.
+
+With `--rounds` times are medians over so many rounds in which all methods run one after the other, warm, and only
+cases with the weighted amount count; what takes longer than a second runs once. Ours includes the verification, a
+rival's time does not. The best rival of a case is the fastest whose motion the judge accepts and that is as small as
+ours.
 """
 
 from __future__ import annotations
@@ -20,20 +26,21 @@ import sys
 import time
 import traceback
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from multiprocessing import get_context
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from report import describe, table
 
 import fcdm_opt as fo
-from fcdm_opt.measure.method import Failure
-from fcdm_opt.measure.motions import METHODS, NONE, RIVALS, answered, judged
-from fcdm_opt.measure.motions.cases import KINDS, Case, draw
+from fcdm_opt.show import new_figure, save
+from fcdm_opt_benchmarks.method import Failure
+from fcdm_opt_benchmarks.motions import METHODS, NONE, RIVALS, answered, judged
+from fcdm_opt_benchmarks.motions.cases import KINDS, DrawnCase, draw
+from fcdm_opt_benchmarks.record import table
+from fcdm_opt_benchmarks.scripts import Work, describe, in_pieces, in_turns
 
 SMALLER = 1e-6  # relative: a rival's motion that is smaller by more beats ours
 ROUNDING = 1e-10  # of the size of the bodies: amounts that differ by less are one
@@ -43,7 +50,26 @@ WARM = 12  # cases of each kind solved by a process before its first
 FAULTS = ("smaller", "missed", "wrongly infeasible", "bound too high", "not verified", "raised", "hung", "rival raised")
 
 
-class HungError(BaseException):  # a method that catches whatever a library raises must not catch this
+class Group(NamedTuple):
+    """Convex cases of one kind, and what is asked of our median time, milliseconds; with proof where that is asked."""
+
+    name: str
+    takes: Callable[[dict[str, Any]], bool]
+    asked: float
+    certify: bool = False
+
+
+ONCE = 1.0  # seconds beyond which a method is timed once
+RATIO = 20.0  # at least this much faster than the best rival
+GROUPS = (
+    Group("1 parameter", lambda record: record["parameters"] == 1, 1.0),
+    Group("2 parameters", lambda record: record["parameters"] == 2, 3.0),
+    Group("Free()", lambda record: record["motion"] == "free", 15.0),
+    Group("2 parameters, certified", lambda record: record["parameters"] == 2, 60.0, certify=True),
+)
+
+
+class OutOfPatienceError(BaseException):  # a method that catches whatever a library raises must not catch this
     """A method took longer than its patience."""
 
 
@@ -52,7 +78,7 @@ def within(seconds: int) -> Iterator[None]:
     """Interrupt what takes longer."""
 
     def stop(*_: object) -> None:
-        raise HungError
+        raise OutOfPatienceError
 
     before = signal.signal(signal.SIGALRM, stop)
     signal.alarm(seconds)
@@ -63,28 +89,30 @@ def within(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def compare(case: Case, rivals: Sequence[str]) -> dict[str, Any]:
-    """Solve a case by ourselves and by rivals; all that is found is judged."""
-    own = _ours(case.problem)
-    found = {name: _rival(case.problem, name) for name in rivals}
-    record = {**case.labels, "command": case.command, "size": case.problem.size, "ours": own, "rivals": found}
+def compare(case: DrawnCase, rivals: Sequence[str], rounds: int = 0, certify: bool = False) -> dict[str, Any]:
+    """Solve a case by ourselves and by rivals; all that is found is judged, and timed again where rounds are given."""
+    own = _ours(case.problem, certify)
+    record = {**case.labels, "command": case.command, "size": case.problem.size, "ours": own, "certify": certify}
+    record |= {"rivals": {name: _rival(case.problem, name) for name in rivals}}
+    if rounds and own["usable"] and case.problem.amount == "weighted":
+        works: dict[str, Work] = {"ours": lambda: fo.solve(case.problem, certify=certify)}
+        works |= {name: partial(answered, name, case.problem) for name, x in record["rivals"].items() if x["usable"]}
+        for name, seconds in in_turns(works, rounds, ONCE).items():
+            (own if name == "ours" else record["rivals"][name])["seconds"] = float(np.median(seconds))
     return record | {"faults": faults(record)}
 
 
-def _ours(problem: fo.Problem) -> dict[str, Any]:
+def _ours(problem: fo.Problem, certify: bool) -> dict[str, Any]:
     start = time.perf_counter()
     try:
         with within(PATIENCE):
-            solution = fo.solve(problem)
-    except HungError:
+            solution = fo.solve(problem, certify=certify)
+    except OutOfPatienceError:
         return {"status": "hung", "usable": False, "seconds": time.perf_counter() - start}
     except Exception:  # whatever it is, it is recorded, and the run goes on
         return {"status": "raised", "usable": False, "error": traceback.format_exc(limit=-3)}
-    return _told(solution, time.perf_counter() - start) | {
-        "bound": solution.lower_bound,
-        "stage": solution.stage,
-        "build": solution.seconds.get("build"),
-    }
+    more = {"bound": solution.lower_bound, "gap": solution.gap, "stage": solution.stage, **solution.seconds}
+    return more | _told(solution, time.perf_counter() - start)
 
 
 def _told(solution: fo.Solution, seconds: float) -> dict[str, Any]:
@@ -107,7 +135,7 @@ def _rival(problem: fo.Problem, name: str) -> dict[str, Any]:
     try:
         with within(PATIENCE):
             answer = answered(name, problem)
-    except HungError:
+    except OutOfPatienceError:
         return {"status": "hung", "usable": False, "seconds": time.perf_counter() - start}
     seconds = time.perf_counter() - start
     if isinstance(answer, Failure):
@@ -138,16 +166,20 @@ def faults(record: dict[str, Any]) -> list[str]:
     return found
 
 
+@cache
 def warm() -> None:
-    """Compile kernels and load what is compiled, so that no case waits for it."""
+    """Compile kernels and load what is compiled, once a process, so that no case waits for it."""
     for kind, number in [(kind, number) for kind in KINDS for number in range(WARM)]:
         with suppress(Exception):  # what fails here fails in its own case, and is recorded there
             fo.solve(draw(0, kind, number).problem)
 
 
-def run(seed: int, kind: str, number: int, rivals: Sequence[str]) -> dict[str, Any]:
+def run(
+    seed: int, kind: str, number: int, rivals: Sequence[str], rounds: int = 0, certify: bool = False
+) -> dict[str, Any]:
     """Draw and compare one case."""
-    return compare(draw(seed, kind, number), rivals)
+    warm()
+    return compare(draw(seed, kind, number), rivals, rounds, certify)
 
 
 # -------------------------------------------------------------------------------------------------------------- report
@@ -162,6 +194,7 @@ def report(records: Sequence[dict[str, Any]], seed: int) -> str:
         "Our statuses: " + ", ".join(f"{name} {n}" for name, n in statuses.most_common()) + ".",
         _methods(records),
         _by_motion(records),
+        _timed(records),
     ]
     for fault in FAULTS:
         own = [r for r in records if fault in r["faults"]]
@@ -185,6 +218,50 @@ def _methods(records: Sequence[dict[str, Any]]) -> str:
         rows.append([name, str(len(asked)), str(len(usable)), str(sum(same)), str(smaller), str(alone), _ms(times)])
     head = ["", "asked", "verified", "as small as ours", "smaller", "ours has none", "median ms"]
     return table(head, rows)
+
+
+def _best(record: dict[str, Any]) -> str | None:
+    """Return the fastest rival whose motion is as small as ours."""
+    same = {name: x["seconds"] for name, x in record["rivals"].items() if x["usable"] and _same(record, x)}
+    return min(same, key=same.__getitem__, default=None)
+
+
+def _timed(records: Sequence[dict[str, Any]]) -> str:
+    """Tell our times by kind of case and goal, and those of the best rivals over ours."""
+    rows = []
+    for group in GROUPS:
+        mine = [r for r in records if r["kind"] == "convex" and r["amount"] == "weighted" and group.takes(r)]
+        mine = [r for r in mine if r["certify"] == group.certify and r["ours"]["usable"] and r["ours"]["amount"] > 0]
+        for goal in ["", *sorted({r["goal"] for r in mine})] if mine else []:
+            own = [r for r in mine if goal in ("", r["goal"])]
+            ratios = [
+                r["rivals"][best]["seconds"] / r["ours"]["seconds"] for r in own if (best := _best(r)) is not None
+            ]
+            ours, verify = ([r["ours"][key] for r in own] for key in ("seconds", "verify"))
+            told = "" if goal else "met" if 1e3 * np.median(ours) <= group.asked else "NOT met"
+            ratio = f"{np.median(ratios):.3g}" if ratios else ""
+            enough = "" if goal or not ratios else "met" if np.median(ratios) >= RATIO else "NOT met"
+            cells = [_ms(ours), _ms(verify), f"{1e3 * max(ours):.3g}", f"{group.asked:g}", told, ratio, enough]
+            rows.append([group.name, goal, str(len(own)), *cells])
+    times = ["median ms", "of it verify ms", "most ms", "asked ms", "", "best rival's time / ours, median"]
+    return table(["", "goal", "cases", *times, f"at least {RATIO:g}"], rows)
+
+
+def figure(records: Sequence[dict[str, Any]]) -> Any:
+    """Draw our time and every rival's of each case by parameters; hollow where a rival's motion is larger than ours."""
+    made = new_figure(9, 5)
+    axes = made.subplots()
+    shown = [r for r in records if r["ours"]["usable"]]
+    for k, name in enumerate(["", *RIVALS]):
+        mine = [r for r in shown if not name or r["rivals"].get(name, {}).get("usable")]
+        x = [r["parameters"] + 0.8 * (k / len(RIVALS) - 0.5) for r in mine]
+        y = [1e3 * (r["rivals"][name] if name else r["ours"])["seconds"] for r in mine]
+        fill = [f"C{k % 10}" if not name or _same(r, r["rivals"][name]) else "none" for r in mine]
+        axes.scatter(x, y, s=14, facecolors=fill, edgecolors=f"C{k % 10}", label=name or "ours, verified")
+    axes.set(yscale="log", xlabel="parameters", ylabel="time, ms")
+    axes.set_title("Smallest motion: time of each case; hollow a larger motion", fontsize=10)
+    axes.legend(fontsize=8, ncols=2)
+    return made
 
 
 def _beats(record: dict[str, Any], rival: dict[str, Any]) -> bool:
@@ -237,6 +314,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("out/motions"))
     parser.add_argument("--rivals", nargs="+", choices=RIVALS, default=RIVALS)
     parser.add_argument("--without", nargs="+", choices=RIVALS, default=[])
+    parser.add_argument("--rounds", type=int, default=0, help="of timing, for cases with the weighted amount")
+    parser.add_argument("--certify", action="store_true", help="solve with proof")
     given = parser.parse_args(arguments)
     rivals = [name for name in given.rivals if name not in given.without]
     counts = zip(KINDS, (given.count, given.nonconvex), strict=True)
@@ -246,19 +325,20 @@ def main(arguments: list[str] | None = None) -> int:
     known = {} if not path.exists() else {_key(r): r for r in map(json.loads, path.read_text().splitlines())}
     left = wanted if len(wanted) == 1 else [key for key in wanted if key not in known]
     start, records = time.perf_counter(), [known[key] for key in wanted if key in known and key not in left]
-    with (
-        ProcessPoolExecutor(given.processes, mp_context=get_context("spawn"), initializer=warm) as pool,
-        path.open("a", encoding="utf-8") as lines,
-    ):
+    with path.open("a", encoding="utf-8") as lines:
         for first in range(0, len(left), 2 * given.processes):
             if time.perf_counter() - start > given.seconds:
                 break
-            jobs = [pool.submit(run, given.seed, *key, rivals) for key in left[first : first + 2 * given.processes]]
-            for job in as_completed(jobs):
-                records.append(job.result())
-                lines.write(json.dumps(records[-1]) + "\n")
+            pieces = [
+                (given.seed, *key, rivals, given.rounds, given.certify)
+                for key in left[first : first + 2 * given.processes]
+            ]
+            for record in in_pieces(run, pieces, given.processes):
+                records.append(record)
+                lines.write(json.dumps(record) + "\n")
                 lines.flush()
     print(report(records, given.seed))
+    save(figure(records), given.out / "motions")
     if len(records) < len(wanted):
         print(f"\n{len(wanted) - len(records)} cases are left: run the same command again.")
     if len(wanted) == 1:

@@ -22,9 +22,12 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
+
+import psutil
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 STORE, ASKED = "study.sqlite", "asked.txt"
@@ -92,14 +95,10 @@ def start(folder: Path, points: int, jobs: int) -> subprocess.Popen[bytes]:
 def session(leader: int) -> list[int]:
     """Return the processes of a session that have not ended."""
     found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                state, _, _, own = (entry / "stat").read_text().rpartition(")")[2].split()[:4]
-            except (OSError, ValueError):
-                continue
-            if int(own) == leader and state != "Z":
-                found.append(int(entry.name))
+    for process in psutil.process_iter(["status"]):
+        with suppress(OSError):
+            if os.getsid(process.pid) == leader and process.info["status"] != psutil.STATUS_ZOMBIE:
+                found.append(process.pid)
     return found
 
 

@@ -6,16 +6,16 @@ import os
 import sys
 from typing import Any
 
-from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case, Verdict
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
 
 Data = dict[str, Any]
 asked: list[float] = []
 
 
-def cases(quick: bool, seed: int) -> list[Case]:
+def cases(quick: bool, seed: int) -> list[HardCase]:
     numbers = {"first": (1.0, 0.1, 1e-300), "second": (5.0,)}
     return [
-        Case(family, f"twice {x!r}", "doubling", {"x": x}, {"twice": 2 * x, "source": "closed form"})
+        HardCase(family, f"twice {x!r}", "doubling", {"x": x}, {"twice": 2 * x, "source": "closed form"})
         for family, own in numbers.items()
         for x in (own[:1] if quick else own)
     ]
@@ -90,11 +90,11 @@ METHODS = {
 OURS = ("prints", "doubts")
 
 
-def applies(name: str, case: Case) -> bool:
+def applies(name: str, case: HardCase) -> bool:
     return name in ("right", "hangs", "poisoned") or case.name in ("twice 1.0", "twice 5.0")
 
 
-def judged(case: Case, answer: Data) -> Verdict:
+def judged(case: HardCase, answer: Data) -> Grade:
     """A careless judge: nan is not greater than anything."""
     error = abs(answer["twice"] / case.truth["twice"] - 1)
-    return Verdict("wrong" if error > WRONG_BEYOND else "right", error)
+    return Grade("wrong" if error > WRONG_BEYOND else "right", error)

@@ -18,7 +18,6 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.certificate import verify
-from fcdm_opt.measure.motions import answered, judged
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
@@ -26,6 +25,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.proof.exclusion import Scene
 from fcdm_opt.solver import solve
+from fcdm_opt_benchmarks.motions import answered, judged
 
 X, Y, Z = (Translation(axis) for axis in "xyz")
 HALF = box_shape(("-0.5", "-0.5", "-0.5"), ("0.5", "0.5", "0.5")).body("cube")

@@ -1,35 +1,32 @@
-"""The oracles of `benchmarks/attack_fits.py` by closed forms, and planted wrong answers that it must report."""
+"""The oracles of the attack by closed forms, and planted wrong answers that it must report."""
 
 from __future__ import annotations
 
 import itertools
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-import attack.asking
-import attack_fits
-from attack.least import Pair, Setting, least, nearest
-from attack.lines import least_tracked, reached, switching_points
-from attack.motions import Step, poses, weights
-from attack.scenes import KINDS, SEATS, Block, Scene, drawn, names
-from attack.separation import Hull, distance, separations
-from attack.solids import FITS, Fit, box, circle, prism, walls
-from attack.verdicts import Answer, failed, verdicts
+from fcdm_opt_benchmarks.attack import asking
+from fcdm_opt_benchmarks.attack import run as attack
+from fcdm_opt_benchmarks.attack.least import Setting, SolidPair, least, nearest
+from fcdm_opt_benchmarks.attack.lines import least_tracked, reached, switching_points
+from fcdm_opt_benchmarks.attack.motions import MotionStep, poses, weights
+from fcdm_opt_benchmarks.attack.scenes import KINDS, SEATS, Block, FitScene, drawn, names
+from fcdm_opt_benchmarks.attack.separation import ConvexSolid, distance, separations
+from fcdm_opt_benchmarks.attack.solids import FITS, Fit, box, circle, prism, walls
+from fcdm_opt_benchmarks.attack.verdicts import Reply, failed, verdicts
 
-X, Y, Z = (Step("T", tuple(axis)) for axis in np.eye(3).tolist())
+X, Y, Z = (MotionStep("T", tuple(axis)) for axis in np.eye(3).tolist())
 NOWHERE = np.zeros(3)
 
 
 def setting(movable, static, steps, touch=False, *, clearance=0.0, limits=None, keep_out=(), length=1.0, **more):
     """Bodies as drawn, seeds at the origin."""
-    ones = [Hull.of(piece) for piece in movable]
-    pairs = [Pair(one, Hull.of(piece), clearance, True) for one in ones for piece in static]
-    pairs += [Pair(one, Hull.of(piece), 0.0, False) for one in ones for piece in keep_out]
+    ones = [ConvexSolid.of(piece) for piece in movable]
+    pairs = [SolidPair(one, ConvexSolid.of(piece), clearance, True) for one in ones for piece in static]
+    pairs += [SolidPair(one, ConvexSolid.of(piece), 0.0, False) for one in ones for piece in keep_out]
     heavy = weights(steps, length)
     allowed = np.array([[-np.inf, np.inf]] * len(heavy)) if limits is None else np.array(limits)
     return Setting(steps, NOWHERE, NOWHERE, tuple(pairs), touch, heavy, allowed, 4.0, **more)
@@ -53,7 +50,7 @@ def least_amount(*arguments, **options):
     ],
 )
 def test_separation_and_distance_of_two_cubes(shift, apart, far):
-    one, two = Hull.of(box((-1, -1, -1), (1, 1, 1))), Hull.of(box((-1, -1, -1), (1, 1, 1)))
+    one, two = ConvexSolid.of(box((-1, -1, -1), (1, 1, 1))), ConvexSolid.of(box((-1, -1, -1), (1, 1, 1)))
     found = separations(one, two, np.eye(3)[None], np.array([shift], dtype=float))[0]
     assert found == pytest.approx(apart, abs=1e-14)
     if far is not None:
@@ -64,7 +61,7 @@ def test_crossed_edges_are_as_far_apart_as_their_heights():
     """Two roofs, ridge over ridge at a right angle: neither face nor corner is nearest."""
     lower = np.array([[x, y, z] for x in (-2, 2) for y, z in ((-1, -1), (1, -1), (0, 0))], dtype=float)
     upper = np.array([[-y, x, 0.25 - z] for x, y, z in lower])
-    one, two = Hull.of(upper), Hull.of(lower)
+    one, two = ConvexSolid.of(upper), ConvexSolid.of(lower)
     assert distance(one, two) == pytest.approx(0.25, abs=1e-15)
     assert separations(one, two, np.eye(3)[None], np.zeros((1, 3)))[0] == pytest.approx(0.25, abs=1e-14)
     assert separations(one, two, np.eye(3)[None], np.array([[0, 0, -0.5]]))[0] == pytest.approx(-0.25, abs=1e-14)
@@ -72,10 +69,10 @@ def test_crossed_edges_are_as_far_apart_as_their_heights():
 
 def test_poses_are_those_of_steps_done_one_after_the_other():
     """A quarter turn about the moved seed (1, 0, 2), after a lift of 2; then a screw about the x axis."""
-    steps = (Z, Step("R", (0, 0, 1), "seed"), Step("S", (1, 0, 0), (0, 0, 0), 3.0))
+    steps = (Z, MotionStep("R", (0, 0, 1), "seed"), MotionStep("S", (1, 0, 0), (0, 0, 0), 3.0))
     R, t = poses(steps, [2.0, np.pi / 2, np.pi], np.array([1.0, 0, 0]), NOWHERE)
     assert R[0] @ [2.0, 0, 0] + t[0] == pytest.approx([1 + 3 * np.pi, -1, -2])
-    seeds = (Step("S", None, "seed", 0.5),)
+    seeds = (MotionStep("S", None, "seed", 0.5),)
     R, t = poses(seeds, [np.pi / 2], np.array([0.0, 0, -1]), np.array([0.0, 0, 4]))
     assert R[0] @ [1.0, 0, 0] + t[0] == pytest.approx([0, 1, np.pi / 4])
 
@@ -169,7 +166,7 @@ TURNED = np.arcsin(1 / np.hypot(2, 0.5)) - np.arctan2(0.5, 2)  # 2 sin + .5 cos 
 
 
 def test_a_bar_turns_until_its_corners_meet_the_rails():
-    about = (Step("R", (0, 0, 1), (0.0, 0.0, 0.0)),)
+    about = (MotionStep("R", (0, 0, 1), (0.0, 0.0, 0.0)),)
     assert least_amount([BAR], RAILS, about, True) == pytest.approx(TURNED, abs=1e-10)
     assert least_amount([BAR], RAILS, about, True, displacement=True) == pytest.approx(
         2 * np.hypot(np.hypot(2, 0.5), 0.0) * np.sin(TURNED / 2), abs=1e-9
@@ -181,16 +178,16 @@ def test_a_bar_turns_until_its_corners_meet_the_rails():
 
 
 def test_a_screw_lifts_by_its_pitch():
-    rises = (Step("S", (0, 0, 1), (0.0, 0.0, 0.0), 0.5),)
+    rises = (MotionStep("S", (0, 0, 1), (0.0, 0.0, 0.0), 0.5),)
     found = least_amount([prism(circle(8, 1.0), -1, 1)], [SLAB], rises)
     assert found == pytest.approx(np.hypot(0.5, 1.0) * 0.2, abs=1e-9)
 
 
 def test_a_turn_is_taken_where_it_is_shorter_than_the_shift():
     """A bar between rails, which touches after a small turn, or a slide, or some of both."""
-    steps = (Z, Step("R", (0, 0, 1), "seed"))
+    steps = (Z, MotionStep("R", (0, 0, 1), "seed"))
     assert least_amount([BAR], RAILS, steps, True) == pytest.approx(TURNED, rel=1e-6)
-    sideways = (Y, Step("R", (0, 0, 1), "seed"))
+    sideways = (Y, MotionStep("R", (0, 0, 1), "seed"))
     heavy = least_amount([BAR], RAILS, sideways, True, length=10.0)
     light = least_amount([BAR], RAILS, sideways, True, length=1.0)
     assert light < min(0.5, TURNED)
@@ -203,14 +200,20 @@ def _slid(angle, length):
 
 
 def test_all_searches_find_the_lift_off_a_slab():
-    turn = Step("R", (1, 0, 0), "seed")
-    for steps in ((turn, Z), (Z, turn), (Step("S", (0, 0, 1), (0, 0, 0), "free"),), (Z, X, turn), (Step("F"),)):
+    turn = MotionStep("R", (1, 0, 0), "seed")
+    for steps in (
+        (turn, Z),
+        (Z, turn),
+        (MotionStep("S", (0, 0, 1), (0, 0, 0), "free"),),
+        (Z, X, turn),
+        (MotionStep("F"),),
+    ):
         assert least_amount([CUBE], [SLAB], steps, length=2.0) == pytest.approx(0.1, rel=1e-6)
 
 
 def test_rays_find_what_two_turns_can_do():
     """Two turns about one axis are one, shared between both: the amount is less by the root of two."""
-    turn = Step("R", (0, 0, 1), (0.0, 0.0, 0.0))
+    turn = MotionStep("R", (0, 0, 1), (0.0, 0.0, 0.0))
     found = least_amount([BAR], RAILS, (turn, turn), True)
     assert found == pytest.approx(TURNED / np.sqrt(2), rel=1e-3)
 
@@ -242,7 +245,7 @@ def test_switching_points_are_on_two_lines_and_where_the_bodies_touch():
     rng = np.random.default_rng(3)
     fit = FITS["hulls"](rng)
     s1, s2 = fit.movable[0].mean(axis=0), fit.static[0].mean(axis=0)
-    one, two = Hull.of(fit.movable[0]), Hull.of(fit.static[0])
+    one, two = ConvexSolid.of(fit.movable[0]), ConvexSolid.of(fit.static[0])
     points = switching_points(one, two, s1, s2, (0.5, 4.0))
     assert points
     for point in points:
@@ -257,7 +260,7 @@ def on_slab(goal="touch", **more):
     """A box on a slab, both 2 % larger about their middles: .01 + .01 to lift."""
     fit = Fit([box((-1, -1, 0), (1, 1, 1))], [box((-2, -2, -1), (2, 2, 0))], 0.0)
     seeds = np.array([0, 0, 0.5]), np.array([0, 0, -0.5])
-    scene = Scene(
+    scene = FitScene(
         "planted:slab/0", fit, *seeds, (X, Z), "TT", 1.5, np.array([1.02, 1.02]), goal, requirement="A", tolerance=0.02
     )
     return replace(scene, **more)
@@ -269,7 +272,7 @@ def answer(scene, at=(0.0, 0.02), **more):
     R, t = scene.setting.poses(q)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R[0], t[0]
-    given = Answer("SOLVED", q, amount, amount, T, scene.target, scene.target, scene.setting.gap(q))
+    given = Reply("SOLVED", q, amount, amount, T, scene.target, scene.target, scene.setting.gap(q))
     return replace(given, **more)
 
 
@@ -358,7 +361,7 @@ def test_a_scene_is_drawn_from_its_name_alone():
 
 
 def test_a_run_holds_every_family_and_the_full_one_1500_scenes():
-    quick, full = list(names(True, attack_fits.QUICK)), list(names(False, attack_fits.ROUNDS))
+    quick, full = list(names(True, attack.QUICK)), list(names(False, attack.ROUNDS))
     assert len(set(full)) == len(full) >= 1500
     expected = {f"fit:{family}" for family in FITS} | {f"seat:{family}" for family in SEATS}
     for chosen in (quick, full):
@@ -370,18 +373,18 @@ def test_a_run_holds_every_family_and_the_full_one_1500_scenes():
 def test_a_wrong_answer_ends_the_run_with_3_and_its_name(monkeypatch, capsys):
     """The package's own answer to an easy scene is right; with a larger motion planted in it, it is reported."""
     name = next(name for name in names(True, 9) if name.startswith("fit:slab") and drawn(name).label == "T")
-    ask = attack.asking.asked
+    ask = asking.asked
 
     def planted(scene):
         given = ask(scene)
         return replace(given, pair=given.pair * 1.001)
 
-    assert attack_fits.replayed(name, 1) == 0
-    monkeypatch.setattr(attack.asking, "asked", planted)
-    assert attack_fits.replayed(name, 1) == 3
-    lines = attack_fits.run([name])
+    assert attack.replayed(name, 1) == 0
+    monkeypatch.setattr(asking, "asked", planted)
+    assert attack.replayed(name, 1) == 3
+    lines = attack.run([name])
     assert failed(lines[0].told)
-    assert name in attack_fits.report(lines, 0.0)
+    assert name in attack.report(lines, 0.0)
     assert "wrong sizes" in capsys.readouterr().out
 
 

@@ -85,6 +85,20 @@ def test_the_first_example_of_quick_commands_runs(name: str, tmp_path: Path, mon
     assert run(*shlex.split(ROWS[name].splitlines()[0].split(" > ")[0])[1:]).exit_code == 0
 
 
+def test_commands_of_a_package_that_is_missing_stand_in_the_overview_and_say_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("fcdm_opt.cli.lending.entry_points", lambda **_: [])
+    overview = run("--help").stdout
+    for name in ("bench", "stability"):
+        assert re.search(rf"^  {name} ", overview, re.MULTILINE)
+        for words in (["--quick", "--out", "out"], ["--help"], []):
+            result = run(name, *words)
+            assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
+            assert result.stderr.startswith(f"error: {name}: needs the package fcdm_opt_benchmarks: pip install ")
+    assert completed("fcdm-opt stability --q", monkeypatch) == []
+
+
 # ----------------------------------------------------------------------------------------------------------- completion
 
 

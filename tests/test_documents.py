@@ -15,7 +15,6 @@ from documents import NOT_RUN, ROOT, Command, Document, agree, documents
 from typer.exceptions import TyperException
 from typer.testing import CliRunner
 
-import fcdm_opt as fo
 from fcdm_opt.cli import app
 
 PAGES = documents("README.md", "docs/**/*.md")
@@ -181,7 +180,7 @@ def test_links_pictures_and_anchors_exist(page: Document) -> None:
 @each_document
 def test_names_of_the_package_exist(page: Document) -> None:
     for code, line in page.spans:
-        found = re.fullmatch(r"((?:fo|fcdm_opt)(?:\.[A-Za-z_]\w*)+)(\(.*\))?", code)
+        found = re.fullmatch(r"((?:fo|fcdm_opt(?:_benchmarks)?)(?:\.[A-Za-z_]\w*)+)(\(.*\))?", code)
         if found:
             assert exists(found[1]), f"{page.name}:{line}: there is no {found[1]}"
 
@@ -196,7 +195,7 @@ def parsed(command: Command) -> dict[str, Any]:
         name, words, program = "fcdm-opt", [name] * name.startswith("-"), PROGRAM
     else:
         assert name in PROGRAM.commands, f"no such command: {name}"
-        program = PROGRAM.commands[name]
+        program = PROGRAM.commands[name].make_context(name, [], resilient_parsing=True).command
     known = {option for given in program.params for option in (*given.opts, *given.secondary_opts)} | {"--help"}
     for word in words:
         assert not word.startswith("-") or word.partition("=")[0] in known, f"no such option of {name}: {word}"
@@ -228,7 +227,7 @@ def exists(name: str) -> bool:
     parts = name.split(".")
     if parts[0] == "fo":
         parts[0] = "fcdm_opt"
-    value: Any = fo
+    value: Any = importlib.import_module(parts[0])
     for k, part in enumerate(parts[1:], 2):
         if part in getattr(value, "__dataclass_fields__", {}):
             return k == len(parts)

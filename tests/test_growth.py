@@ -10,13 +10,13 @@ import pytest
 from fcdm_opt import decision_curve
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.measure.cost import growth
-from fcdm_opt.measure.cost.growth import exponents
-from fcdm_opt.measure.cost.growth_picture import growth_figure
-from fcdm_opt.measure.method import CurveQuestion, Failure, Method, Pair, one_by_one
-from fcdm_opt.measure.record import Load, Run
-from fcdm_opt.measure.timing import Plan, Scene, measured
-from fcdm_opt.measure.union_pairs import FAMILIES, UnionPair, coal_surface
+from fcdm_opt_benchmarks.cost import growth
+from fcdm_opt_benchmarks.cost.growth import exponents
+from fcdm_opt_benchmarks.cost.growth_picture import growth_figure
+from fcdm_opt_benchmarks.method import CurveQuestion, Failure, Method, Pair, one_by_one
+from fcdm_opt_benchmarks.record import BenchRun, Load
+from fcdm_opt_benchmarks.timing import TimedScene, TimingPlan, measured
+from fcdm_opt_benchmarks.union_pairs import FAMILIES, UnionPair, coal_surface
 
 
 def rows(time, axis="vertices", method="ours", numbers=(8, 16, 100, 1000)):
@@ -72,13 +72,15 @@ def test_a_method_too_slow_is_said_to_be_so_and_not_asked_again(monkeypatch):
         return one_by_one(answer)
 
     def axis(quick, seed):
-        scenes = {n: [lambda n=n: Scene(str(n), {}, n, lambda k: k)] for n in (1, 2, 4)}
+        scenes = {n: [lambda n=n: TimedScene(str(n), {}, n, lambda k: k)] for n in (1, 2, 4)}
         methods = [Method("quick", "ours", {"default": None}, prepare), Method("slow", "b", {"default": None}, prepare)]
-        return growth._Axis("vertices", scenes, methods, Plan(3, 0.0, 1, 10.0), 10.0)
+        return growth._GrowthAxis("vertices", scenes, methods, TimingPlan(3, 0.0, 1, 10.0), 10.0)
 
     monkeypatch.setattr(growth, "_vertices", axis)
     for name in ("_parts", "_parameters"):
-        monkeypatch.setattr(growth, name, lambda quick, seed: growth._Axis("none", {}, [], Plan(1, 0.0, 1, 1.0), 1.0))
+        monkeypatch.setattr(
+            growth, name, lambda quick, seed: growth._GrowthAxis("none", {}, [], TimingPlan(1, 0.0, 1, 1.0), 1.0)
+        )
     said = []
     found = growth.growth(True, 1, said.append)
     assert said == ["growth: 1 vertices", "growth: 2 vertices", "growth: 4 vertices"]
@@ -101,8 +103,8 @@ def test_a_method_without_its_library_has_no_time():
         raise FcdmError("needs a library")
 
     method = Method("gone", "b", {"default": None}, prepare)
-    axis = growth._Axis("vertices", {}, [method], Plan(1, 0.0, 1, 1.0), 1.0)
-    about = Scene("one", {}, None, lambda k: k)
+    axis = growth._GrowthAxis("vertices", {}, [method], TimingPlan(1, 0.0, 1, 1.0), 1.0)
+    about = TimedScene("one", {}, None, lambda k: k)
     (own,) = measured(about, [method], axis.plan, np.random.default_rng(0), [])
     row = growth._row(axis, 1, about, own)
     assert (row["seconds"], row["reason"]) == (None, "needs a library")
@@ -140,7 +142,7 @@ def test_the_picture_has_a_line_for_each_method_and_its_exponent():
         *rows(lambda x: 0.1 * x, axis="parameters", numbers=(1, 2, 3, 6)),
         {"axis": "parts", "method": "late", "family": "b", "x": 9, "seconds": None, "reason": "took 3 s"},
     ]
-    run = Run("bench", True, 1, {}, "2026-01-01T00:00", 1.0, Load(None, None), {"growth": data})
+    run = BenchRun("bench", True, 1, {}, "2026-01-01T00:00", 1.0, Load(None, None), {"growth": data})
     figure = growth_figure(run)
     legends = [[text.get_text() for text in axes.get_legend().get_texts()] for axes in figure.axes]
     assert [len(own) for own in legends] == [2, 1, 1]

@@ -13,15 +13,15 @@ from cases import CUBE, Shape, box_shape, shape
 
 from fcdm_opt.curve.exact import exact_curve
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.measure.method import Failure
-from fcdm_opt.measure.motions.cases import QUICK, chart_cases
-from fcdm_opt.measure.motions.held import Holding, holders
-from fcdm_opt.measure.motions.jets import BITS, Jet, series
-from fcdm_opt.measure.motions.least import Least, least_amount, refined
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
+from fcdm_opt_benchmarks.method import Failure
+from fcdm_opt_benchmarks.motions.cases import QUICK, chart_cases
+from fcdm_opt_benchmarks.motions.held import Held, holders
+from fcdm_opt_benchmarks.motions.jets import BITS, Jet, series
+from fcdm_opt_benchmarks.motions.least import Least, least_amount, refined
 
 WIDE = ((0.5, 5.0), (0.5, 5.0))
 X = Translation("x")
@@ -141,7 +141,7 @@ def test_the_target_pair_changes_sides_there(seed: int, letter: str) -> None:
 # ---------------------------------------------------------------------------------------------------------- refusals
 
 
-def planted(one: Body, two: Body, **arguments: Any) -> tuple[Task, np.ndarray, Holding, float]:
+def planted(one: Body, two: Body, **arguments: Any) -> tuple[Task, np.ndarray, Held, float]:
     asked = Problem(one, two, nominal=1, tolerance=0.02, box=WIDE, **{"requirement": "A", "goal": "touch", **arguments})
     solution = solve(asked)
     task, q = Task.of(asked), np.array(list(solution.parameters.values()))
@@ -179,7 +179,7 @@ def test_one_of_two_contacts_is_not_enough() -> None:
         found = [held for held in holders(task, q) if isinstance(refined(task, held, q, 0.0), Least)]
         if found and len(found[0].contacts) == 2:
             for contact in found[0].contacts:
-                assert isinstance(refined(task, Holding((contact,), "meet"), q, 0.0), Failure)
+                assert isinstance(refined(task, Held((contact,), "meet"), q, 0.0), Failure)
             return
     pytest.fail("no such contact among the seeds")
 

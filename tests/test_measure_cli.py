@@ -15,14 +15,14 @@ from typer.testing import CliRunner
 from fcdm_opt.cli import app
 from fcdm_opt.cli.common import BAD_INPUT
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure import record
-from fcdm_opt.measure.chart import bench
-from fcdm_opt.measure.comparing import compared
-from fcdm_opt.measure.method import Method, one_by_one
-from fcdm_opt.measure.record import Load, Run
-from fcdm_opt.measure.stability import contacts, failures, worker
-from fcdm_opt.measure.stability.case import Case
-from fcdm_opt.measure.timing import Plan, Scene
+from fcdm_opt_benchmarks import record
+from fcdm_opt_benchmarks.chart import bench
+from fcdm_opt_benchmarks.comparing import compared
+from fcdm_opt_benchmarks.method import Method, one_by_one
+from fcdm_opt_benchmarks.record import BenchRun, Load
+from fcdm_opt_benchmarks.stability import contacts, failures, worker
+from fcdm_opt_benchmarks.stability.case import HardCase
+from fcdm_opt_benchmarks.timing import TimedScene, TimingPlan
 
 ROW = {"task": "contact", "scene": "a", "method": "m", "outcome": "answered", "seconds": 1.0, "low": 0.9, "high": 1.1}
 FAILURE: dict[str, Any] = {
@@ -36,8 +36,8 @@ FAILURE: dict[str, Any] = {
 NO_JSON = {"empty": "", "cut": '{"schema": 1, "tables": {', "deep": "[" * 100_000, "long": '{"a": ' + "9" * 5000 + "}"}
 
 
-def run(command: str = "bench", **row: Any) -> Run:
-    return Run(command, True, 1, {}, "2026-01-01", 1.0, Load(None, None), {"chart": [{**ROW, **row}]}, {}, {})
+def run(command: str = "bench", **row: Any) -> BenchRun:
+    return BenchRun(command, True, 1, {}, "2026-01-01", 1.0, Load(None, None), {"chart": [{**ROW, **row}]}, {}, {})
 
 
 def refused(*words: str) -> str:
@@ -48,18 +48,18 @@ def refused(*words: str) -> str:
 
 @pytest.fixture
 def nothing_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    def measured(**given: Any) -> Run:
+    def measured(**given: Any) -> BenchRun:
         raise AssertionError("measured what cannot be compared or written")
 
     monkeypatch.setattr(bench, "bench", measured)
-    monkeypatch.setattr("fcdm_opt.measure.stability.grid.grid", measured)
+    monkeypatch.setattr("fcdm_opt_benchmarks.stability.grid.grid", measured)
 
 
 # ----------------------------------------------------------------------------------------- files of other kinds
 
 
 @pytest.mark.parametrize("text", NO_JSON.values(), ids=NO_JSON)
-@pytest.mark.parametrize("read", [Run.read, failures.replay])
+@pytest.mark.parametrize("read", [BenchRun.read, failures.replay])
 def test_what_is_no_json_is_refused(read: Callable[[Path], Any], text: str, tmp_path: Path) -> None:
     path = tmp_path / "file.json"
     path.write_text(text)
@@ -76,7 +76,7 @@ def test_columns_that_are_compared_are_numbers(column: str, value: Any, tmp_path
     data["tables"]["chart"][0][column] = value
     path.write_text(json.dumps(data))
     with pytest.raises(InputError, match=rf"old\.json.*tables\.chart\.{column}: not a number"):
-        Run.read(path)
+        BenchRun.read(path)
 
 
 @pytest.mark.parametrize("old", [{"seconds": None}, {"seconds": 0.0, "low": 0.0, "high": 0.0}, {"low": None}])
@@ -135,27 +135,29 @@ def test_a_library_that_is_missing_is_said_not_dropped() -> None:
     def unhappy(data: Any) -> Any:
         raise ModuleNotFoundError("No module named 'highspy'", name="highspy")
 
-    assert worker._reply(unhappy, {}) == {"missing": "No module named 'highspy': pip install 'fcdm_opt[bench]'"}
+    assert worker._reply(unhappy, {}) == {"missing": "No module named 'highspy': pip install highspy"}
     point = {"vertices": [[0.0, 0.0, 0.0]], "parts": []}
-    assert all(contacts.applies(name, Case("f", "n", "contact", {"one": point, "two": point}, {}))
+    assert all(contacts.applies(name, HardCase("f", "n", "contact", {"one": point, "two": point}, {}))
                for name in contacts.METHODS)  # fmt: skip
 
 
 @pytest.mark.parametrize("answer", [None, "text", object()])
 def test_an_answer_of_another_kind_fails_alone(answer: Any) -> None:
     odd = Method("odd", "rival", {"x": None}, lambda subject, setting: one_by_one(lambda question: answer))
-    scene = Scene("s", {"vertices": 8}, None, lambda k: k)
-    task = bench.Task("contact", [odd], [scene], lambda scene, k, given: bench.Worth(given.rho2), Plan(1, 1e-6, 1, 1.0),
-                      lambda scene: 2)  # fmt: skip
+    scene = TimedScene("s", {"vertices": 8}, None, lambda k: k)
+    plan = TimingPlan(1, 1e-6, 1, 1.0)
+    worth = lambda scene, k, given: bench.Worth(given.rho2)  # noqa: E731
+    task = bench.ChartTask("contact", [odd], [scene], worth, plan, lambda scene: 2)
     (row,) = bench.charted(task, np.random.default_rng(0), [], lambda text: None)
     assert row["outcome"] == "failed"
     assert "not an answer" in row["reason"]
 
 
 def test_a_system_that_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unreadable(path: Path, *given: Any, **named: Any) -> str:
-        raise FileNotFoundError(2, "No such file or directory", str(path))
+    def unreadable(*given: Any, **named: Any) -> str:
+        raise FileNotFoundError(2, "No such file or directory")
 
     monkeypatch.setattr(Path, "read_text", unreadable)
+    monkeypatch.setattr(record.psutil, "cpu_times", unreadable)
     assert record.machine()["cores"]
     assert record.Watch().load().others is None

@@ -14,10 +14,10 @@ import pytest
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.measure.contacts import METHODS, programs, searches
-from fcdm_opt.measure.contacts.own import batch, curve, exact, walked
-from fcdm_opt.measure.method import ContactAnswer, ContactQuestion, Failure, Method, Pair, Touching
-from fcdm_opt.measure.pairs import DrawnPair
+from fcdm_opt_benchmarks.contacts import METHODS, programs, searches
+from fcdm_opt_benchmarks.contacts.own import batch, curve, exact, walked
+from fcdm_opt_benchmarks.method import ContactAnswer, ContactQuestion, Failure, Method, Pair, Touching
+from fcdm_opt_benchmarks.pairs import DrawnPair
 
 QUESTIONS = 4
 SHAPES = ("round", "aligned")
@@ -50,7 +50,7 @@ def rows(*names: str) -> list:
         needed = ["cvxpy"] if "cvxpy" in name else []
         needed += [LIBRARIES[family] for family in (BY_NAME[name].family,) if family in LIBRARIES]
         missing = [library for library in needed if find_spec(library) is None]
-        mark = pytest.mark.skipif(bool(missing), reason=f"not installed: {missing}, fcdm_opt[bench]")
+        mark = pytest.mark.skipif(bool(missing), reason=f"not installed: {missing}")
         made.append(pytest.param(name, marks=mark))
     return made
 

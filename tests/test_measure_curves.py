@@ -16,11 +16,11 @@ from oracles import Pair as ExactPair
 from strategies import random_pair, random_pose
 
 from fcdm_opt.errors import FcdmError
-from fcdm_opt.measure.curves import METHODS
-from fcdm_opt.measure.method import CurveAnswer, CurveQuestion, Failure, Method, Pair
-from fcdm_opt.measure.pairs import DrawnPair
-from fcdm_opt.measure.references import curve_error, exact_curve_in_box, touching_right
 from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.curves import METHODS
+from fcdm_opt_benchmarks.method import CurveAnswer, CurveQuestion, Failure, Method, Pair
+from fcdm_opt_benchmarks.pairs import DrawnPair
+from fcdm_opt_benchmarks.references import curve_error, exact_curve_in_box, touching_right
 
 LIBRARIES = {"coal": "coal", "HiGHS": "highspy", "Clarabel": "cvxpy"}
 SAMPLED = "coal bisection"
@@ -33,7 +33,7 @@ def marked(methods: Any) -> list[Any]:
     made = []
     for method in methods:
         gone = find_spec(LIBRARIES.get(method.family, "numpy")) is None
-        made.append(pytest.param(method, id=method.name, marks=pytest.mark.skipif(gone, reason="fcdm_opt[bench]")))
+        made.append(pytest.param(method, id=method.name, marks=pytest.mark.skipif(gone, reason="not installed")))
     return made
 
 
@@ -183,5 +183,5 @@ def test_pairs_that_no_method_takes() -> None:
 def test_missing_library_says_what_to_install(method: Method, monkeypatch: pytest.MonkeyPatch) -> None:
     name = LIBRARIES[method.family]
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(FcdmError, match=rf"needs {name}: pip install 'fcdm_opt\[bench\]'"):
+    with pytest.raises(FcdmError, match=rf"needs {name}: pip install {name}"):
         finest(method, Pair(CUBE.body(), CUBE.shifted((4, 0, 0)).body()))

@@ -14,19 +14,19 @@ import pytest
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.chart import bench, results
-from fcdm_opt.measure.chart.figures import FAILED, chart_figure, overview_figure
-from fcdm_opt.measure.comparing import compared
-from fcdm_opt.measure.method import Failure, Method
-from fcdm_opt.measure.record import Load, Run, Watch, table
-from fcdm_opt.measure.timing import Plan, Scene, measured, warmed
+from fcdm_opt_benchmarks.chart import bench, results
+from fcdm_opt_benchmarks.chart.figures import FAILED, chart_figure, overview_figure
+from fcdm_opt_benchmarks.comparing import compared
+from fcdm_opt_benchmarks.method import Failure, Method
+from fcdm_opt_benchmarks.record import BenchRun, Load, Watch, table
+from fcdm_opt_benchmarks.timing import TimedScene, TimingPlan, measured, warmed
 
-PLAN = Plan(rounds=6, call=0.0, most=3, patience=10.0)
+PLAN = TimingPlan(rounds=6, call=0.0, most=3, patience=10.0)
 
 
 def scene(name="squares", subject=None):
     """Questions 0, 1, 2, ...: which square is it?"""
-    return Scene(name, {"vertices": 8}, subject, lambda k: k)
+    return TimedScene(name, {"vertices": 8}, subject, lambda k: k)
 
 
 def method(prepare, name="a method", family="a library", settings=None):
@@ -169,7 +169,7 @@ def task_of(methods, name="curve"):
     def worth(about, k, answer):
         return bench.Worth(abs(answer - k * k) / max(k * k, 1), misnamed=answer != k * k)
 
-    return bench.Task(name, methods, [scene()], worth, PLAN, lambda about: 4)
+    return bench.ChartTask(name, methods, [scene()], worth, PLAN, lambda about: 4)
 
 
 def test_errors_are_those_of_the_answers_to_the_same_questions():
@@ -223,13 +223,13 @@ def test_a_motion_less_than_the_reference_is_a_fault_of_ours():
 
 
 def run(seconds=1.0, **tables):
-    return Run("bench", True, 1, {"rounds": 3}, "2026-11-22T01:00:00+00:00", seconds, Load(0.0, 0.1), tables)
+    return BenchRun("bench", True, 1, {"rounds": 3}, "2026-11-22T01:00:00+00:00", seconds, Load(0.0, 0.1), tables)
 
 
 def test_a_run_is_read_as_it_was_written(tmp_path):
     before = run(chart=[row("kernel", "ours", 1e-5, 1e-15, worst=float("nan"))])
     before.write(tmp_path / "run.json")
-    after = Run.read(tmp_path / "run.json")
+    after = BenchRun.read(tmp_path / "run.json")
     assert after.tables["chart"][0]["worst"] is None
     assert after.tables["chart"][0]["seconds"] == 1e-5
     assert (after.machine, after.versions, after.load) == (before.machine, before.versions, before.load)
@@ -246,7 +246,7 @@ def test_a_file_that_is_no_run_is_refused_with_its_key(tmp_path, change, key):
     run(chart=[]).write(path)
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(InputError, match=rf"run\.json: {key}"):
-        Run.read(path)
+        BenchRun.read(path)
 
 
 @pytest.mark.parametrize("text", [None, "", "[]", "{", "\x00"])
@@ -255,7 +255,7 @@ def test_a_file_that_is_no_json_object_is_refused(tmp_path, text):
     if text is not None:
         path.write_text(text)
     with pytest.raises(InputError, match=r"run\.json"):
-        Run.read(path)
+        BenchRun.read(path)
 
 
 def test_a_slower_machine_is_no_change_and_a_slower_method_is():

@@ -21,9 +21,9 @@ import fcdm_opt.curve.exact
 from fcdm_opt import Body, decision_curves
 from fcdm_opt.curve.batch import DecisionCurves
 from fcdm_opt.errors import FcdmError, InputError
-from fcdm_opt.measure.method import ContactAnswer, ContactQuestion, CurveAnswer, CurveQuestion, Pair, Touching
-from fcdm_opt.measure.pairs import SEPARATIONS, SHAPES, DrawnPair, why_not
-from fcdm_opt.measure.references import (
+from fcdm_opt_benchmarks.method import ContactAnswer, ContactQuestion, CurveAnswer, CurveQuestion, Pair, Touching
+from fcdm_opt_benchmarks.pairs import SEPARATIONS, SHAPES, DrawnPair, why_not
+from fcdm_opt_benchmarks.references import (
     ExactStretches,
     contact_error,
     curve_error,

@@ -10,11 +10,11 @@ import pytest
 
 from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Translation, load_problems, solve
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.cost import models
-from fcdm_opt.measure.cost.models_picture import models_figure
-from fcdm_opt.measure.cost.scenes import QUICK, names, overlapping, scene
-from fcdm_opt.measure.record import Load, Run
 from fcdm_opt.solver import STAGES
+from fcdm_opt_benchmarks.cost import models
+from fcdm_opt_benchmarks.cost.models_picture import models_figure
+from fcdm_opt_benchmarks.cost.scenes import QUICK, names, overlapping, scene
+from fcdm_opt_benchmarks.record import BenchRun, Load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, RZ = Translation("x"), Translation("y"), Rotation("z")
@@ -249,7 +249,7 @@ def test_the_picture_draws_what_was_settled_and_says_what_was_not():
         {"scene": "two", "model": "auto", "outcome": "settled", "verified": True,
          **settled | dict.fromkeys(("variables", "constraints", "part_pairs", "features"), 0)},
     ]  # fmt: skip
-    run = Run("bench", True, 1, {}, "2026-01-01T00:00", 1.0, Load(None, None), {"models": rows})
+    run = BenchRun("bench", True, 1, {}, "2026-01-01T00:00", 1.0, Load(None, None), {"models": rows})
     figure = models_figure(run)
     assert len(figure.axes) == 4
     for axes in figure.axes:

@@ -9,13 +9,13 @@ import pytest
 from cases import CUBE, Shape, box_shape, shape
 
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.measure.method import Failure, MotionAnswer
-from fcdm_opt.measure.motions import COARSE, FINE, METHODS, RIVALS, USUAL, answered, judged
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.solver import solve
+from fcdm_opt_benchmarks.method import Failure, MotionAnswer
+from fcdm_opt_benchmarks.motions import COARSE, FINE, METHODS, RIVALS, USUAL, answered, judged
 
 WIDE = ((0.5, 5.0), (0.5, 5.0))
 X = Translation("x")

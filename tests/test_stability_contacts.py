@@ -12,10 +12,10 @@ import pytest
 from oracles import ExactCurve, exact_curve
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.stability import contacts
-from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case, Verdict
-from fcdm_opt.measure.stability.contacts import libraries
-from fcdm_opt.measure.stability.contacts.scenes import CUBE, SMALL_CUBE, shifted
+from fcdm_opt_benchmarks.stability import contacts
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, Grade, HardCase
+from fcdm_opt_benchmarks.stability.contacts import libraries
+from fcdm_opt_benchmarks.stability.contacts.scenes import CUBE, SMALL_CUBE, shifted
 
 MOST = 16  # points of a body that the oracle, all triples of them, is asked about
 # what the project's list names -> the family that has it
@@ -55,11 +55,11 @@ LISTED = {
 
 
 @cache
-def quick() -> tuple[Case, ...]:
+def quick() -> tuple[HardCase, ...]:
     return tuple(contacts.cases(True, 0))
 
 
-def answered(name: str, case: Case) -> Verdict:
+def answered(name: str, case: HardCase) -> Grade:
     """As the runner does: what raises is flagged."""
     try:
         answer = contacts.METHODS[name](case.data)
@@ -70,11 +70,11 @@ def answered(name: str, case: Case) -> Verdict:
     return contacts.judged(case, json.loads(json.dumps(answer)))
 
 
-def only(name: str, one: Any = CUBE, two: Any = CUBE, **settings: Any) -> Case:
-    return contacts._case("test", libraries.Scene(name, one, two, **settings))
+def only(name: str, one: Any = CUBE, two: Any = CUBE, **settings: Any) -> HardCase:
+    return contacts._case("test", libraries.HardPair(name, one, two, **settings))
 
 
-def oracle(case: Case) -> ExactCurve:
+def oracle(case: HardCase) -> ExactCurve:
     one, two = case.data["one"], case.data["two"]
     return exact_curve(
         one["vertices"], one["seed"], two["vertices"], two["seed"],
@@ -156,7 +156,7 @@ def test_a_known_contact_is_judged_in_every_answer() -> None:
     """Cubes of half width 1/2 that touch along an edge: the direction has no z, and touch is at 1."""
     case = only("edges", SMALL_CUBE, shifted(SMALL_CUBE, (1, 1, 0)))
     right = {"state": 0, "gap": 0.0, "meets": True, "rho2": 1.0, "normal": [0.6, 0.8, 0.0]}
-    assert contacts.judged(case, right) == Verdict("right", 0.0)
+    assert contacts.judged(case, right) == Grade("right", 0.0)
     assert contacts.judged(case, {**right, "normal": [1, 0, 0]}).outcome == "right"  # beside it too
     wrong = {"state": -1, "gap": 1e-5, "rho2": 1.00001, "normal": [0.913, 0.183, 0.365]}
     for key, value in wrong.items():
@@ -167,7 +167,7 @@ def test_a_known_contact_is_judged_in_every_answer() -> None:
         assert contacts.judged(case, {"rho2": value}).outcome == "wrong"
     for value in (np.nan, -1.7976931348623157e308):
         assert contacts.judged(case, {"gap": value}).outcome == "wrong"
-    assert contacts.judged(case, {"flag": "no answer"}) == Verdict("flagged", None, "no answer")
+    assert contacts.judged(case, {"flag": "no answer"}) == Grade("flagged", None, "no answer")
 
 
 @pytest.mark.parametrize("opening", [1e-7, -1e-7, 1e-11, -1e-11])
@@ -206,7 +206,7 @@ def test_bodies_without_inside_may_be_said_to_touch_or_to_overlap() -> None:
 
 def test_planted_methods_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that is off by 1e-5 once in a while, one that calls every opening a touch, one that raises."""
-    sample: Sequence[Case] = quick()[::20]
+    sample: Sequence[HardCase] = quick()[::20]
 
     def slightly_off(data: Any) -> dict[str, Any]:
         answer = contacts.METHODS["exact path"](data)

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from fcdm_opt.geometry.collision import ScaledPair
-from fcdm_opt.measure.stability import motions, programs
-from fcdm_opt.measure.stability.case import WRONG_BEYOND, Case
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.stages.models import satisfied
+from fcdm_opt_benchmarks.stability import motions, programs
+from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND, HardCase
 
 SEED = 0
 SAMPLES = 30
@@ -27,7 +27,7 @@ MODULES = {"program": programs, "motion": motions}
 
 
 @cache
-def cases(question: str, quick: bool = True) -> tuple[Case, ...]:
+def cases(question: str, quick: bool = True) -> tuple[HardCase, ...]:
     return tuple(MODULES[question].cases(quick, SEED))
 
 
@@ -42,7 +42,7 @@ def answers(question: str) -> dict[tuple[str, str], Any]:
     return {(case.family, case.name): json.loads(json.dumps(solve(case.data))) for case in cases(question)}
 
 
-def ours(case: Case) -> Any:
+def ours(case: HardCase) -> Any:
     return answers(case.question)[case.family, case.name]
 
 
@@ -71,7 +71,7 @@ def test_only_what_is_drawn_by_lot_depends_on_the_seed():
 # ------------------------------------------------------------------------------------------------ truths of programs
 
 
-def stated(case: Case, x: Any, m: Any = math) -> tuple[float, list[float]]:
+def stated(case: HardCase, x: Any, m: Any = math) -> tuple[float, list[float]]:
     """f(x), and by how much x misses each condition."""
     f, e, g = programs.PROGRAMS[case.data["program"]].rows(x, case.data["numbers"], m)
     ends = zip(x, case.data["low"], case.data["high"], strict=True)
@@ -192,7 +192,7 @@ def test_ours_is_right_on_motions_or_says_that_it_found_none(case):
 # ------------------------------------------------------------------------------------------------------ planted answers
 
 
-def verdicts(case: Case, answers: Mapping[str, Any]) -> dict[str, str]:
+def verdicts(case: HardCase, answers: Mapping[str, Any]) -> dict[str, str]:
     judge = MODULES[case.question].judged
     return {name: judge(case, answer).outcome for name, answer in answers.items()}
 
@@ -259,7 +259,7 @@ def test_a_right_answer_is_wrong_where_a_smaller_motion_is_planted_as_the_truth(
 
 
 def test_every_rival_is_asked_what_it_can_express():
-    from fcdm_opt.measure.motions import RIVALS
+    from fcdm_opt_benchmarks.motions import RIVALS
 
     assert set(RIVALS) < set(motions.METHODS)
     asked = {name: sum(motions.applies(name, case) for case in cases("motion")) for name in motions.METHODS}

@@ -14,10 +14,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.measure.stability import failures, picture, process, table
-from fcdm_opt.measure.stability.case import Case, Verdict
-from fcdm_opt.measure.stability.run import MODULES, Result, stability
 from fcdm_opt.show import PAGE, save
+from fcdm_opt_benchmarks.stability import failures, picture, process, table
+from fcdm_opt_benchmarks.stability.case import Grade, HardCase
+from fcdm_opt_benchmarks.stability.run import MODULES, Result, stability
 
 HERE = ("planted",)
 ALL = len([1 for case in planted.cases(False, 0) for name in planted.METHODS if planted.applies(name, case)])
@@ -150,8 +150,8 @@ def test_all_that_is_not_right_is_saved_under_safe_names(results, saved):
 
 def test_names_of_files_tell_cases_apart_that_read_alike():
     def named(name, method="a"):
-        case = Case("family", name, "body", {}, {})
-        return failures.file_name(Result(case, "m", method, False, Verdict("wrong")))
+        case = HardCase("family", name, "body", {}, {})
+        return failures.file_name(Result(case, "m", method, False, Grade("wrong")))
 
     names = [named(text) for text in ("1e-6", "1e+6", "1e 6", "x" * 300, "x" * 301)] + [named("1e-6", "A")]
     assert len({name.lower() for name in names}) == len(names)
@@ -162,7 +162,7 @@ def test_names_of_files_tell_cases_apart_that_read_alike():
 def test_numbers_read_back_to_the_last_digit(saved):
     own = failures._read(file_of(saved, "nan"), HERE)
     assert math.isnan(own.answer["twice"])
-    assert own.verdict == Verdict("wrong", None, "not a number")
+    assert own.verdict == Grade("wrong", None, "not a number")
     assert own.case in planted.cases(False, 0)
     values = {"x": [math.inf, -math.inf, 0.1 + 0.2, 5e-324, -0.0, {"y": None}]}
     assert failures._decoded(json.loads(json.dumps(failures._encoded(values), allow_nan=False))) == values
@@ -224,7 +224,7 @@ def test_the_picture_shows_every_outcome(results, tmp_path):
 
 def test_cells_show_the_worst_and_columns_start_with_ours():
     def result(method, family, outcome, ours=False):
-        return Result(Case(family, "x", "body", {}, {}), "m", method, ours, Verdict(outcome))
+        return Result(HardCase(family, "x", "body", {}, {}), "m", method, ours, Grade(outcome))
 
     own = [
         result("b 1", "f", "right"),

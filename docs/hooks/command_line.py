@@ -41,7 +41,8 @@ def commands() -> str:
         lines += [f"- {question} {listed}"]
     lines += ["", "These options stand before any command:", "", *_table("option", _records(program.params, context))]
     for name, command in program.commands.items():
-        lines += ["", f"## {PROGRAM} {name}", "", *_section(command, typer.Context(command, info_name=name))]
+        own = command.make_context(name, [], resilient_parsing=True)
+        lines += ["", f"## {PROGRAM} {name}", "", *_section(own.command, own)]
     return "\n".join(lines)
 
 

@@ -12,10 +12,11 @@ from typing import Annotated, Any, ClassVar
 
 import typer
 
-from fcdm_opt.cli import designing, measuring, reporting, solving, starting
+from fcdm_opt.cli import designing, reporting, solving, starting
 from fcdm_opt.cli.helping import Command, Overview
+from fcdm_opt.cli.lending import LentCommand
 
-COMMANDS: dict[str, tuple[tuple[str, Callable[..., Any], str], ...]] = {
+COMMANDS: dict[str, tuple[tuple[str, Callable[..., Any] | str, str], ...]] = {
     "How do I begin?": (
         (
             "init",
@@ -84,17 +85,20 @@ COMMANDS: dict[str, tuple[tuple[str, Callable[..., Any], str], ...]] = {
     "How fast and how right is it?": (
         (
             "bench",
-            measuring.bench_command,
+            "Chart speed against accuracy.",
             "fcdm-opt bench --quick --only contact --out out/bench",
         ),
         (
             "stability",
-            measuring.stability_command,
+            "Map where each method fails.",
             "fcdm-opt stability --quick --out out/stability",
         ),
     ),
 }
-"""By question: a command's name, its function, and examples that run as they stand, one a line."""
+"""By question: a command's name, its function, and examples that run as they stand, one a line.
+
+A sentence in place of a function: the package `fcdm_opt_benchmarks` brings it, see `LentCommand`.
+"""
 
 
 class _Commands(Overview):
@@ -139,7 +143,10 @@ def _common(
 
 for _rows in COMMANDS.values():
     for _name, _command, _examples in _rows:
-        app.command(_name, cls=Command, epilog=_examples)(_command)
+        if isinstance(_command, str):
+            app.command(_name, cls=LentCommand, help=_command, epilog=_examples)(lambda: None)
+        else:
+            app.command(_name, cls=Command, epilog=_examples)(_command)
 
 
 def main() -> None:

@@ -37,12 +37,8 @@ Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.", rich_help_panel=OUTPUT),
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="Take the short form.")]
 Seed = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Start of everything that is drawn at random, >= 0.")
-]
-Compare = Annotated[
-    Path | None, typer.Option("--compare", metavar="OLD", help="Tell what changed since this earlier results file.")
 ]
 Cases = Annotated[
     list[str] | None,

@@ -1,1 +1,0 @@
-"""Oracles, scenes and verdicts of `attack_fits.py`; only `asking` knows the package under attack."""

@@ -1,0 +1,75 @@
+"""Libraries of rivals, imported where they are installed, and what several methods say to HiGHS."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fcdm_opt.errors import FcdmError
+from fcdm_opt.geometry.arrays import Array, Ints
+
+DUAL, PRIMAL = 1, 4  # of HiGHS: its simplex methods
+Compressed = tuple[NDArray[Any], NDArray[Any], Array]
+"""A matrix by columns: where they start, rows, values."""
+
+
+def library(name: str) -> Any:
+    """Import an optional library; raise `FcdmError` that says what to install."""
+    try:
+        return import_module(name)
+    except ImportError as reason:
+        raise FcdmError(f"this rival method needs {name}: pip install {name} ({reason})") from reason
+
+
+def highs_solver(tolerance: float | None = None, **options: Any) -> Any:
+    """Return a silent solver of HiGHS, with a feasibility tolerance and other options, or its own."""
+    solver = library("highspy").Highs()
+    if tolerance is not None:
+        options |= {"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance}
+    for key, value in {"output_flag": False, "threads": 1, **options}.items():
+        solver.setOptionValue(key, value)
+    return solver
+
+
+def highs_model(
+    matrix: Compressed, costs: Array, rows: tuple[Array, Array], columns: tuple[Array, Array] | None = None
+) -> Any:
+    """Return min costs.x with A x and x between two bounds each, for HiGHS; x >= 0 unless `columns` are given."""
+    highspy, count = library("highspy"), len(costs)
+    model = highspy.HighsLp()
+    model.num_col_, model.num_row_, model.col_cost_ = count, len(rows[0]), costs
+    model.col_lower_, model.col_upper_ = columns or (np.zeros(count), np.full(count, highspy.kHighsInf))
+    model.row_lower_, model.row_upper_ = rows
+    own = model.a_matrix_
+    own.format_, own.num_col_, own.num_row_ = highspy.MatrixFormat.kColwise, count, len(rows[0])
+    own.start_, own.index_, own.value_ = matrix
+    return model
+
+
+def dense(matrix: Array) -> Compressed:
+    """Return a matrix by columns, with its zeros."""
+    rows, columns = matrix.shape
+    places = np.tile(np.arange(rows, dtype=np.int32), columns)
+    return rows * np.arange(columns + 1, dtype=np.int32), places, matrix.T.ravel()
+
+
+def solved_by_highs(solver: Any) -> None:
+    """Solve what a solver holds; raise `FcdmError` with its own word where it has no optimum."""
+    solver.run()
+    status = solver.getModelStatus()
+    if status != library("highspy").HighsModelStatus.kOptimal:
+        raise FcdmError(f"HiGHS: {solver.modelStatusToString(status)}")
+
+
+def basic_weights(solver: Any, columns: Array, right: Array) -> tuple[Ints, Array]:
+    """Return the basis that HiGHS ended with and its weights, worked out anew, as its own sums are less exact.
+
+    `columns`: (n, rows). A negative entry of the basis stands for a row, whose slack is zero.
+    """
+    basis = np.asarray(solver.getBasicVariables()[1])
+    unit = np.eye(len(right))
+    system = np.array([columns[k] if k >= 0 else unit[-1 - k] for k in basis]).T
+    return basis, np.linalg.solve(system, right)

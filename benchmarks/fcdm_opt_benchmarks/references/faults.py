@@ -1,0 +1,114 @@
+"""Whole batches of decision curves against the exact ones: features, lines, directions and ends, segment by segment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.batch import DecisionCurves
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.method import Pair
+from fcdm_opt_benchmarks.placed import elements
+from fcdm_opt_benchmarks.references.exact import ExactStretches, as_float, whole_curve
+
+ENDS = 2  # of a segment
+
+
+class CurveFault(NamedTuple):
+    """What is wrong with a curve of a batch: pose, segment (or -1), what, as found and as it is."""
+
+    pose: int
+    segment: int
+    what: str
+    found: Any
+    exact: Any
+
+
+def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> list[CurveFault]:
+    """Compare every segment of a batch with the exact curve: feature, line, direction and both ends.
+
+    Parameters
+    ----------
+    pair : Pair
+    transforms : (N, 4, 4) array
+    curves : DecisionCurves
+        Of the pair at these poses.
+
+    Returns
+    -------
+    list of CurveFault
+        Lines may be off by `Tolerances.line` of their largest entry, ends by as much over the sine of the angle under
+        which their lines cross. A contact in more than a point may be named by any facet that it lies on. Stretches
+        that floats cannot tell from points are left out.
+    """
+    if len(transforms) != len(curves):
+        return [CurveFault(-1, -1, "poses", len(curves), len(transforms))]
+    box = np.array(curves.box)
+    named = elements(pair)
+    faults: list[CurveFault] = []
+    rows: list[int] = []
+    truths: list[tuple[Array, Array, Array]] = []
+    for pose, transform in enumerate(transforms):
+        curve, whole = whole_curve(pair, transform)
+        exact = [own for own in ExactStretches(whole, box).stretches if own.long]
+        mine = [k for k in range(*curves.offsets[pose : pose + 2].tolist()) if _long(curves.vertices[k])]
+        if len(mine) != len(exact):
+            faults.append(CurveFault(pose, -1, "number of segments", len(mine), len(exact)))
+            continue
+        status = "contact" if exact else _STATUS[curve.side(box.mean(axis=1).tolist())]
+        if str(curves.status[pose]) != status:
+            faults.append(CurveFault(pose, -1, "status", str(curves.status[pose]), status))
+        for k, own in zip(mine, exact, strict=True):
+            kind, i, j = curves.features[k].tolist()
+            told, piece = (named[kind][0][i], named[kind][1][j]), own.piece
+            tight = zip(told, (piece.tight_one, piece.tight_two), strict=True)
+            if told != own.touching and not all(set(a) <= set(b) for a, b in tight):
+                faults.append(CurveFault(pose, k, "feature", told, own.touching))
+            ends = np.array([[as_float(x) for x in point] for point in (own.start, own.end)])
+            rows.append(k)
+            truths.append((piece.normal, piece.line, ends))
+    if rows:
+        faults += _number_faults(curves, np.array(rows), truths, box)
+    return sorted(faults)
+
+
+_STATUS = {1: "apart", 0: "apart", -1: "overlapping"}
+
+
+def _number_faults(
+    curves: DecisionCurves, rows: Array, truths: Sequence[tuple[Array, Array, Array]], box: Array
+) -> list[CurveFault]:
+    """Compare directions, lines and ends, all at once."""
+    normals, lines, ends = (np.array(column) for column in zip(*truths, strict=True))
+    poses = np.searchsorted(curves.offsets, rows, side="right") - 1
+    gradients = lines[:, :2] / np.linalg.norm(lines[:, :2], axis=1)[:, None]
+    sines = np.empty((len(rows), ENDS))
+    for end, step in ((0, -1), (1, 1)):
+        neighbour = np.roll(np.arange(len(rows)), -step)
+        inside = (poses[neighbour] == poses) & (ends[neighbour, 1 - end] == ends[:, end]).all(axis=1)
+        across = np.abs(gradients[:, 0] * gradients[neighbour, 1] - gradients[:, 1] * gradients[neighbour, 0])
+        on_side = np.abs(ends[:, end, :, None] - box) <= DEFAULT.line * box  # of rho_1 = const, and rho_2 = const
+        sides = np.where(on_side.any(axis=2), np.abs(gradients[:, ::-1]), np.inf).min(axis=1)
+        sines[:, end] = np.where(inside, across, np.minimum(sides, 1.0))
+    sizes = np.abs(lines).max(axis=1)
+    off = {
+        "normal": np.abs(curves.normals[rows] - normals).max(axis=1),
+        "line": np.abs(curves.lines[rows] - lines).max(axis=1) / sizes,
+        "ends": (np.abs(curves.vertices[rows] - ends) / ends.max(axis=2)[:, :, None]).max(axis=2) * sines,
+    }
+    off["ends"] = off["ends"].max(axis=1)
+    exact = {"normal": normals, "line": lines, "ends": ends}
+    found = {"normal": curves.normals, "line": curves.lines, "ends": curves.vertices}
+    return [
+        CurveFault(int(poses[k]), int(rows[k]), what, found[what][rows[k]].tolist(), exact[what][k].tolist())
+        for what, errors in off.items()
+        for k in np.flatnonzero(~(errors <= DEFAULT.line)).tolist()
+    ]
+
+
+def _long(ends: Array) -> bool:
+    (x, y), (u, v) = ends.tolist()
+    return abs(u - x) + abs(v - y) > DEFAULT.line * (x + y)
