@@ -209,7 +209,9 @@ def test_solutions_do_not_change():
 # ----------------------------------------------------------------------------------------------------------- bad input
 
 
-@pytest.mark.parametrize("key", [item.name for item in fields(Solution)])
+@pytest.mark.parametrize(
+    "key", ["sensitivity", *(item.name for item in fields(Solution) if item.name != "derivatives")]
+)
 def test_a_missing_key_is_named(key):
     data = solution("solved").to_dict()
     del data[key]

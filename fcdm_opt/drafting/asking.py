@@ -14,7 +14,7 @@ from fcdm_opt.drafting import remarks, writing
 from fcdm_opt.drafting.choice import AXES, TOLERANCE, Choice, named
 from fcdm_opt.drafting.situation import Near, Situation, rounded
 from fcdm_opt.motion.motions import Motion
-from fcdm_opt.problem.files import Defaults
+from fcdm_opt.problem.keys import Defaults
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_POINTS = 8  # switching points that are listed

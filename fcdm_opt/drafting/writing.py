@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fcdm_opt.drafting.choice import Choice
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.problem.schema import STEPS
+from fcdm_opt.problem.entries import STEPS
 
 WIDTH = 110
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
