@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Tag, model_validator
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.schema import Entry, Label, Number, Pair, Point, Unit, closest, one_of, plain, refusal
+from fcdm_opt.problem.schema import Entry, Label, Number, Pair, Point, Unit, closest, declared, one_of, plain, refusal
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
@@ -34,61 +34,52 @@ class BodyEntry(Entry):
 
     model_config = ConfigDict(title="Bodies", json_schema_extra=one_of(("vertices",), ("file", "unit")))
 
-    name: str | None = Field(
-        default=None,
-        description="name in messages and pictures (text); without it movable, static, keep-out k, or the file's name",
-        examples=["peg"],
+    name: str | None = declared(
+        None, "name in messages and pictures (text); without it movable, static, keep-out k, or the file's name", "peg"
     )
-    vertices: list[Point] | None = Field(
-        default=None,
-        description='[[x, y, z], ...], length units, at least four; label k is the k-th; or a mesh: file = "peg.stl"',
-        examples=[[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]],
+    vertices: list[Point] | None = declared(
+        None,
+        '[[x, y, z], ...], length units, at least four; label k is the k-th; or a mesh: file = "peg.stl"',
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
     )
-    parts: list[list[Label]] | None = Field(
-        default=None,
-        description="1-based vertex labels of each convex part; without it the body is the hull of its vertices",
-        examples=[[[1, 2, 3, 4], [3, 4, 5, 6]]],
+    parts: list[list[Label]] | None = declared(
+        None,
+        "1-based vertex labels of each convex part; without it the body is the hull of its vertices",
+        [[1, 2, 3, 4], [3, 4, 5, 6]],
     )
-    faces: list[list[Label]] | None = Field(
-        default=None,
-        description="1-based vertex labels of each true face; without it faces follow from the parts",
-        examples=[[[1, 2, 3], [1, 2, 4], [2, 3, 4], [1, 3, 4]]],
+    faces: list[list[Label]] | None = declared(
+        None,
+        "1-based vertex labels of each true face; without it faces follow from the parts",
+        [[1, 2, 3], [1, 2, 4], [2, 3, 4], [1, 3, 4]],
     )
-    seed: Literal["centroid", "vertices", "box"] | Point = Field(
-        default="centroid",
-        description='the point that scaling holds: "centroid" (of the volume), "vertices" (their mean), "box" (its '
+    seed: Literal["centroid", "vertices", "box"] | Point = declared(
+        "centroid",
+        'the point that scaling holds: "centroid" (of the volume), "vertices" (their mean), "box" (its '
         "centre) or [x, y, z], length units",
-        examples=["centroid", [0.0, 0.0, 2.5]],
+        "centroid",
+        [0.0, 0.0, 2.5],
     )
-    deviation: Pair | None = Field(
-        default=None,
-        description="[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it; "
+    deviation: Pair | None = declared(
+        None,
+        "[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it; "
         "without it [0, 0]",
-        examples=[[0.01, 0.0]],
+        [0.01, 0.0],
     )
-    notes: list[str] = Field(
-        default=[],
-        description="how the body was made: text that is shown with results",
-        examples=[["cut by CoACD at threshold 0.05"]],
+    notes: list[str] = declared(
+        [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
     )
-    file: str | None = Field(
-        default=None,
-        description="mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file",
-        examples=["peg.stl"],
+    file: str | None = declared(
+        None, "mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file", "peg.stl"
     )
-    unit: Unit | None = Field(
-        default=None,
-        description='unit of all lengths here, shown with results: "m", "cm", "mm", "um", "in" or "ft"; a mesh is read '
+    unit: Unit | None = declared(
+        None,
+        'unit of all lengths here, shown with results: "m", "cm", "mm", "um", "in" or "ft"; a mesh is read '
         "in it, vertices stay as they are; without it, beside vertices alone, length units",
-        examples=["mm"],
+        "mm",
     )
-    file_unit: Unit | None = Field(
-        default=None, description="unit of the numbers in a mesh file that does not say; default: unit", examples=["in"]
-    )
-    decomposition: Literal["auto", "exact", "coacd"] | None = Field(
-        default=None,
-        description='how a mesh, of a file or of vertices and faces, is cut into parts: "auto", "exact" or "coacd"',
-        examples=["exact"],
+    file_unit: Unit | None = declared(None, "unit of the numbers in a mesh file that does not say; default: unit", "in")
+    decomposition: Literal["auto", "exact", "coacd"] | None = declared(
+        None, 'how a mesh, of a file or of vertices and faces, is cut into parts: "auto", "exact" or "coacd"', "exact"
     )
 
     @model_validator(mode="after")
@@ -182,12 +173,11 @@ class Bodies(Entry):
 
     model_config = ConfigDict(title="Both bodies")
 
-    movable: BodyEntry = Field(
-        description="the body that moves: a table with vertices, seed, ...",
-        examples=[{"file": "peg.stl", "unit": "mm"}],
+    movable: BodyEntry = declared(
+        ..., "the body that moves: a table with vertices, seed, ...", {"file": "peg.stl", "unit": "mm"}
     )
-    static: BodyEntry = Field(
-        description="the body at rest: a table with vertices, seed, ...", examples=[{"file": "plate.stl", "unit": "mm"}]
+    static: BodyEntry = declared(
+        ..., "the body at rest: a table with vertices, seed, ...", {"file": "plate.stl", "unit": "mm"}
     )
 
     def both(self, folder: Path | None) -> tuple[Body, Body]:
@@ -225,14 +215,10 @@ class KeepOutEntry(BodyEntry):
 
     model_config = ConfigDict(title="Keep-outs")
 
-    scale: Number | Pair = Field(
-        default=1.0,
-        description="a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between",
-        examples=[1.0, [0.99, 1.01]],
+    scale: Number | Pair = declared(
+        1.0, "a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between", 1.0, [0.99, 1.01]
     )
-    clearance: Number = Field(
-        default=0.0, description="least gap, length units; 0: touching allowed, overlapping not", examples=[0.5]
-    )
+    clearance: Number = declared(0.0, "least gap, length units; 0: touching allowed, overlapping not", 0.5)
 
     def keep_out(self, role: str, folder: Path | None) -> KeepOut:
         """Return the keep-out, see `body`."""
@@ -247,8 +233,8 @@ class TranslationEntry(Entry):
 
     model_config = ConfigDict(title="Translation")
 
-    translation: Axis = Field(
-        description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', examples=["z", [0.0, 1.0, 1.0]]
+    translation: Axis = declared(
+        ..., 'axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', "z", [0.0, 1.0, 1.0]
     )
 
     def step(self) -> Step:
@@ -266,11 +252,13 @@ class RotationEntry(Entry):
 
     model_config = ConfigDict(title="Rotation")
 
-    rotation: Axis = Field(description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', examples=["z"])
-    centre: Literal["seed", "origin"] | Point = Field(
-        description='"seed" (of the movable body, as already moved), "origin" (of the world) or [x, y, z], length '
-        "units",
-        examples=["seed", "origin", [0.0, 0.0, 5.0]],
+    rotation: Axis = declared(..., 'axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', "z")
+    centre: Literal["seed", "origin"] | Point = declared(
+        ...,
+        '"seed" (of the movable body, as already moved), "origin" (of the world) or [x, y, z], length units',
+        "seed",
+        "origin",
+        [0.0, 0.0, 5.0],
     )
 
     def step(self) -> Step:
@@ -288,10 +276,8 @@ class Line(Entry):
 
     model_config = ConfigDict(title="Line")
 
-    point: Point = Field(description="[x, y, z], length units, a point of the line", examples=[[0.0, 0.0, 0.0]])
-    direction: Point = Field(
-        description="[x, y, z], not zero; its length does not matter, no unit", examples=[[0.0, 0.0, 1.0]]
-    )
+    point: Point = declared(..., "[x, y, z], length units, a point of the line", [0.0, 0.0, 0.0])
+    direction: Point = declared(..., "[x, y, z], not zero; its length does not matter, no unit", [0.0, 0.0, 1.0])
 
 
 class ScrewEntry(Entry):
@@ -299,21 +285,20 @@ class ScrewEntry(Entry):
 
     model_config = ConfigDict(title="Screw", json_schema_extra=one_of(*((key,) for key in _PITCH_KEYS)))
 
-    screw: Literal["seeds"] | Line = Field(
-        description='"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] '
-        "}",
-        examples=["seeds", {"point": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0]}],
+    screw: Literal["seeds"] | Line = declared(
+        ...,
+        '"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] }',
+        "seeds",
+        {"point": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0]},
     )
-    pitch: Literal["free", "infinite", "-infinite"] | None = Field(
-        default=None,
-        description='"free" (translation and angle independent), "infinite" (translation alone) or "-infinite"',
-        examples=["free"],
+    pitch: Literal["free", "infinite", "-infinite"] | None = declared(
+        None, '"free" (translation and angle independent), "infinite" (translation alone) or "-infinite"', "free"
     )
-    pitch_per_deg: Number | None = Field(
-        default=None, description="translation for each degree of turning, a number of length units", examples=[1.0]
+    pitch_per_deg: Number | None = declared(
+        None, "translation for each degree of turning, a number of length units", 1.0
     )
-    pitch_per_rad: Number | None = Field(
-        default=None, description="translation for each radian of turning, a number of length units", examples=[0.25]
+    pitch_per_rad: Number | None = declared(
+        None, "translation for each radian of turning, a number of length units", 0.25
     )
 
     @model_validator(mode="after")
@@ -351,9 +336,7 @@ class FreeEntry(Entry):
 
     model_config = ConfigDict(title="Free motion")
 
-    free: Literal[True] = Field(
-        description="true: all six parameters, TX TY TZ and RX RY RZ about the movable seed", examples=[True]
-    )
+    free: Literal[True] = declared(..., "true: all six parameters, TX TY TZ and RX RY RZ about the movable seed", True)
 
     def step(self) -> Step:
         """Return the step of a motion."""
@@ -370,11 +353,11 @@ class OwnMotionEntry(Entry):
 
     model_config = ConfigDict(title="Own motion")
 
-    casadi: str = Field(description="the text of an fcdm_opt.OwnMotion")
-    parameters: list[tuple[str, Literal["translation", "rotation"]]] = Field(
-        description='[["TZ", "translation"], ...]: name and kind of each parameter', examples=[[["TX", "translation"]]]
+    casadi: str = declared(..., "the text of an fcdm_opt.OwnMotion")
+    parameters: list[tuple[str, Literal["translation", "rotation"]]] = declared(
+        ..., '[["TZ", "translation"], ...]: name and kind of each parameter', [["TX", "translation"]]
     )
-    name: str = Field(default="own motion", description="name in words and messages (text)", examples=["ramp"])
+    name: str = declared("own motion", "name in words and messages (text)", "ramp")
 
     def step(self) -> Step:
         """Return the step of a motion."""
@@ -426,7 +409,7 @@ class AmountEntry(Entry):
 
     model_config = ConfigDict(title="Own amount")
 
-    casadi: str = Field(description="the text of an OwnAmount")
+    casadi: str = declared(..., "the text of an OwnAmount")
 
 
 class PublishedEntry(Entry):
@@ -434,15 +417,9 @@ class PublishedEntry(Entry):
 
     model_config = ConfigDict(title="Reference values")
 
-    translation: Number | list[Number] | None = Field(
-        default=None, description="a length, or a list where it has several", examples=[0.25]
-    )
-    angle_deg: Number | list[Number] | None = Field(
-        default=None, description="an angle in degrees, or a list", examples=[7.0191]
-    )
-    angle_rad: Number | list[Number] | None = Field(
-        default=None, description="an angle in radians, or a list", examples=[0.1225]
-    )
+    translation: Number | list[Number] | None = declared(None, "a length, or a list where it has several", 0.25)
+    angle_deg: Number | list[Number] | None = declared(None, "an angle in degrees, or a list", 7.0191)
+    angle_rad: Number | list[Number] | None = declared(None, "an angle in radians, or a list", 0.1225)
 
     def values(self, step: Step) -> list[float]:
         """Return the values of the step's own parameters; raises `InputError` where the keys do not fit them."""

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Tag
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
@@ -39,6 +39,7 @@ from fcdm_opt.problem.schema import (
     Unit,
     checked,
     closest,
+    declared,
     must,
     read_entry,
     refusal,
@@ -70,31 +71,31 @@ Shares = Annotated[Number | Pair | tuple[Pair, Pair], AfterValidator(_shares)]
 class SizeKeys(Entry):
     """Which sizes are nominal, and which are made."""
 
-    nominal: Label | Scales | Literal["drawn"] = Field(
-        default="drawn",
-        description='number of a switching point (from 1), a scale pair [rho_1, rho_2] or "drawn" (= [1, 1])',
-        examples=[3, [1.05, 0.98], "drawn"],
+    nominal: Label | Scales | Literal["drawn"] = declared(
+        "drawn",
+        'number of a switching point (from 1), a scale pair [rho_1, rho_2] or "drawn" (= [1, 1])',
+        3,
+        [1.05, 0.98],
+        "drawn",
     )
-    tolerance: Shares | None = Field(
-        default=None,
-        description="tau, [tau_1, tau_2] or [[minus_1, plus_1], [minus_2, plus_2]], relative (0.02 is 2 %), finite, "
+    tolerance: Shares | None = declared(
+        None,
+        "tau, [tau_1, tau_2] or [[minus_1, plus_1], [minus_2, plus_2]], relative (0.02 is 2 %), finite, "
         ">= 0 and below 1",
-        examples=[0.02, [0.02, 0.01], [[0.0, 0.02], [0.01, 0.01]]],
+        0.02,
+        [0.02, 0.01],
+        [[0.0, 0.02], [0.01, 0.01]],
     )
-    requirement: Requirement | None = Field(
-        default=None,
-        description='which way each body is off its nominal scale: "A" (+, +), "B" (+, -), "C" (-, +) or "D" (-, -)',
-        examples=["B"],
+    requirement: Requirement | None = declared(
+        None, 'which way each body is off its nominal scale: "A" (+, +), "B" (+, -), "C" (-, +) or "D" (-, -)', "B"
     )
-    target: Scales | None = Field(
-        default=None,
-        description="[rho_1, rho_2], scales > 0 of the parts made, in place of requirement and tolerance",
-        examples=[[1.02, 0.99]],
+    target: Scales | None = declared(
+        None, "[rho_1, rho_2], scales > 0 of the parts made, in place of requirement and tolerance", [1.02, 0.99]
     )
-    box: tuple[ScaleRange, ScaleRange] = Field(
-        default=((0.8, 3.0), (0.8, 3.0)),
-        description="[[low_1, high_1], [low_2, high_2]], 0 < low < high: scales that are shown and numbered",
-        examples=[[[0.8, 1.2], [0.8, 1.2]]],
+    box: tuple[ScaleRange, ScaleRange] = declared(
+        ((0.8, 3.0), (0.8, 3.0)),
+        "[[low_1, high_1], [low_2, high_2]], 0 < low < high: scales that are shown and numbered",
+        [[0.8, 1.2], [0.8, 1.2]],
     )
 
 
@@ -103,92 +104,75 @@ class Defaults(SizeKeys):
 
     model_config = ConfigDict(title="Defaults of all cases")
 
-    goal: Goal | None = Field(
-        default=None,
-        description='"beyond" (the tracked contact ends in the quadrant beyond the target), "at" (exactly at the '
+    goal: Goal | None = declared(
+        None,
+        '"beyond" (the tracked contact ends in the quadrant beyond the target), "at" (exactly at the '
         'target), "seat" (so that a flush contact stays flush), "touch" (the pair made touches) or "clear" (it keeps '
         'clearance); without it "beyond" at a switching point with a requirement, "seat" where the contact is flush, '
         'else "touch"',
-        examples=["touch"],
+        "touch",
     )
-    pair: Literal["any", "clear", "touch"] = Field(
-        default="any",
-        description='"any", "clear" or "touch": required state of the target pair, besides the goal',
-        examples=["clear"],
+    pair: Literal["any", "clear", "touch"] = declared(
+        "any", '"any", "clear" or "touch": required state of the target pair, besides the goal', "clear"
     )
-    clearance: Length = Field(
-        default=0.0, description='least gap >= 0, length units, for goal or pair "clear"', examples=[0.1]
-    )
-    path: Literal["coherent", "free"] = Field(
-        default="coherent",
-        description='"coherent" (the tracked features stay the real contact all along the motion) or "free"',
-        examples=["free"],
+    clearance: Length = declared(0.0, 'least gap >= 0, length units, for goal or pair "clear"', 0.1)
+    path: Literal["coherent", "free"] = declared(
+        "coherent", '"coherent" (the tracked features stay the real contact all along the motion) or "free"', "free"
     )
     amount: Annotated[
         Annotated[AmountWord, Tag("<word>")] | Annotated[AmountEntry, Tag("<casadi>")],
         Discriminator(lambda value: "<word>" if isinstance(value, str) else "<casadi>"),
-    ] = Field(
-        default="weighted",
-        description='what is made least: "weighted" (root of the sum of squares), "displacement" (of the farthest '
+    ] = declared(
+        "weighted",
+        'what is made least: "weighted" (root of the sum of squares), "displacement" (of the farthest '
         "vertex), or { casadi = ... }, an expression as Problem.to_dict writes it",
-        examples=["displacement"],
+        "displacement",
     )
-    length: Positive | None = Field(
-        default=None,
-        description="length > 0 that turns radians into lengths; without it half the diagonal of the movable body's "
-        "box",
-        examples=[20.0],
+    length: Positive | None = declared(
+        None, "length > 0 that turns radians into lengths; without it half the diagonal of the movable body's box", 20.0
     )
-    weights: dict[str, Number] = Field(
-        default={},
-        description="{ TZ = 1.0, RZ_per_rad = 0.5 }: amount per length unit, per radian (or _per_deg)",
-        examples=[{"TZ": 1.0, "RZ_per_deg": 0.5}],
+    weights: dict[str, Number] = declared(
+        {},
+        "{ TZ = 1.0, RZ_per_rad = 0.5 }: amount per length unit, per radian (or _per_deg)",
+        {"TZ": 1.0, "RZ_per_deg": 0.5},
     )
-    limits: dict[str, tuple[Bound, Bound]] = Field(
-        default={},
-        description='{ TZ = [-1, 1], RZ_deg = [-10, "inf"] }: lower and upper, angles as _deg or _rad',
-        examples=[{"TZ": [-1.0, 1.0], "RZ_deg": [-10.0, "inf"]}],
+    limits: dict[str, tuple[Bound, Bound]] = declared(
+        {},
+        '{ TZ = [-1, 1], RZ_deg = [-10, "inf"] }: lower and upper, angles as _deg or _rad',
+        {"TZ": [-1.0, 1.0], "RZ_deg": [-10.0, "inf"]},
     )
-    resolution: Number | dict[str, Number] | None = Field(
-        default=None,
-        description="{ TZ = 0.01, RZ_deg = 0.1 }: machine steps, angles as _deg or _rad; for lengths alone a number",
-        examples=[{"TZ": 0.01, "RZ_deg": 0.1}],
+    resolution: Number | dict[str, Number] | None = declared(
+        None,
+        "{ TZ = 0.01, RZ_deg = 0.1 }: machine steps, angles as _deg or _rad; for lengths alone a number",
+        {"TZ": 0.01, "RZ_deg": 0.1},
     )
-    features: tuple[str, str] | None = Field(
-        default=None,
-        description="labels of the two features to track at a switching point where more than two lines meet",
-        examples=[["V1F2(P1V6; P2V2,V3,V5)", "E1E2(P1V4,V3; P2V9,V10)"]],
+    features: tuple[str, str] | None = declared(
+        None,
+        "labels of the two features to track at a switching point where more than two lines meet",
+        ["V1F2(P1V6; P2V2,V3,V5)", "E1E2(P1V4,V3; P2V9,V10)"],
     )
-    snap: Length = Field(
-        default=DEFAULT.snap,
-        description="relative distance >= 0 within which a nominal pair may be closed to the curve",
-        examples=[1e-06],
+    snap: Length = declared(
+        DEFAULT.snap, "relative distance >= 0 within which a nominal pair may be closed to the curve", 1e-06
     )
-    keep_out: list[str] | None = Field(
-        default=None,
-        description='names of the [[keep_out]] bodies that count: ["rib", ...]; without it all do',
-        examples=[["rib"]],
+    keep_out: list[str] | None = declared(
+        None, 'names of the [[keep_out]] bodies that count: ["rib", ...]; without it all do', ["rib"]
     )
-    motion: list[StepEntry] = Field(
-        default=[],
-        min_length=1,
-        description="steps in order, in the case or in defaults: { translation = .. }, { rotation = .., centre = .. }, "
+    motion: list[StepEntry] = declared(
+        [],
+        "steps in order, in the case or in defaults: { translation = .. }, { rotation = .., centre = .. }, "
         "{ screw = .., pitch.. }, { free = true }",
-        examples=[
-            [{"translation": "z"}, {"rotation": "z", "centre": "origin"}],
-            [{"screw": "seeds", "pitch_per_deg": 1.0}],
-            [{"free": True}],
-        ],
+        [{"translation": "z"}, {"rotation": "z", "centre": "origin"}],
+        [{"screw": "seeds", "pitch_per_deg": 1.0}],
+        [{"free": True}],
+        min_length=1,
     )
-    published: list[PublishedEntry] | None = Field(
-        default=None,
-        description="reference values, one table a step: { translation = ... }, { angle_deg = ... }",
-        examples=[[{"translation": 0.25}, {"angle_deg": 7.0191}]],
+    published: list[PublishedEntry] | None = declared(
+        None,
+        "reference values, one table a step: { translation = ... }, { angle_deg = ... }",
+        [{"translation": 0.25}, {"angle_deg": 7.0191}],
     )
-    published_text: str = Field(
-        default="",
-        description="the reference motion in the words of its source (text)",
-        examples=["TZ 0.25 + RZ 7.0191 deg"],
+    published_text: str = declared(
+        "", "the reference motion in the words of its source (text)", "TZ 0.25 + RZ 7.0191 deg"
     )
 
 
@@ -206,7 +190,7 @@ class Case(Defaults):
 
     model_config = ConfigDict(title="Cases")
 
-    name: str = Field(description="name of the case (text), once in a file", examples=["B"])
+    name: str = declared(..., "name of the case (text), once in a file", "B")
 
     def asked(self, parts: Parts, defaults: Defaults) -> dict[str, Any]:
         """Return the arguments of `Problem`; keys of the case come before those of `defaults`."""
@@ -278,28 +262,26 @@ _Interval = Annotated[
 class Arguments(Case):
     """The arguments of `Problem`: the keys of a case, with values of Python where a file has tables."""
 
-    name: str = Field(default="", description="name of the case, a string")
+    name: str = declared("", "name of the case, a string")
     amount: Any = "weighted"
-    weights: Annotated[dict[str, Positive], _NoneIsEmpty] = Field(
-        default={}, description="a number > 0 by parameter, amount per length unit or radian"
+    weights: Annotated[dict[str, Positive], _NoneIsEmpty] = declared(
+        {}, "a number > 0 by parameter, amount per length unit or radian"
     )
-    limits: Annotated[dict[str, _Interval], _NoneIsEmpty] = Field(
-        default={}, description="(lower, upper) by parameter with lower <= upper, length units or radians"
+    limits: Annotated[dict[str, _Interval], _NoneIsEmpty] = declared(
+        {}, "(lower, upper) by parameter with lower <= upper, length units or radians"
     )
-    resolution: Annotated[dict[str, Positive], must(bool, "no step")] | None = Field(
-        default=None, description="a number > 0, or steps > 0 by parameter, length units or radians"
+    resolution: Annotated[dict[str, Positive], must(bool, "no step")] | None = declared(
+        None, "a number > 0, or steps > 0 by parameter, length units or radians"
     )
     keep_out: Any = ()
-    motion: Annotated[Any, of_kind(Motion)] = Field(description="a Motion")
-    published: tuple[Real, ...] | None = Field(  # type: ignore[assignment]
-        default=None, description="a finite number for each parameter, length units or radians"
-    )
-    movable: Annotated[Any, of_kind(Body)] = Field(description="a Body")
-    static: Annotated[Any, of_kind(Body)] = Field(description="a Body")
-    unit: Literal["", Unit] = Field(default="", description='"m", "cm", "mm", "um", "in", "ft" or ""')
+    motion: Annotated[Any, of_kind(Motion)] = declared(..., "a Motion")
+    published: tuple[Real, ...] | None = declared(None, "a finite number for each parameter, length units or radians")
+    movable: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
+    static: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
+    unit: Literal["", Unit] = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
 
 
-def arguments(model: type[Entry], given: Mapping[str, Any]) -> Any:
+def checked_arguments(model: type[Entry], given: Mapping[str, Any]) -> Any:
     """Return arguments as an entry; raises `InputError` that names the argument."""
     return checked(model, {key: _bare(value) for key, value in given.items()}, placed=_argument)
 
@@ -389,24 +371,21 @@ class ProblemFile(Entry):
 
     model_config = ConfigDict(title="Problem file")
 
-    title: str = Field(default="", description="title (text)", examples=["Peg in a plate"])
-    note: str = Field(default="", description="what the reader should know (text)", examples=["Lengths in mm."])
+    title: str = declared("", "title (text)", "Peg in a plate")
+    note: str = declared("", "what the reader should know (text)", "Lengths in mm.")
     bodies: Annotated[
         Annotated[str, Tag("<file>")] | Annotated[Bodies, Tag("<bodies>")],
         Discriminator(lambda value: "<file>" if isinstance(value, str) else "<bodies>"),
-    ] = Field(
-        description='[bodies.movable] and [bodies.static], or the path of a file that has them: "other.toml"',
-        examples=["other.toml"],
+    ] = declared(
+        ..., '[bodies.movable] and [bodies.static], or the path of a file that has them: "other.toml"', "other.toml"
     )
-    keep_out: list[KeepOutEntry] = Field(
-        default=[],
-        description="[[keep_out]] tables: further static bodies that the movable one must keep clear of",
-        examples=[[{"file": "rib.stl", "unit": "mm"}]],
+    keep_out: list[KeepOutEntry] = declared(
+        [],
+        "[[keep_out]] tables: further static bodies that the movable one must keep clear of",
+        [{"file": "rib.stl", "unit": "mm"}],
     )
-    defaults: Defaults = Field(
-        default=Defaults(), description="a table with any key of a case but its name", examples=[{"tolerance": 0.02}]
-    )
-    case: list[Case] = Field(default=[], description="[[case]] tables", examples=[[{"name": "A", "requirement": "A"}]])
+    defaults: Defaults = declared(Defaults(), "a table with any key of a case but its name", {"tolerance": 0.02})
+    case: list[Case] = declared([], "[[case]] tables", [{"name": "A", "requirement": "A"}])
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> ProblemFile:

@@ -24,7 +24,7 @@ from fcdm_opt.problem.amounts import OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
 from fcdm_opt.problem.entries import STEPS, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
-from fcdm_opt.problem.keys import BY_PARAMETER, Arguments, Case, Goal, ProblemFile, SizeKeys, arguments
+from fcdm_opt.problem.keys import BY_PARAMETER, Arguments, Case, Goal, ProblemFile, SizeKeys, checked_arguments
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
 from fcdm_opt.problem.schema import checked, plain
 from fcdm_opt.tolerances import DEFAULT
@@ -196,7 +196,7 @@ class Problem(NominalContact, Shown):
 
     def _resized(self, sizes: Mapping[str, Any]) -> Problem:
         """Return the same question for another tolerance or target, of which nothing depends but the pair made."""
-        asked = arguments(SizeKeys, sizes)
+        asked = checked_arguments(SizeKeys, sizes)
         request = {**self.request, **{key: getattr(asked, key) for key in sizes}}
         other = object.__new__(Problem)
         other.__dict__.update({key: value for key, value in vars(self).items() if key != "signs"})
@@ -275,15 +275,17 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     usual = dict(zip(names, asked.motion.weights(length).tolist(), strict=True))
     free = (-math.inf, math.inf)
     steps = asked.resolution
+    made = _sizes_made(request, contact.nominal_pair)
+    features = contact.named(asked.features)
     return {
         **vars(contact),
-        **_sizes_made(request, contact.nominal_pair),
+        **made,
         "request": request,
         "length": length,
         "weights": frozen([asked.weights.get(name, usual[name]) for name in names]),
         "limits": frozen([asked.limits.get(name, free) for name in names]),
         "resolution": None if steps is None else frozen([steps.get(name, 0.0) for name in names]),
-        "features": contact.named(asked.features),
+        "features": features,
     }
 
 
@@ -294,7 +296,7 @@ def _asked(given: Mapping[str, Any]) -> Arguments:
     if is_real(step):
         given = {**given, "resolution": dict.fromkeys(names, step)}
     try:
-        asked: Arguments = arguments(Arguments, given)
+        asked: Arguments = checked_arguments(Arguments, given)
     except InputError as reason:
         if (reason.key or "").split(".")[0] not in (*BY_PARAMETER, "published"):
             raise

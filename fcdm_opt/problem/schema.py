@@ -110,6 +110,11 @@ def must(passes: Callable[[Any], bool], what: str, allowed: str = "") -> AfterVa
     return AfterValidator(check)
 
 
+def declared(default: Any, meaning: str, *examples: Any, **more: Any) -> Any:
+    """Return the field of a key: its default, `...` where it must be given, what it means, and examples of values."""
+    return Field(default, description=meaning, examples=list(examples) or None, **more)
+
+
 Real = Annotated[Number, must(lambda x: abs(x) <= LARGEST, "unusable number")]
 Positive = Annotated[Number, must(lambda x: 1.0 / LARGEST <= x <= LARGEST, "unusable number")]
 Length = Annotated[Number, must(lambda x: 0.0 <= x <= LARGEST, "unusable number")]
