@@ -281,6 +281,10 @@ class Arguments(Case):
     unit: Literal["", Unit] = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
 
 
+ARGUMENTS = ("movable", "static", *(key for key in Arguments.model_fields if key not in ("movable", "static")))
+"""The arguments of `Problem`, in order."""
+
+
 def checked_arguments(model: type[Entry], given: Mapping[str, Any]) -> Any:
     """Return arguments as an entry; raises `InputError` that names the argument."""
     return checked(model, {key: _bare(value) for key, value in given.items()}, placed=_argument)

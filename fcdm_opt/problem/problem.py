@@ -24,7 +24,16 @@ from fcdm_opt.problem.amounts import OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
 from fcdm_opt.problem.entries import STEPS, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
-from fcdm_opt.problem.keys import BY_PARAMETER, Arguments, Case, Goal, ProblemFile, SizeKeys, checked_arguments
+from fcdm_opt.problem.keys import (
+    ARGUMENTS,
+    BY_PARAMETER,
+    Arguments,
+    Case,
+    Goal,
+    ProblemFile,
+    SizeKeys,
+    checked_arguments,
+)
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
 from fcdm_opt.problem.schema import checked, plain
 from fcdm_opt.tolerances import DEFAULT
@@ -37,13 +46,12 @@ _MADE = ("tolerance", "target")  # arguments that only the target pair depends o
 
 def _signature() -> Signature:
     """Return the arguments of `Problem`, with their defaults."""
-    bodies = [Parameter(role, Parameter.POSITIONAL_OR_KEYWORD) for role in ("movable", "static")]
-    keys = [
-        Parameter(key, Parameter.KEYWORD_ONLY, default=Parameter.empty if item.is_required() else item.default)
-        for key, item in Arguments.model_fields.items()
-        if key not in ("movable", "static")
-    ]
-    return Signature([*bodies, *keys])
+    kinds = dict.fromkeys(("movable", "static"), Parameter.POSITIONAL_OR_KEYWORD)
+    defaults = {key: item.default for key, item in Arguments.model_fields.items() if not item.is_required()}
+    return Signature(
+        Parameter(key, kinds.get(key, Parameter.KEYWORD_ONLY), default=defaults.get(key, Parameter.empty))
+        for key in ARGUMENTS
+    )
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -261,7 +269,7 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     asked = _asked(given)
     names = [name for name, _ in asked.motion.parameters]
     request = {
-        **{key: getattr(asked, key) for key in Arguments.model_fields},
+        **{key: getattr(asked, key) for key in ARGUMENTS},
         "amount": amount(asked.amount, names),
         "keep_out": keep_outs(asked.keep_out),
     }
