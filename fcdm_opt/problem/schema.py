@@ -122,16 +122,16 @@ Scales = Annotated[Pair, must(lambda pair: min(pair) > 0.0 and max(pair) <= LARG
 ScaleRange = Annotated[Scales, must(lambda ends: ends[0] < ends[1], "empty range of scales")]
 
 
-def plain(value: Any) -> Any:
-    """Return tuples and arrays as lists, infinities as text and nan as None, which JSON has no number for."""
+def plain(value: Any, nan: Any = math.nan) -> Any:
+    """Return tuples and arrays as lists, and what JSON has no number for: infinities as text, `nan` for nan."""
     if isinstance(value, Mapping):
-        return {name: plain(item) for name, item in value.items()}
+        return {name: plain(item, nan) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain(item, nan) for item in value]
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        return plain(value.tolist(), nan)
     if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else str(value)
+        return nan if math.isnan(value) else str(value)
     return value
 
 

@@ -78,7 +78,7 @@ class Sensitivity:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `from_dict` rebuilds it; nan becomes None."""
-        return {item.name: plain(getattr(self, item.name)) for item in fields(self)}
+        return {item.name: plain(getattr(self, item.name), nan=None) for item in fields(self)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:

@@ -258,7 +258,8 @@ class Solution(Shown):
                 if certificate is None
                 else {"passed": certificate.passed, "checks": [check._asdict() for check in certificate.checks]},
                 "seconds": self.seconds,
-            }
+            },
+            nan=None,
         )
         return told
 
