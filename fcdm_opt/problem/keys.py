@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Tag
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Tag, WrapValidator
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
@@ -47,6 +47,7 @@ from fcdm_opt.problem.schema import (
 from fcdm_opt.tolerances import DEFAULT
 
 Made = TypeVar("Made")
+MOST_BITS = 10_000  # of a whole number that Python writes in decimals
 Requirement = Literal["A", "B", "C", "D"]
 Goal = Literal["beyond", "at", "seat", "touch", "clear"]
 
@@ -148,7 +149,8 @@ class Defaults(SizeKeys):
     )
     features: tuple[str, str] | None = declared(
         None,
-        "labels of the two features to track at a switching point where more than two lines meet",
+        "labels of the two features to track at a switching point where more than two lines meet: two labels such as "
+        "V1F2(P1V6; P2V2,V3,V5)",
         ["V1F2(P1V6; P2V2,V3,V5)", "E1E2(P1V4,V3; P2V9,V10)"],
     )
     snap: Length = declared(
@@ -249,14 +251,17 @@ def of_kind(kind: type) -> BeforeValidator:
 
 
 _NoneIsEmpty = BeforeValidator(lambda value: {} if value is None else value)
-_Interval = Annotated[
-    tuple[Bound, Bound],
-    must(
-        lambda ends: ends[0] <= ends[1] and ends[0] < math.inf and ends[1] > -math.inf,
-        "unusable limits",
-        "(lower, upper) with lower <= upper",
-    ),
-]
+
+
+def _ordered(value: Any, handler: Any) -> Any:
+    """Refuse limits that nothing lies between."""
+    ends = handler(value)
+    if not (ends[0] <= ends[1] and ends[0] < math.inf and ends[1] > -math.inf):
+        raise refusal("unusable limits", found=value, allowed="(lower, upper) with lower <= upper")
+    return ends
+
+
+_Interval = Annotated[tuple[Bound, Bound], WrapValidator(_ordered)]
 
 
 class Arguments(Case):
@@ -291,7 +296,9 @@ def checked_arguments(model: type[Entry], given: Mapping[str, Any]) -> Any:
 
 
 def _bare(value: Any) -> Any:
-    """Return arrays and numbers of NumPy as Python's, and features as their labels."""
+    """Return arrays and numbers of NumPy as Python's, features as their labels, numbers too long to print in words."""
+    if isinstance(value, int) and value.bit_length() > MOST_BITS:
+        return "a whole number of too many digits"
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Feature):

@@ -205,10 +205,8 @@ class NominalContact:
         return "seat" if self.nominal_seats else "touch"
 
     def check_goal(self, target: Array, signs: Array) -> None:
-        """Refuse a goal that says nothing about this contact; `signs` of the target pair as `Problem.signs`."""
+        """Refuse a goal that tracks this contact but cannot; `signs` of the target pair as `Problem.signs`."""
         goal = self.goal
-        if goal not in TRACKING:
-            return
         if self.nominal_contact is None:
             asked = self.nominal_pair
             nearest = self.curve.nearest(asked)

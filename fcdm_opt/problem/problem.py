@@ -165,7 +165,7 @@ class Problem(NominalContact, Shown):
 
     def __init__(self, movable: Body, static: Body, **asked: Any) -> None:
         super().__init__(**_resolved({"movable": movable, "static": static, **asked}))
-        self.check_goal(self.target, self.signs)
+        self._check_goal()
 
     @property
     def amount_unit(self) -> str:
@@ -193,6 +193,10 @@ class Problem(NominalContact, Shown):
         off = self.target - self.nominal_pair
         return frozen(np.where(np.abs(off) <= DEFAULT.nominal * self.nominal_pair, 0.0, np.sign(off)))
 
+    def _check_goal(self) -> None:
+        if self.goal in TRACKING:
+            self.check_goal(self.target, self.signs)
+
     def changed(self, **arguments: Any) -> Problem:
         """Return the same question with other arguments, resolved anew; raises as the constructor does.
 
@@ -208,8 +212,8 @@ class Problem(NominalContact, Shown):
         request = {**self.request, **{key: getattr(asked, key) for key in sizes}}
         other = object.__new__(Problem)
         other.__dict__.update({key: value for key, value in vars(self).items() if key != "signs"})
-        other.__dict__.update(request=request, **_sizes_made(request, self.nominal_pair))
-        other.check_goal(other.target, other.signs)
+        other.__dict__.update(request=request, **_sizes_made(request, self))
+        other._check_goal()
         return other
 
     # --------------------------------------------------------------------------------------------------- plain data
@@ -283,7 +287,7 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     usual = dict(zip(names, asked.motion.weights(length).tolist(), strict=True))
     free = (-math.inf, math.inf)
     steps = asked.resolution
-    made = _sizes_made(request, contact.nominal_pair)
+    made = _sizes_made(request, contact)
     features = contact.named(asked.features)
     return {
         **vars(contact),
@@ -367,14 +371,14 @@ def _check_agreement(asked: Arguments) -> None:
         )
 
 
-def _sizes_made(request: Mapping[str, Any], nominal: Array) -> dict[str, Any]:
+def _sizes_made(request: Mapping[str, Any], contact: NominalContact) -> dict[str, Any]:
     """Return the tolerance, a row (minus, plus) a body, and the target pair."""
     if request["requirement"] is None:
         return {"tolerance": None, "target": frozen(request["target"])}
     both = request["tolerance"]
     both = (both, both) if isinstance(both, float) else both
     tolerance = frozen([(share, share) if isinstance(share, float) else share for share in both])
-    sides = zip(nominal.tolist(), SIGNS[request["requirement"]], tolerance.tolist(), strict=True)
+    sides = zip(contact.nominal_pair.tolist(), SIGNS[request["requirement"]], tolerance.tolist(), strict=True)
     target = [scale * (1.0 + sign * (minus if sign < 0 else plus)) for scale, sign, (minus, plus) in sides]
     if not all(0.0 < scale < math.inf for scale in target):
         raise InputError(
