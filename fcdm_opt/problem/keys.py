@@ -280,7 +280,9 @@ class Arguments(Case):
     )
     keep_out: Any = ()
     motion: Annotated[Any, of_kind(Motion)] = declared(..., "a Motion")
-    published: tuple[Real, ...] | None = declared(None, "a finite number for each parameter, length units or radians")
+    published: tuple[Real, ...] | None = declared(  # type: ignore[assignment]
+        None, "a finite number for each parameter, length units or radians"
+    )
     movable: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
     static: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
     unit: Literal["", Unit] = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')

@@ -49,8 +49,10 @@ def _signature() -> Signature:
     kinds = dict.fromkeys(("movable", "static"), Parameter.POSITIONAL_OR_KEYWORD)
     defaults = {key: item.default for key, item in Arguments.model_fields.items() if not item.is_required()}
     return Signature(
-        Parameter(key, kinds.get(key, Parameter.KEYWORD_ONLY), default=defaults.get(key, Parameter.empty))
-        for key in ARGUMENTS
+        [
+            Parameter(key, kinds.get(key, Parameter.KEYWORD_ONLY), default=defaults.get(key, Parameter.empty))
+            for key in ARGUMENTS
+        ]
     )
 
 
@@ -353,8 +355,8 @@ def _check_agreement(asked: Arguments) -> None:
         )
     if (asked.requirement is None) != (asked.tolerance is None):
         what = "a requirement needs a tolerance" if asked.tolerance is None else "a target takes no tolerance"
-        found = "no tolerance" if asked.tolerance is None else asked.tolerance
-        raise InputError(what, key="tolerance", found=found, allowed="requirement and tolerance, or target alone")
+        given = "no tolerance" if asked.tolerance is None else asked.tolerance
+        raise InputError(what, key="tolerance", found=given, allowed="requirement and tolerance, or target alone")
     if asked.clearance > 0 and "clear" not in (asked.goal, asked.pair):
         raise InputError(
             "nothing asks for this clearance",
