@@ -271,7 +271,7 @@ class RotationEntry(Entry):
         return {"rotation": plain(step.axis), "centre": plain(step.centre)}
 
 
-class Line(Entry):
+class LineEntry(Entry):
     """A directed line."""
 
     model_config = ConfigDict(title="Line")
@@ -285,7 +285,7 @@ class ScrewEntry(Entry):
 
     model_config = ConfigDict(title="Screw", json_schema_extra=one_of(*((key,) for key in _PITCH_KEYS)))
 
-    screw: Literal["seeds"] | Line = declared(
+    screw: Literal["seeds"] | LineEntry = declared(
         ...,
         '"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] }',
         "seeds",
@@ -311,7 +311,7 @@ class ScrewEntry(Entry):
 
     def step(self) -> Step:
         """Return the step of a motion."""
-        axis = (self.screw.point, self.screw.direction) if isinstance(self.screw, Line) else self.screw
+        axis = (self.screw.point, self.screw.direction) if isinstance(self.screw, LineEntry) else self.screw
         if self.pitch is not None:
             return Screw(axis, pitch=_PITCHES[self.pitch])
         if self.pitch_per_deg is not None:
