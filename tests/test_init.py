@@ -25,7 +25,7 @@ from fcdm_opt.drafting.draft import draft
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.problem.files import ProblemFile
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import GOALS, SIGNS
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

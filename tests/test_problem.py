@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
+import re
 from itertools import combinations
 
 import numpy as np
@@ -13,6 +15,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.problem.keys import Case
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
@@ -258,6 +261,25 @@ def test_bad_input_names_the_argument_what_was_found_and_what_is_allowed(
     text = str(caught.value)
     assert found in text.partition(": ")[2]
     assert allowed in text.partition("allowed: ")[2]
+
+
+def test_an_argument_that_no_problem_has_is_told_with_the_one_meant() -> None:
+    with pytest.raises(InputError, match=r"unknown key 'tolerence', did you mean 'tolerance'\?") as caught:
+        problem(tolerence=0.02)
+    assert caught.value.key == "tolerence"
+    with pytest.raises(InputError, match="missing key"):
+        Problem(MOVABLE, PLATE, target=(1.0, 1.0))
+
+
+def test_every_key_of_a_case_is_an_argument_an_attribute_and_in_the_docstring() -> None:
+    names = list(inspect.signature(Problem).parameters)
+    assert names[:2] == ["movable", "static"]
+    assert {*Case.model_fields} < {*names}
+    made = problem()
+    for name in names:
+        assert hasattr(made, name)
+        assert name in made.request
+        assert re.search(rf"^    (\w+, )*{name}(, \w+)* : ", str(Problem.__doc__), re.M), name
 
 
 MOTIONS = [

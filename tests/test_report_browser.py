@@ -13,7 +13,7 @@ import pytest
 from test_report_study import TAUS, result
 
 from fcdm_opt.design.study.point import row
-from fcdm_opt.problem.files import ProblemFile
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.report.study_page import study_page
 
@@ -88,7 +88,7 @@ def payload():
 
     path = PROBLEMS / "example1.toml"
     file = ProblemFile.read(path)
-    problems = tuple(problem for problem in file.problems(path) if problem.name in CASES)
+    problems = tuple(problem for problem in file.problems(Problem, path) if problem.name in CASES)
     data = gather([Read(path, file.title, file.note, problems)], certify=False, seconds=0.0)
     data["cases"][1]["bodies"][0]["name"] = HOSTILE
     data["cases"][1]["scene"]["objects"][0]["name"] = HOSTILE

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.problem.files import ProblemFile
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES
 from fcdm_opt.show.report.gather import gather
@@ -39,7 +39,7 @@ class Opened:
 def opened(name, *names):
     path = PROBLEMS / f"{name}.toml"
     file = ProblemFile.read(path)
-    problems = tuple(problem for problem in file.problems(path) if not names or problem.name in names)
+    problems = tuple(problem for problem in file.problems(fo.Problem, path) if not names or problem.name in names)
     return Opened(path, file.title, file.note, problems)
 
 

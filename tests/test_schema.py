@@ -18,7 +18,8 @@ from fcdm_opt.cli import app
 from fcdm_opt.design.schemas import json_schema
 from fcdm_opt.design.study.schema import StudyFile
 from fcdm_opt.errors import InputError
-from fcdm_opt.problem.files import ProblemFile, checked
+from fcdm_opt.problem.keys import ProblemFile
+from fcdm_opt.problem.schema import checked
 
 HOME = Path(__file__).parent.parent
 PROBLEMS = sorted((HOME / "problems").glob("*.toml"))
@@ -142,7 +143,7 @@ WRONG_PROBLEMS: dict[str, dict[str, Any]] = {
 def test_the_schema_refuses_what_reading_refuses(name):
     assert accepted("problem", WRONG_PROBLEMS[name]) == [False, False]
     with pytest.raises(InputError):
-        checked(ProblemFile, WRONG_PROBLEMS[name]).problems()
+        checked(ProblemFile, WRONG_PROBLEMS[name]).problems(fo.Problem)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +163,7 @@ def test_the_schema_accepts_what_reading_accepts(own):
         turn = fo.Rotation((0.0, 0.0, 1.0), centre=(0.0, 0.0, 1.0)).parameters[0].name
         case["limits"] = {f"{turn}_deg": own["limits"]["R1_deg"]}
     assert accepted("problem", made) == [True, True]
-    assert checked(ProblemFile, made).problems()
+    assert checked(ProblemFile, made).problems(fo.Problem)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +221,7 @@ def test_whole_files_on_the_page_are_read(tmp_path):
     for text in whole:
         data = tomllib.loads(text)
         assert accepted("problem", data) == [True, True]
-        assert checked(ProblemFile, data).problems(HOME / "problems" / "page.toml")
+        assert checked(ProblemFile, data).problems(fo.Problem, HOME / "problems" / "page.toml")
 
 
 def test_the_page_of_the_command_line_has_every_command_and_option():

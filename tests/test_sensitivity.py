@@ -403,7 +403,7 @@ def test_it_is_worked_out_once_and_survives_plain_data_and_pickle():
     assert solution.sensitivity is found
     data = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
     for again in (Solution.from_dict(data), pickle.loads(pickle.dumps(solution))):
-        assert again.__dict__["sensitivity"].to_dict() == found.to_dict() == data["sensitivity"]
+        assert again.to_dict()["sensitivity"] == found.to_dict() == data["sensitivity"]
     assert np.isnan(Solution.from_dict(data).sensitivity.vertices["P1V1"]).all()
     with pytest.raises(InputError, match="target"):
         Sensitivity.from_dict({key: value for key, value in data["sensitivity"].items() if key != "target"})

@@ -16,7 +16,7 @@ from matplotlib.text import Text
 import fcdm_opt as fo
 from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
-from fcdm_opt.problem.files import ProblemFile
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import design_tables, tables
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure
@@ -234,7 +234,7 @@ def test_report_says_it(tmp_path: Path) -> None:
     class File:
         title = note = ""
         error = None
-        problems = ProblemFile.read(path).problems(path)
+        problems = ProblemFile.read(path).problems(fo.Problem, path)
 
     File.path = path
     payload = gather([File()], certify=True, seconds=0.0)

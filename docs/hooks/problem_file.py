@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fcdm_opt.design.study.schema import StudyFile
-from fcdm_opt.problem.files import ProblemFile
+from fcdm_opt.problem.keys import ProblemFile
 
 SCHEMAS = {"problem file": ProblemFile, "study file": StudyFile}
 MARKER = "<!-- keys: {} -->"

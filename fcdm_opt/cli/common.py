@@ -81,13 +81,14 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFil
     InputError
         For a wanted case that no file has.
     """
-    from fcdm_opt.problem.files import ProblemFile
+    from fcdm_opt.problem.keys import ProblemFile
+    from fcdm_opt.problem.problem import Problem
 
     files = []
     for path in paths:
         try:
             contents = ProblemFile.read(path)
-            files.append(OpenedFile(path, contents.title, contents.note, contents.problems(path)))
+            files.append(OpenedFile(path, contents.title, contents.note, contents.problems(Problem, path)))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
     known = list(dict.fromkeys(problem.name for file in files for problem in file.problems))

@@ -183,36 +183,23 @@ def _distinct_curves(problems: Iterable[Problem]) -> list[tuple[DecisionCurve, l
 def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
     from fcdm_opt.show.tables import slope
 
+    def told(own: Any, *names: str) -> dict[str, Any]:
+        return {name: getattr(own, name) for name in names}
+
     return {
         "movable": curve.movable.name,
         "static": curve.static.name,
-        "box": curve.box,
-        "status": curve.status,
-        "paths": curve.paths,
+        **told(curve, "box", "status", "paths"),
         "segments": [
             {
-                "index": s.index,
-                "feature": s.feature.label,
-                "configuration": s.configuration,
-                "line": s.line,
-                "start": s.start,
-                "end": s.end,
-                "slope": slope(s),
-                "parts": s.parts,
-                "snug": s.snug,
+                "feature": own.feature.label,
+                "slope": slope(own),
+                **told(own, "index", "configuration", "line", "start", "end", "parts", "snug"),
             }
-            for s in curve.segments
+            for own in curve.segments
         ],
         "switching_points": [
-            {
-                "index": p.index,
-                "rho": p.rho,
-                "kind": p.kind,
-                "configurations": list(p.configurations),
-                "label": p.label,
-                "contacts": p.contacts,
-                "contact_sets": list(p.contact_sets),
-            }
-            for p in curve.switching_points
+            told(own, "index", "rho", "kind", "configurations", "label", "contacts", "contact_sets")
+            for own in curve.switching_points
         ],
     }

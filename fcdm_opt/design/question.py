@@ -17,10 +17,11 @@ from fcdm_opt.design.places import Place, look_up, parse, put, written
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion
-from fcdm_opt.problem.files import Case, Defaults, ProblemFile, Scene, checked, plain_body, same_unit
+from fcdm_opt.problem.entries import STEPS, BodyEntry, KeepOutEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
+from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, same_unit
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import STEPS, BodyEntry, Entry, KeepOutEntry, closest, plain
+from fcdm_opt.problem.schema import Entry, checked, closest, plain
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
@@ -229,14 +230,14 @@ class SceneTables:
         return same_unit({place: table.data.get("unit") for place, table in self.tables.items()}, None)
 
     @cached_property
-    def built(self) -> Scene:
+    def built(self) -> Parts:
         """The bodies themselves."""
         movable, static, *others = self._each(lambda table: table.body)
         kept = [
             KeepOut(body, table.data.get("scale", 1.0), clearance=table.data.get("clearance", 0.0))
             for body, table in zip(others, self.keep_out, strict=True)
         ]
-        return Scene(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit)
+        return Parts(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit)
 
     def check(self) -> None:
         """Refuse tables that are no bodies; reads and builds nothing."""
@@ -377,7 +378,7 @@ class Question:
             if before.keys() == self.case.keys() and all(_is_size(key, value) for key, value in changed.items()):
                 with suppress(InputError):  # to be refused in the words of a file
                     return known.changed(**changed)
-        problem = checked(Case, self.case).problem(scene.built, _NO_DEFAULTS)
+        problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
         scene.latest[:] = [(self.case, problem)]
         return problem
 

@@ -23,7 +23,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
         For another kind.
     """
     from fcdm_opt.design.study.schema import StudyFile
-    from fcdm_opt.problem.files import ProblemFile
+    from fcdm_opt.problem.keys import ProblemFile
 
     if kind not in KINDS:
         raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))

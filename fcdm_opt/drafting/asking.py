@@ -1,20 +1,20 @@
-"""What is asked of two parts: the section of a problem file that all cases share, with all that could be asked."""
+"""What is asked of two parts, and what else could be: goals, nominal contacts, motions and their limits."""
 
 from __future__ import annotations
 
 import math
-import tomllib
 from functools import reduce
 from operator import rshift
-from textwrap import wrap
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.drafting import remarks, writing
-from fcdm_opt.drafting.choice import AXES, TOLERANCE, Choice, named
-from fcdm_opt.drafting.situation import Near, Situation, rounded
+from fcdm_opt.drafting.choice import AXES, Choice, named
+from fcdm_opt.drafting.situation import Situation, rounded
 from fcdm_opt.motion.motions import Motion
-from fcdm_opt.problem.files import Defaults
+from fcdm_opt.problem.keys import Defaults
+from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_POINTS = 8  # switching points that are listed
@@ -27,113 +27,57 @@ WHY = {
 }
 
 
-def defaults(situation: Situation, choice: Choice, unit: str) -> str:
-    """Return the section [defaults]; `unit` is that of all lengths."""
-    tilted = (
-        []
-        if situation.tilt is None
-        else wrap(f"Practically face on face: {remarks.tilt(situation.tilt)}", writing.WIDTH)
-    )
-    steps = _table(choice.motion, str(writing.about(situation.size / 10000.0)), "0.1")
-    lines = [
-        f"# As drawn, {remarks.state(situation, unit)}",
-        *(f"# {line}" for line in tilted),
-        "[defaults]  # of all cases; a case may give any of this anew",
-        f"box = {writing.pairs(situation.box)}  # scales that are shown, and whose switching points are numbered",
-        *_wider(situation),
-        *_nominal(situation),
-        f"tolerance = {TOLERANCE}  # a share: each part comes out up to {TOLERANCE:.0%} larger or smaller",
-        "#tolerance = [0.02, 0.01]  # of the movable part, of the static one",
-        "#tolerance = [[0.0, 0.02], [0.01, 0.01]]  # [smaller, larger] of each",
-        *_goals(situation, choice),
-        f'#pair = "{"clear" if choice.goal != "clear" else "touch"}"  # required of the parts made besides',
-        *_motions(situation, choice, unit),
-        f"#resolution = {steps}  # whole steps of the machine that sets the motion",
-        '#amount = "displacement"  # make the farthest corner move least, in place of the weighted sum',
-    ]
-    return "\n".join(lines)
+class GoalRow(NamedTuple):
+    """A goal: what it means, what it needs, whether that is there, and whether the need is told where it is."""
+
+    why: str
+    need: str
+    there: bool
+    told: bool
 
 
-def _wider(situation: Situation) -> list[str]:
-    """Return a box that has a switching point, where that shown has none."""
-    point = situation.beyond
-    if point is None:
-        return []
-    box = writing.pairs(situation.box_about(point.rho))
-    return [f"#box = {box}  # so wide that the nearest switching point is in it, at ({writing.sizes(point.rho)})"]
-
-
-def _nominal(situation: Situation) -> list[str]:
-    """Return the nominal contact: as drawn, and what else it could be."""
-    lines = [
-        '# The nominal contact: which sizes, as shares of those drawn, are the intended ones. "drawn" is [1.0, 1.0].',
-    ]
-    if situation.state != "touching":
-        lines += [
-            '# The parts do not touch as drawn. Goals "touch" and "clear" need no more. To keep a certain contact,',
-            '# take one of the sizes below in place of "drawn", with goal "at", "seat" or "beyond". They are other',
-            "# nominal SIZES, which the tolerance then counts from; the parts stay where they are drawn. If it is",
-            "# their place that is wrong, move the movable part in the drawing, and write this file anew.",
-        ]
-    lines += ['nominal = "drawn"']
-    if situation.state != "touching":
-        for near, why in ((situation.nearest, "the contact nearest to drawn"), (situation.grown, "both scaled alike")):
-            if near is not None:
-                lines += [f"#nominal = {_near(near)}  # {why}: {writing.short(near.features)}"]
-    listed = situation.switching_points(MOST_POINTS)
-    for point in listed:
-        pair = writing.sizes(point.rho)
-        features = " and ".join(feature.label for feature in point.features)
-        lines += [f"#nominal = {point.index}  # switching point SW{point.index} at ({pair}): {writing.short(features)}"]
-    more = len(situation.curve.switching_points) - len(listed)
-    if more:
-        lines += [f"# ... and {more} more switching points: see `fcdm-opt curve`"]
-    if remarks.nearly(situation):
-        moved = 0.0 if situation.nearest is None else float(np.abs(situation.nearest.pair - 1.0).max())
-        least = float(f"{2.0 * max(abs(situation.gap) / situation.size, moved):.1e}")
-        lines += [
-            f"#snap = {least!r}  # the same for goals at, seat, beyond: closes the gap by nominal SIZE, not by place",
-        ]
-    return lines
-
-
-def _near(near: Near) -> str:
-    return f"[{', '.join(f'{x:.12g}' if x != int(x) else f'{x:.1f}' for x in near.pair.tolist())}]"
-
-
-def _goals(situation: Situation, choice: Choice) -> list[str]:
-    """Return the goal, and all others."""
-    touching = situation.state == "touching"
+def goals(situation: Situation) -> dict[str, GoalRow]:
+    """Return all goals."""
     points = bool(situation.curve.switching_points)
     needs = {
         "seat": ("a flush nominal contact", situation.flush),
         "at": ("a nominal contact", situation.nearest is not None),
         "beyond": ("a nominal switching point", points),
     }
-    lines = [f'goal = "{choice.goal}"  # {WHY[choice.goal]}']
-    for goal in (goal for goal in WHY if goal != choice.goal):
+    rows = {}
+    for goal, why in WHY.items():
         need, there = needs.get(goal, ("", True))
-        if not there:
-            text = f'goal "{goal}" ({WHY[goal]}) cannot be asked here: it needs {need}'
-            lines += [f"# {line}" for line in wrap(text, writing.WIDTH)]
-        else:
-            told = f"; needs {need}" if need and not (touching and goal != "beyond") else ""
-            lines += [f'#goal = "{goal}"  # {WHY[goal]}{told}']
-    return lines
+        told = bool(need) and not (situation.state == "touching" and goal != "beyond")
+        rows[goal] = GoalRow(why, need, there, told)
+    return rows
 
 
-def _motions(situation: Situation, choice: Choice, unit: str) -> list[str]:
-    """Return the motion and other ones, each with limits."""
-    axis = named(situation.normal)
+def nominal(situation: Situation) -> dict[str, Any]:
+    """Return what the nominal contact could be besides "drawn": contacts near, switching points, a snap."""
+    near = ((situation.nearest, "the contact nearest to drawn"), (situation.grown, "both scaled alike"))
+    listed = situation.switching_points(MOST_POINTS)
+    snap = 0.0
+    if remarks.nearly(situation):
+        moved = 0.0 if situation.nearest is None else float(np.abs(situation.nearest.pair - 1.0).max())
+        snap = float(f"{2.0 * max(abs(situation.gap) / situation.size, moved):.1e}")
+    return {
+        "near": [row for row in near if row[0] is not None and situation.state != "touching"],
+        "listed": listed,
+        "more": len(situation.curve.switching_points) - len(listed),
+        "snap": snap,
+    }
+
+
+def motions(situation: Situation, choice: Choice) -> list[tuple[str, Motion, str]]:
+    """Return other motions than the one chosen: as written, themselves, and what they are."""
     k = int(np.abs(situation.normal).argmax())
     along, across = AXES[k], AXES[(k + 1) % 3]  # a turn about the normal itself would often change nothing
-    free = '[{ translation = "x" }, { translation = "y" }, { translation = "z" }]'
     turn = f'{{ rotation = "{across}", centre = "seed" }}'
     offset = situation.static.seed - situation.movable.seed
     distance = float(np.linalg.norm(offset))
     found = {
-        f"[{{ translation = {writing.axis(axis)} }}]": "along the contact normal",
-        free: "any shift",
+        f"[{{ translation = {writing.axis(named(situation.normal))} }}]": "along the contact normal",
+        '[{ translation = "x" }, { translation = "y" }, { translation = "z" }]': "any shift",
         f'[{{ translation = "{along}" }}, {turn}]': "a shift, then a turn about the seed",
         f'[{{ rotation = "{across}", centre = [0.0, 0.0, 0.0] }}]': 'a turn about a point, "seed" or "origin"',
     }
@@ -141,34 +85,20 @@ def _motions(situation: Situation, choice: Choice, unit: str) -> list[str]:
         found[f"[{{ translation = {writing.axis(named(offset / distance))} }}]"] = "along the line of the seeds"
         found['[{ screw = "seeds", pitch_per_deg = 0.01 }]'] = "a screw along the line of the seeds"
     found["[{ free = true }]"] = "all six: any shift and any turn about the seed"
-    lines = [
-        "# Steps one after the other, each with parameters of its own; the smallest motion of this kind is found. It",
-        "# is judged where it ends, not on the way there: without limits, a motion of an unfit kind may be a long one,",
-        f"# through the other part. The limits offered, in {unit} and degrees, are half the smaller part's size, or",
-        "# the way found to be needed, where that is more, and 10 degrees.",
-        f"motion = {writing.motion(choice)}",
-        f"#limits = {_limits(situation, choice, choice.motion)}",
-    ]
-    for text, why in found.items():
-        if text != writing.motion(choice):
-            motion = reduce(
-                rshift, (step.step() for step in Defaults.model_validate(tomllib.loads(f"motion={text}")).motion)
-            )
-            lines += [f"#motion = {text}  # {why}", f"#limits = {_limits(situation, choice, motion)}  # with that"]
-    return lines
+    found.pop(writing.motion(choice.motion), None)
+    return [(text, _read(text), why) for text, why in found.items()]
 
 
-def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
+def _read(text: str) -> Motion:
+    entries = Defaults.model_validate(parsed(f"motion = {text}")).motion
+    return reduce(rshift, (entry.step() for entry in entries))
+
+
+def limits(situation: Situation, choice: Choice, motion: Motion) -> str:
     """Return limits of a motion that keep it short, but hold what was found to be needed."""
     shifts = [name for name, kind in choice.motion.parameters if kind == "translation"]
     found = [own.parameters for own in choice.solutions.values() if own is not None and own.usable]
     longest = max((abs(own[name]) for own in found for name in shifts), default=0.0)
     least = max(min(situation.movable.size, situation.static.size) / 2.0, longest)
     reach = rounded(least, math.ceil)
-    return _table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")
-
-
-def _table(motion: Motion, length: str, angle: str) -> str:
-    """Return a table with an entry for each parameter of a motion."""
-    entries = (f"{own}_deg = {angle}" if kind == "rotation" else f"{own} = {length}" for own, kind in motion.parameters)
-    return f"{{ {', '.join(entries)} }}"
+    return writing.table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")

@@ -6,17 +6,18 @@ import json
 import shlex
 from pathlib import Path
 
-from fcdm_opt.drafting.choice import Choice
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.problem.schema import STEPS
+from fcdm_opt.motion.motions import Motion
+from fcdm_opt.problem.entries import STEPS
 
 WIDTH = 110
+FILTERS = ("motion", "pairs", "point", "scales", "short", "shown", "sizes", "text")  # of the template
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
 
 
-def motion(choice: Choice) -> str:
+def motion(motion: Motion) -> str:
     """Return a motion as a problem file has it."""
-    steps = [STEPS[type(step)].plain(step) for step in choice.motion.steps]
+    steps = [STEPS[type(step)].plain(step) for step in motion.steps]
     names = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
     words = []
     for step in steps:
@@ -47,6 +48,17 @@ def pairs(box: tuple[tuple[float, float], tuple[float, float]]) -> str:
 def point(point: Array, digits: int = 9) -> str:
     """Return a point as TOML has it, in so many digits."""
     return f"[{', '.join(repr(float(f'{x:.{digits}g}') + 0.0) for x in point.tolist())}]"
+
+
+def scales(pair: Array) -> str:
+    """Return a scale pair as TOML has it."""
+    return f"[{', '.join(f'{x:.12g}' if x != int(x) else f'{x:.1f}' for x in pair.tolist())}]"
+
+
+def table(motion: Motion, length: str, angle: str) -> str:
+    """Return a table with an entry for each parameter of a motion."""
+    entries = (f"{own}_deg = {angle}" if kind == "rotation" else f"{own} = {length}" for own, kind in motion.parameters)
+    return f"{{ {', '.join(entries)} }}"
 
 
 def sizes(pair: Array) -> str:

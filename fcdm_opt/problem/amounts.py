@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.kinematics import Compiled
 
-AMOUNTS = ("weighted", "displacement")
+AmountWord = Literal["weighted", "displacement"]
 ALLOWED = (
     '"weighted", "displacement", or a CasADi expression >= 0 of symbols named like the parameters, or a '
     "casadi.Function of their vector"
@@ -104,7 +104,7 @@ class OwnAmount:
 def amount(value: Any, names: Sequence[str]) -> str | OwnAmount:
     """Return a checked amount: a word, or an `OwnAmount` of an expression or function."""
     if isinstance(value, str):
-        if value in AMOUNTS:
+        if value in get_args(AmountWord):
             return value
         raise InputError("unknown amount", key="amount", found=value, allowed=ALLOWED)
     if isinstance(value, OwnAmount):

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen
 
 LARGEST = 1e30  # of any number: sums and products of lengths, weights and scales stay finite
 
@@ -69,64 +67,6 @@ def scale(value: Any, key: str) -> float | tuple[float, float]:
     return low, high
 
 
-def nominal(value: Any) -> int | str | tuple[float, float]:
-    """Return a nominal contact: a number, "drawn" or a scale pair."""
-    allowed = 'the number of a switching point (from 1), a scale pair (rho_1, rho_2) > 0, or "drawn"'
-    if isinstance(value, str) and value == "drawn":
-        return value
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 1:
-        return int(value)
-    return pair(value, "nominal", allowed, positive=True)
-
-
-def tolerance(value: Any) -> Any:
-    """Return the tolerance in the shape given, in plain numbers."""
-    if value is None:
-        return None
-    allowed = (
-        "tau, (tau_1, tau_2) or ((minus_1, plus_1), (minus_2, plus_2)), all finite, >= 0 and below 1 (0.02 is 2 %)"
-    )
-
-    def numbers(given: Any, depth: int) -> Any:
-        if is_real(given) and 0 <= given < 1:
-            return float(given)
-        if is_real(given) and given >= 1:
-            meant = f": {given:g} % is {given / 100.0:g}" if given < 100 else ""
-            raise InputError(f"a tolerance is a share, below 1{meant}", key="tolerance", found=value, allowed=allowed)
-        inner = items(given)
-        shaped = [numbers(item, depth + 1) for item in inner]
-        if depth == 2 or len(shaped) != 2 or isinstance(shaped[0], float) != isinstance(shaped[1], float):
-            raise InputError("unusable tolerance", key="tolerance", found=value, allowed=allowed)
-        return tuple(shaped)
-
-    return numbers(value, 0)
-
-
-def rows(value: Any) -> Array | None:
-    """Return (minus, plus) of both bodies, (2, 2), of a tolerance that was checked; None for None."""
-    if value is None:
-        return None
-    bodies = (value, value) if isinstance(value, float) else value
-    return frozen([(x, x) if isinstance(x, float) else x for x in bodies])
-
-
-def target(value: Any) -> tuple[float, float] | None:
-    """Return the scales made; None for None."""
-    return None if value is None else pair(value, "target", "two scales > 0", positive=True)
-
-
-def box(value: Any) -> tuple[tuple[float, float], ...]:
-    """Return two ranges of scales."""
-    allowed = "((low_1, high_1), (low_2, high_2)) with 0 < low < high"
-    sides = items(value)
-    if len(sides) != 2:
-        raise InputError("unusable box", key="box", found=value, allowed=allowed)
-    ranges = tuple(pair(side, "box", allowed, positive=True) for side in sides)
-    if not all(low < high for low, high in ranges):
-        raise InputError("empty box", key="box", found=value, allowed=allowed)
-    return ranges
-
-
 def interval(value: Any, key: str) -> tuple[float, float]:
     """Return an interval that may be open to one side or both."""
     ends = items(value)
@@ -147,37 +87,6 @@ def by_parameter(values: Any, key: str, names: Iterable[str]) -> dict[str, Any]:
         if name not in names:
             raise InputError("no such parameter of the motion", key=f"{key}.{name}", found=name, allowed=allowed)
     return dict(values)
-
-
-def labels(value: Any, key: str) -> tuple[str, str] | None:
-    """Return two feature labels, None for None."""
-    if value is None:
-        return None
-    two = [str(item) for item in items(value) if isinstance(item, str | Feature)]
-    if len(two) != 2 or len(items(value)) != 2:
-        raise InputError("not two features", key=key, found=value, allowed="two labels such as V1F2(P1V6; P2V2,V3,V5)")
-    return two[0], two[1]
-
-
-def steps(value: Any, key: str, names: list[str]) -> dict[str, float] | None:
-    """Return a step > 0 for some parameters, or for all where one number is given; None for None."""
-    if value is None:
-        return None
-    given = dict.fromkeys(names, value) if is_real(value) else by_parameter(value, key, names)
-    if not given:
-        raise InputError("no step", key=key, found=value, allowed=f"a number > 0, or steps of {', '.join(names)}")
-    return {name: positive(step, f"{key}.{name}") for name, step in given.items()}
-
-
-def published(values: Any, names: list[str]) -> tuple[float, ...] | None:
-    """Return one number for each parameter."""
-    if values is None:
-        return None
-    allowed = f"{len(names)} finite numbers: {', '.join(names)}"
-    given = items(values)
-    if len(given) != len(names):
-        raise InputError("not one value for each motion parameter", key="published", found=values, allowed=allowed)
-    return tuple(real(value, "published", allowed) for value in given)
 
 
 def choice(value: Any, key: str, choices: tuple[str | None, ...]) -> None:

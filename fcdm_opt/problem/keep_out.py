@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.problem import arguments
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class KeepOut:
     """A static body besides the contact partner, at its scale or over a range of scales, and the least gap to it.
 
@@ -37,27 +37,22 @@ class KeepOut:
     """
 
     body: Body = field(repr=False)
-    scale: Any = 1.0
-    _: KW_ONLY
-    clearance: float = 0.0
-    name: Any = None
+    scale: float | tuple[float, float]
+    clearance: float
+    name: str
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.body, Body):
-            raise InputError(
-                "wrong kind of argument", key="KeepOut.body", found=type(self.body).__name__, allowed="a Body"
-            )
-        name = self.body.name if self.name is None else self.name
-        if not isinstance(name, str) or not name:
-            raise InputError("not a name", key="KeepOut.name", found=self.name, allowed="a text")
-        values = {
-            "name": name,
-            "body": self.body if self.body.name == name else replace(self.body, name=name),
-            "scale": arguments.scale(self.scale, "KeepOut.scale"),
-            "clearance": arguments.length(self.clearance, "KeepOut.clearance"),
-        }
-        for field_name, value in values.items():
-            object.__setattr__(self, field_name, value)
+    def __init__(self, body: Body, scale: Any = 1.0, *, clearance: float = 0.0, name: str | None = None) -> None:
+        if not isinstance(body, Body):
+            raise InputError("wrong kind of argument", key="KeepOut.body", found=type(body).__name__, allowed="a Body")
+        called = body.name if name is None else name
+        if not isinstance(called, str) or not called:
+            raise InputError("not a name", key="KeepOut.name", found=name, allowed="a text")
+        self.__dict__.update(
+            name=called,
+            body=body if body.name == called else replace(body, name=called),
+            scale=arguments.scale(scale, "KeepOut.scale"),
+            clearance=arguments.length(clearance, "KeepOut.clearance"),
+        )
 
     @property
     def ends(self) -> tuple[float, float]:

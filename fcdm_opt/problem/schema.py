@@ -1,29 +1,31 @@
-"""What a problem file may hold, entry by entry: bodies, keep-outs, steps of a motion, reference values.
+"""How tables of files and arguments are read: types of numbers, and what is said of a value that is none of them.
 
-Each entry is a model that knows its way both from plain data and back; the descriptions of its fields are the format's
-documentation and the "allowed" of every message.
+An `Entry` is a table: its fields are declared once, each with type, meaning and examples. From these come reading and
+checking, the "allowed" of every message, the JSON Schema that editors complete from, and the reference pages. A place
+such as `case[2] 'B'.motion[1].centre` counts from 1, as the vertex labels in a file do.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
-from decimal import Decimal
+import os
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     GetJsonSchemaHandler,
-    Tag,
     ValidationError,
     ValidationInfo,
+    WithJsonSchema,
     field_validator,
     model_validator,
 )
@@ -31,21 +33,24 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
-from fcdm_opt.motion.own_motion import OwnMotion
-from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.arguments import LARGEST
+from fcdm_opt.problem.syntax import mistake, parsed
+
+Read = TypeVar("Read", bound="Entry")
+LARGEST_FILE = 2**26  # bytes: more than any file that is written as text; a device has no end
+REFUSED = "refused"
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Label = Annotated[int, Field(strict=True, ge=1)]
 Pair = tuple[Number, Number]
 Point = tuple[Number, Number, Number]
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
-Bound = Annotated[float, Field(strict=True)] | Literal["inf", "-inf"]
+Bound = Annotated[
+    float,
+    Field(strict=True),
+    BeforeValidator(lambda end: float(end) if end in ("inf", "-inf") else end),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"enum": ["inf", "-inf"], "type": "string"}]}),
+]
 Unit = Literal["m", "cm", "mm", "um", "in", "ft"]
-REFUSED, NO_STEP = "refused", "step"
-_STEP_KEYS = ("translation", "rotation", "screw", "free", "casadi")
-_PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
 _OTHER_WORDS = {
     **dict.fromkeys(("inch", "inches"), "in"),
     **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
@@ -55,7 +60,6 @@ _OTHER_WORDS = {
     **dict.fromkeys(("foot", "feet"), "ft"),
 }
 """Names of units that are spelled otherwise in files."""
-_PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
 
 
 def refusal(what: str, *, found: Any = None, allowed: str = "", inside: tuple[Any, ...] = ()) -> PydanticCustomError:
@@ -95,14 +99,39 @@ def descend(value: Any, place: Iterable[Any]) -> tuple[tuple[Any, ...], Any]:
     return tuple(kept), value
 
 
-def plain(value: Any) -> Any:
-    """Return tuples and arrays as lists and infinities as text, which JSON has no number for."""
-    if isinstance(value, list | tuple | np.ndarray):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and math.isinf(value):
-        return "inf" if value > 0 else "-inf"
+def must(passes: Callable[[Any], bool], what: str, allowed: str = "") -> AfterValidator:
+    """Return the check of a type; without `allowed` a refusal says what the description of the field says."""
+
+    def check(value: Any) -> Any:
+        if not passes(value):
+            raise refusal(what, found=value, allowed=allowed)
+        return value
+
+    return AfterValidator(check)
+
+
+def declared(default: Any, meaning: str, *examples: Any, **more: Any) -> Any:
+    """Return the field of a key: its default, `...` where it must be given, what it means, and examples of values."""
+    return Field(default, description=meaning, examples=list(examples) or None, **more)
+
+
+Real = Annotated[Number, must(lambda x: abs(x) <= LARGEST, "unusable number")]
+Positive = Annotated[Number, must(lambda x: 1.0 / LARGEST <= x <= LARGEST, "unusable number")]
+Length = Annotated[Number, must(lambda x: 0.0 <= x <= LARGEST, "unusable number")]
+Scales = Annotated[Pair, must(lambda pair: min(pair) > 0.0 and max(pair) <= LARGEST, "unusable pair")]
+ScaleRange = Annotated[Scales, must(lambda ends: ends[0] < ends[1], "empty range of scales")]
+
+
+def plain(value: Any, nan: Any = math.nan) -> Any:
+    """Return tuples and arrays as lists, and what JSON has no number for: infinities as text, `nan` for nan."""
+    if isinstance(value, Mapping):
+        return {name: plain(item, nan) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item, nan) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist(), nan)
+    if isinstance(value, float) and not math.isfinite(value):
+        return nan if math.isnan(value) else str(value)
     return value
 
 
@@ -187,457 +216,86 @@ class Entry(BaseModel):
             return handler(value)
         except ValidationError as error:
             details = error.errors(include_url=False)
-            if any(detail["type"] == REFUSED for detail in details):
-                raise
-            inside, found = descend(value, details[0]["loc"])
-            if any(detail["type"] == "finite_number" for detail in details):
+            told = next((detail for detail in details if detail["type"] == REFUSED), details[0])
+            inside, found = descend(value, told["loc"])
+            if told["type"] == REFUSED:
+                context = told["ctx"]
+                if context["allowed"]:
+                    raise
+                what, found, inside = context["what"], context["found"], (*inside, *context["inside"])
+            elif any(detail["type"] == "finite_number" for detail in details):
                 what = "a number is not finite"
+            elif len(details) > 1:
+                what = "wrong type, unit or shape"
             else:
-                what = "wrong type, unit or shape" if len(details) > 1 else details[0]["msg"].lower()
+                what = f"unknown {info.field_name}" if told["type"] == "literal_error" else told["msg"].lower()
             field = cls.model_fields[str(info.field_name)]
-            allowed = str(field.description)
-            if details[0]["type"] == NO_STEP and isinstance(found, Mapping):
-                hints = ((key, closest(str(key), _STEP_KEYS)) for key in found)
-                what += next((f": unknown key '{key}'{hint}" for key, hint in hints if hint), "")
-            elif isinstance(found, str):
-                what += closest(found, _words(field.annotation))
-            raise refusal(what, found=found, allowed=allowed, inside=inside) from error
+            hint = closest(found, _words(field.annotation)) if isinstance(found, str) else ""
+            raise refusal(what + hint, found=found, allowed=str(field.description), inside=inside) from error
 
 
-# ---------------------------------------------------------------------------------------------------------- bodies
+# -------------------------------------------------------------------------------------------------------------- reading
 
 
-class BodyEntry(Entry):
-    """A body with its seed: a union of convex parts, or a mesh from a file."""
-
-    model_config = ConfigDict(title="Bodies", json_schema_extra=one_of(("vertices",), ("file", "unit")))
-
-    name: str | None = Field(
-        default=None,
-        description="name in messages and pictures (text); without it movable, static, keep-out k, or the file's name",
-        examples=["peg"],
-    )
-    vertices: list[Point] | None = Field(
-        default=None,
-        description='[[x, y, z], ...], length units, at least four; label k is the k-th; or a mesh: file = "peg.stl"',
-        examples=[[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]],
-    )
-    parts: list[list[Label]] | None = Field(
-        default=None,
-        description="1-based vertex labels of each convex part; without it the body is the hull of its vertices",
-        examples=[[[1, 2, 3, 4], [3, 4, 5, 6]]],
-    )
-    faces: list[list[Label]] | None = Field(
-        default=None,
-        description="1-based vertex labels of each true face; without it faces follow from the parts",
-        examples=[[[1, 2, 3], [1, 2, 4], [2, 3, 4], [1, 3, 4]]],
-    )
-    seed: Literal["centroid", "vertices", "box"] | Point = Field(
-        default="centroid",
-        description='the point that scaling holds: "centroid" (of the volume), "vertices" (their mean), "box" (its '
-        "centre) or [x, y, z], length units",
-        examples=["centroid", [0.0, 0.0, 2.5]],
-    )
-    deviation: Pair | None = Field(
-        default=None,
-        description="[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it; "
-        "without it [0, 0]",
-        examples=[[0.01, 0.0]],
-    )
-    notes: list[str] = Field(
-        default=[],
-        description="how the body was made: text that is shown with results",
-        examples=[["cut by CoACD at threshold 0.05"]],
-    )
-    file: str | None = Field(
-        default=None,
-        description="mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file",
-        examples=["peg.stl"],
-    )
-    unit: Unit | None = Field(
-        default=None,
-        description='unit of all lengths here, shown with results: "m", "cm", "mm", "um", "in" or "ft"; a mesh is read '
-        "in it, vertices stay as they are; without it, beside vertices alone, length units",
-        examples=["mm"],
-    )
-    file_unit: Unit | None = Field(
-        default=None, description="unit of the numbers in a mesh file that does not say; default: unit", examples=["in"]
-    )
-    decomposition: Literal["auto", "exact", "coacd"] | None = Field(
-        default=None,
-        description='how a mesh, of a file or of vertices and faces, is cut into parts: "auto", "exact" or "coacd"',
-        examples=["exact"],
-    )
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Self:
-        given = self.model_fields_set
-        drawn, read = ("vertices", "parts", "faces", "deviation", "notes"), ("file_unit",)
-        wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
-        if wrong and self.file is not None:
-            raise refusal(
-                "a body is given by its file or by its vertices, not by both",
-                found=f"file and {wrong}",
-                allowed="file, unit, file_unit, decomposition, seed, name",
-                inside=(wrong,),
-            )
-        if wrong:
-            raise refusal(
-                "this key goes with file", found=getattr(self, wrong), allowed='file = "peg.stl"', inside=(wrong,)
-            )
-        needed = "vertices" if self.file is None else "unit"
-        if self.decomposition and self.file is None and (self.faces is None or {"parts", "deviation", "notes"} & given):
-            raise refusal(
-                "only a mesh is cut into parts",
-                found=", ".join(sorted(given)),
-                allowed="decomposition with file and unit, or with vertices and faces alone",
-                inside=("decomposition",),
-            )
-        if getattr(self, needed) is None:
-            found = f"only {', '.join(sorted(given))}" if given else "an empty table"
-            allowed = str(type(self).model_fields[needed].description)
-            raise refusal("missing key", found=found, allowed=allowed, inside=(needed,))
-        return self
-
-    def body(self, role: str, folder: Path | None) -> Body:
-        """Return the body.
-
-        Parameters
-        ----------
-        role : str
-            Its name where none is given and it comes from no file.
-        folder : path or None
-            Where the path of a mesh file starts.
-        """
-        return self._drawn(role) if self.file is None else self._read(folder)
-
-    def _read(self, folder: Path | None) -> Body:
-        try:
-            path = Path(str(self.file)).expanduser()
-        except RuntimeError as reason:
-            allowed = "the path of a mesh file"
-            raise InputError("no such home folder", key="file", found=self.file, allowed=allowed) from reason
-        if folder is None and not path.is_absolute():
+def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, needed: str) -> Read:
+    """Return the checked contents of a TOML file; `kind` and `needed` say what it is and must have."""
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
             raise InputError(
-                "there is no problem file to start from", key="file", found=self.file, allowed="a full path"
+                "the file is too large", file=file, allowed=f"a {kind} (TOML) of at most {LARGEST_FILE} bytes"
             )
-        try:
-            return Body.from_file(
-                (folder or path) / path,
-                unit=str(self.unit),
-                file_unit=self.file_unit,
-                decomposition=self.decomposition or "auto",
-                seed=self.seed,
-                name=self.name,
-            )
-        except InputError as reason:
-            raise InputError(f"the body cannot be taken from its file: {reason}", key="file") from reason
-
-    def _drawn(self, role: str) -> Body:
-        assert self.vertices is not None
-        count = len(self.vertices)
-        for key, groups in (("parts", self.parts), ("faces", self.faces)):
-            for k, group in enumerate(groups or (), 1):
-                wrong = [label for label in group if label > count]
-                if wrong:
-                    raise InputError("no such vertex", key=f"{key}[{k}]", found=wrong[0], allowed=f"1 to {count}")
-        parts = [range(count)] if self.parts is None else _shifted(self.parts)
-        faces = None if self.faces is None else _shifted(self.faces)
-        name = role if self.name is None else self.name
-        if self.decomposition is not None and faces is not None:
-            return Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
-        deviation = (0.0, 0.0) if self.deviation is None else self.deviation
-        body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name, deviation=deviation)
-        return replace(body, notes=tuple(self.notes)) if self.notes else body
-
-
-def _shifted(groups: list[list[int]]) -> list[list[int]]:
-    return [[label - 1 for label in group] for group in groups]
-
-
-class Bodies(Entry):
-    """The two bodies."""
-
-    model_config = ConfigDict(title="Both bodies")
-
-    movable: BodyEntry = Field(
-        description="the body that moves: a table with vertices, seed, ...",
-        examples=[{"file": "peg.stl", "unit": "mm"}],
-    )
-    static: BodyEntry = Field(
-        description="the body at rest: a table with vertices, seed, ...", examples=[{"file": "plate.stl", "unit": "mm"}]
-    )
-
-    def both(self, folder: Path | None) -> tuple[Body, Body]:
-        """Return (movable, static); `folder` is where paths of mesh files start."""
-        made = []
-        for role in ("movable", "static"):
-            try:
-                made.append(getattr(self, role).body(role, folder))
-            except InputError as reason:
-                raise reason.within(key=f"bodies.{role}") from reason
-        return made[0], made[1]
-
-
-class KeepOutEntry(BodyEntry):
-    """A further static body that the movable one must keep clear of."""
-
-    model_config = ConfigDict(title="Keep-outs")
-
-    scale: Number | Pair = Field(
-        default=1.0,
-        description="a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between",
-        examples=[1.0, [0.99, 1.01]],
-    )
-    clearance: Number = Field(
-        default=0.0, description="least gap, length units; 0: touching allowed, overlapping not", examples=[0.5]
-    )
-
-    def keep_out(self, role: str, folder: Path | None) -> KeepOut:
-        """Return the keep-out, see `body`."""
-        return KeepOut(self.body(role, folder), self.scale, clearance=self.clearance)
-
-
-# ---------------------------------------------------------------------------------------------------------- motion
-
-
-class TranslationEntry(Entry):
-    """A translation along a fixed axis."""
-
-    model_config = ConfigDict(title="Translation")
-
-    translation: Axis = Field(
-        description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', examples=["z", [0.0, 1.0, 1.0]]
-    )
-
-    def step(self) -> Step:
-        """Return the step of a motion."""
-        return Translation(self.translation)
-
-    @staticmethod
-    def plain(step: Translation) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"translation": plain(step.axis)}
-
-
-class RotationEntry(Entry):
-    """A rotation about a fixed direction through a centre."""
-
-    model_config = ConfigDict(title="Rotation")
-
-    rotation: Axis = Field(description='axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', examples=["z"])
-    centre: Literal["seed", "origin"] | Point = Field(
-        description='"seed" (of the movable body, as already moved), "origin" (of the world) or [x, y, z], length '
-        "units",
-        examples=["seed", "origin", [0.0, 0.0, 5.0]],
-    )
-
-    def step(self) -> Step:
-        """Return the step of a motion."""
-        return Rotation(self.rotation, centre=self.centre)
-
-    @staticmethod
-    def plain(step: Rotation) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"rotation": plain(step.axis), "centre": plain(step.centre)}
-
-
-class Line(Entry):
-    """A directed line."""
-
-    model_config = ConfigDict(title="Line")
-
-    point: Point = Field(description="[x, y, z], length units, a point of the line", examples=[[0.0, 0.0, 0.0]])
-    direction: Point = Field(
-        description="[x, y, z], not zero; its length does not matter, no unit", examples=[[0.0, 0.0, 1.0]]
-    )
-
-
-class ScrewEntry(Entry):
-    """A rotation about a directed line and a translation along it, with exactly one of the three pitch keys."""
-
-    model_config = ConfigDict(title="Screw", json_schema_extra=one_of(*((key,) for key in _PITCH_KEYS)))
-
-    screw: Literal["seeds"] | Line = Field(
-        description='"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] '
-        "}",
-        examples=["seeds", {"point": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0]}],
-    )
-    pitch: Literal["free", "infinite", "-infinite"] | None = Field(
-        default=None,
-        description='"free" (translation and angle independent), "infinite" (translation alone) or "-infinite"',
-        examples=["free"],
-    )
-    pitch_per_deg: Number | None = Field(
-        default=None, description="translation for each degree of turning, a number of length units", examples=[1.0]
-    )
-    pitch_per_rad: Number | None = Field(
-        default=None, description="translation for each radian of turning, a number of length units", examples=[0.25]
-    )
-
-    @model_validator(mode="after")
-    def _one_pitch(self) -> ScrewEntry:
-        given = [key for key in _PITCH_KEYS if getattr(self, key) is not None]
-        if len(given) != 1:
-            allowed = 'exactly one of pitch_per_deg, pitch_per_rad, pitch = "free", "infinite" or "-infinite"'
-            raise refusal("the pitch is not given once", found=", ".join(given) or "none", allowed=allowed)
-        return self
-
-    def step(self) -> Step:
-        """Return the step of a motion."""
-        axis = (self.screw.point, self.screw.direction) if isinstance(self.screw, Line) else self.screw
-        if self.pitch is not None:
-            return Screw(axis, pitch=_PITCHES[self.pitch])
-        if self.pitch_per_deg is not None:
-            return Screw(axis, pitch=math.degrees(self.pitch_per_deg))
-        return Screw(axis, pitch=self.pitch_per_rad or 0.0)
-
-    @staticmethod
-    def plain(step: Screw) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        line = (
-            step.axis
-            if isinstance(step.axis, str)
-            else dict(zip(("point", "direction"), plain(step.axis), strict=True))
-        )
-        names = {value: name for name, value in _PITCHES.items()}
-        pitch = {"pitch": names[step.pitch]} if step.pitch in names else {"pitch_per_rad": step.pitch}
-        return {"screw": line, **pitch}
-
-
-class FreeEntry(Entry):
-    """Any motion: a translation, and a rotation about the seed by a rotation vector."""
-
-    model_config = ConfigDict(title="Free motion")
-
-    free: Literal[True] = Field(
-        description="true: all six parameters, TX TY TZ and RX RY RZ about the movable seed", examples=[True]
-    )
-
-    def step(self) -> Step:
-        """Return the step of a motion."""
-        return Free()
-
-    @staticmethod
-    def plain(step: Free) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"free": True}
-
-
-class OwnMotionEntry(Entry):
-    """A motion of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
-
-    model_config = ConfigDict(title="Own motion")
-
-    casadi: str = Field(description="the text of an fcdm_opt.OwnMotion")
-    parameters: list[tuple[str, Literal["translation", "rotation"]]] = Field(
-        description='[["TZ", "translation"], ...]: name and kind of each parameter', examples=[[["TX", "translation"]]]
-    )
-    name: str = Field(default="own motion", description="name in words and messages (text)", examples=["ramp"])
-
-    def step(self) -> Step:
-        """Return the step of a motion."""
-        return OwnMotion.from_text(self.casadi, self.parameters, self.name)
-
-    @staticmethod
-    def plain(step: OwnMotion) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"casadi": step.text, "parameters": [list(own) for own in step.own_parameters], "name": step.name}
-
-
-STEPS: dict[type[Step], Any] = {
-    Translation: TranslationEntry,
-    Rotation: RotationEntry,
-    Screw: ScrewEntry,
-    Free: FreeEntry,
-    OwnMotion: OwnMotionEntry,
-}
-
-
-def _step_kind(entry: Any) -> str | None:
-    """Tell by its first key which step an entry is; tags differ from keys so that paths can drop them."""
-    return next((f"<{kind}>" for kind in _STEP_KEYS if isinstance(entry, Mapping) and kind in entry), None)
-
-
-StepEntry = Annotated[
-    Annotated[TranslationEntry, Tag("<translation>")]
-    | Annotated[RotationEntry, Tag("<rotation>")]
-    | Annotated[ScrewEntry, Tag("<screw>")]
-    | Annotated[FreeEntry, Tag("<free>")]
-    | Annotated[OwnMotionEntry, Tag("<casadi>")],
-    Discriminator(_step_kind, custom_error_type=NO_STEP, custom_error_message="not a step of a motion"),
-]
-
-
-class AmountEntry(Entry):
-    """A motion amount of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
-
-    model_config = ConfigDict(title="Own amount")
-
-    casadi: str = Field(description="the text of an OwnAmount")
-
-
-class PublishedEntry(Entry):
-    """Reference values for one step of the motion."""
-
-    model_config = ConfigDict(title="Reference values")
-
-    translation: Number | list[Number] | None = Field(
-        default=None, description="a length, or a list where it has several", examples=[0.25]
-    )
-    angle_deg: Number | list[Number] | None = Field(
-        default=None, description="an angle in degrees, or a list", examples=[7.0191]
-    )
-    angle_rad: Number | list[Number] | None = Field(
-        default=None, description="an angle in radians, or a list", examples=[0.1225]
-    )
-
-    def values(self, step: Step) -> list[float]:
-        """Return the values of the step's own parameters; raises `InputError` where the keys do not fit them."""
-        kinds = [parameter.kind for parameter in step.own_parameters]
-        keys = [key for key in ("angle_deg", "angle_rad") if getattr(self, key) is not None]
-        given = [*(["translation"] if self.translation is not None else []), *keys]
-        counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
-        words = {"translation": "translation", "rotation": "angle_deg or angle_rad"}
-        allowed = " and ".join(f"{words[kind]}{f' = [{n} numbers]' if n > 1 else ''}" for kind, n in counts.items())
-        shifts, degrees = _listed(self.translation), _listed(self.angle_deg)
-        angles = [*map(math.radians, degrees), *_listed(self.angle_rad)]
-        fixed_pitch = isinstance(step, Screw) and kinds == ["rotation"] and len(shifts) <= 1
-        if (
-            len(keys) > 1
-            or len(angles) != kinds.count("rotation")
-            or (len(shifts) != kinds.count("translation") and not fixed_pitch)
-        ):
-            raise InputError(
-                f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})",
-                found=", ".join(given) or "none",
-                allowed=allowed,
-            )
-        if isinstance(step, Screw) and fixed_pitch and shifts:
-            _check_pitch(step, shifts[0], angles[0], degrees[0] if degrees else None)
-        values = {"translation": iter(shifts), "rotation": iter(angles)}
-        return [next(values[kind]) for kind in kinds]
-
-
-def _listed(value: float | list[float] | None) -> list[float]:
-    return [] if value is None else value if isinstance(value, list) else [value]
-
-
-def _check_pitch(step: Screw, translation: float, angle: float, degrees: float | None) -> None:
-    """Refuse a translation that differs from pitch times angle by more than the digits given leave open."""
-    per_unit = float(step.pitch)
-    unit, shown = (1.0, angle) if degrees is None else (math.radians(1.0), degrees)
-    slack = _half_digit(translation) + abs(per_unit) * unit * _half_digit(shown)
-    expected = per_unit * angle
-    if abs(translation - expected) > slack:
+        text = content.decode("utf-8-sig")  # some editors begin a file with a mark
+        data = parsed(text)
+    except tomllib.TOMLDecodeError as reason:
+        raise InputError(f"not valid TOML: {mistake(text, reason)}", file=file) from reason
+    except UnicodeDecodeError as reason:
+        raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
+    except InputError:
+        raise
+    except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
+        raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
+    except OSError as reason:
+        allowed = f"a readable {kind} (TOML)"
+        raise InputError("the file cannot be read", file=file, found=reason.strerror, allowed=allowed) from reason
+    if not data:
+        raise InputError("the file is empty", file=file, allowed=needed)
+    try:
+        return checked(model, data, file)
+    except RecursionError as reason:
+        raise InputError("tables nested too deep", file=file, allowed=f"the keys of a {kind}") from reason
+
+
+def _path(place: Sequence[Any], data: Mapping[str, Any]) -> str:
+    """Return a place in words: `case[2] 'B'.motion[1].centre`."""
+    text = ""
+    for item in place:
+        text += f"[{item + 1}]" if isinstance(item, int) else f".{item}"
+    if len(place) > 1 and place[0] == "case" and isinstance(place[1], int):
+        case = data["case"][place[1]]
+        name = case.get("name") if isinstance(case, Mapping) else None
+        head = f".case[{place[1] + 1}]"
+        text = f"{head} {name!r}{text[len(head) :]}" if isinstance(name, str) else text
+    return text.removeprefix(".")
+
+
+def checked(
+    model: type[Read],
+    data: Mapping[str, Any],
+    file: Path | None = None,
+    *,
+    placed: Callable[[Sequence[Any], Mapping[str, Any]], str] = _path,
+) -> Read:
+    """Return plain data as an entry; raises `InputError` that names the place in it, as `placed` writes it."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        detail = next(item for item in error.errors(include_url=False) if item["type"] == REFUSED)
+        context = detail["ctx"]
+        inside, _ = descend(data, detail["loc"])
+        key = placed((*inside, *context["inside"]), data) or None
         raise InputError(
-            "translation and angle do not agree with the screw's pitch",
-            key="translation",
-            found=translation,
-            allowed=f"{expected:.9g}, to the digits given",
-        )
-
-
-def _half_digit(x: float) -> float:
-    """Return half a unit in the last decimal digit that a number is written with."""
-    return 0.5 * 10.0 ** int(Decimal(repr(x)).as_tuple().exponent)
+            context["what"], file=file, key=key, found=context["found"], allowed=context["allowed"]
+        ) from error

@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.problem.schema import plain
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,46 +78,29 @@ class Sensitivity:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `from_dict` rebuilds it; nan becomes None."""
-        return {item.name: _plain(getattr(self, item.name)) for item in fields(self)}
+        return {item.name: plain(getattr(self, item.name), nan=None) for item in fields(self)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
         """Rebuild it from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
-            return cls(
-                exists=bool(data["exists"]),
-                reasons=tuple(str(reason) for reason in data["reasons"]),
-                target=_read(data["target"]),
-                tolerance=None if data["tolerance"] is None else _read(data["tolerance"]),
-                nominal=_read(data["nominal"]),
-                limits={name: tuple(_read(pair).tolist()) for name, pair in data["limits"].items()},
-                clearance=float(_read(data["clearance"])),
-                keep_out=_numbers(data["keep_out"]),
-                weights=_numbers(data["weights"]),
-                length=float(_read(data["length"])),
-                faces=_numbers(data["faces"]),
-                vertices={name: _read(row) for name, row in data["vertices"].items()},
-                seeds={name: _read(row) for name, row in data["seeds"].items()},
-                multipliers=_numbers(data["multipliers"]),
-                residual=float(_read(data["residual"])),
-            )
+            read = {
+                item.name: numbers(data[item.name]) for item in fields(cls) if item.name not in ("exists", "reasons")
+            }
+            read |= {"tolerance": None} if data["tolerance"] is None else {}
+            read["limits"] = {name: tuple(ends.tolist()) for name, ends in read["limits"].items()}
+            return cls(exists=bool(data["exists"]), reasons=tuple(map(str, data["reasons"])), **read)
         except (KeyError, TypeError, ValueError, AttributeError) as reason:
             raise InputError("not the plain data of a sensitivity", key="sensitivity", found=str(reason)) from reason
 
 
-def _plain(value: Any) -> Any:
-    """Return lists, dicts and numbers; None for nan."""
+def number(x: float | str | None) -> float:
+    """Return the number that JSON has None or a word for."""
+    return float("nan") if x is None else float(x)
+
+
+def numbers(value: Any) -> Any:
+    """Return the numbers of plain data: lists as read-only arrays, in mappings by name."""
     if isinstance(value, Mapping):
-        return {name: _plain(own) for name, own in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(own) for own in (value.tolist() if isinstance(value, np.ndarray) else value)]
-    return None if isinstance(value, float) and np.isnan(value) else value
-
-
-def _read(value: Any) -> Array:
-    """Return numbers as an array, nan for None."""
-    return frozen(np.array(value, dtype=np.float64))
-
-
-def _numbers(values: Mapping[str, Any]) -> dict[str, float]:
-    return {name: float(_read(value)) for name, value in values.items()}
+        return {str(name): numbers(own) for name, own in value.items()}
+    return frozen(np.array(value, dtype=np.float64)) if isinstance(value, list | tuple) else number(value)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,8 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.sensitivities import Sensitivity
+from fcdm_opt.problem.schema import plain
+from fcdm_opt.problem.sensitivities import Sensitivity, number, numbers
 
 EFFORTS = ("proved", "quick")
 """What `solve` may spend."""
@@ -145,6 +146,8 @@ class Solution(Shown):
     seconds : dict
         Wall time of "build" (compiling templates), "solve", "prove" (and confirming, where only that is asked) and
         "verify".
+    derivatives : Sensitivity or None
+        `sensitivity` where it is known beforehand: of a solution that was stored.
     """
 
     problem: Problem
@@ -164,6 +167,7 @@ class Solution(Shown):
     evidence: Evidence | None = None
     certificate: Certificate | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
+    derivatives: Sensitivity | None = field(default=None, repr=False)
 
     @property
     def verified(self) -> bool:
@@ -189,8 +193,7 @@ class Solution(Shown):
     @cached_property
     def sensitivity(self) -> Sensitivity:
         """Derivatives of the amount by the data, see `Sensitivity`; worked out when first asked for, then kept."""
-        found: Sensitivity = upper("along.sensitivity:sensitivity")(self)
-        return found
+        return upper("along.sensitivity:sensitivity")(self) if self.derivatives is None else self.derivatives
 
     @property
     def gap(self) -> float:
@@ -222,93 +225,88 @@ class Solution(Shown):
 
         As JSON has no such numbers, nan becomes None and infinity "inf".
         """
-        return {
-            "problem": self.problem.to_dict(),
-            "status": self.status.name,
-            "advice": self.advice,
-            "usable": self.usable,
-            "parameters": dict(self.parameters),
-            "motion": self.problem.motion.describe(list(self.parameters.values()), unit=self.problem.unit)
-            if self.parameters
-            else None,
-            "transform": None if self.transform is None else self.transform.tolist(),
-            "amount": _plain(self.amount),
-            "lower_bound": _plain(self.lower_bound),
-            "rho": None if self.rho is None else self.rho.tolist(),
-            "features": [feature.label for feature in self.features],
-            "pair": self.pair.tolist(),
-            "pair_gap": _plain(self.pair_gap),
-            "pair_state": self.pair_state,
-            "keep_out_gaps": {name: _plain(gap) for name, gap in self.keep_out_gaps.items()},
-            "snapped": None if self.problem.snapped is None else self.problem.snapped.to_dict(),
-            "active": list(self.active),
-            "modelled": dict(self.modelled),
-            "stage": self.stage,
-            "gap": _plain(self.gap),
-            "doubt": self.doubt,
-            "evidence": None if self.evidence is None else self.evidence.to_dict(),
-            "sensitivity": self.sensitivity.to_dict() if "sensitivity" in self.__dict__ else None,
-            "certificate": None
-            if self.certificate is None
-            else {
-                "passed": self.certificate.passed,
-                "checks": [
-                    {**check._asdict(), "value": _plain(check.value), "limit": _plain(check.limit)}
-                    for check in self.certificate.checks
-                ],
+        known = vars(self).get("sensitivity", self.derivatives)
+        certificate = self.certificate
+        told: dict[str, Any] = plain(
+            {
+                "problem": self.problem.to_dict(),
+                "status": self.status.name,
+                "advice": self.advice,
+                "usable": self.usable,
+                "parameters": self.parameters,
+                "motion": self.problem.motion.describe(list(self.parameters.values()), unit=self.problem.unit)
+                if self.parameters
+                else None,
+                "transform": self.transform,
+                "amount": self.amount,
+                "lower_bound": self.lower_bound,
+                "rho": self.rho,
+                "features": [feature.label for feature in self.features],
+                "pair": self.pair,
+                "pair_gap": self.pair_gap,
+                "pair_state": self.pair_state,
+                "keep_out_gaps": self.keep_out_gaps,
+                "snapped": None if self.problem.snapped is None else self.problem.snapped._asdict(),
+                "active": self.active,
+                "modelled": self.modelled,
+                "stage": self.stage,
+                "gap": self.gap,
+                "doubt": self.doubt,
+                "evidence": None if self.evidence is None else self.evidence.to_dict(),
+                "sensitivity": None if known is None else known.to_dict(),
+                "certificate": None
+                if certificate is None
+                else {"passed": certificate.passed, "checks": [check._asdict() for check in certificate.checks]},
+                "seconds": self.seconds,
             },
-            "seconds": dict(self.seconds),
-        }
+            nan=None,
+        )
+        return told
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Solution:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
-            certificate = data["certificate"]
-            solution = cls(
-                problem=Problem.from_dict(data["problem"]),
-                status=Status[data["status"]],
-                parameters={str(name): float(value) for name, value in data["parameters"].items()},
-                transform=None if data["transform"] is None else _array(data["transform"], "transform", (4, 4)),
-                amount=_number(data["amount"]),
-                lower_bound=_number(data["lower_bound"]),
-                rho=None if data["rho"] is None else _array(data["rho"], "rho", (2,)),
-                features=tuple(Feature.from_label(label) for label in data["features"]),
-                pair=_array(data["pair"], "pair", (2,)),
-                pair_gap=_number(data["pair_gap"]),
-                pair_state=data["pair_state"],
-                active=tuple(data["active"]),
-                modelled={str(name): int(value) for name, value in data["modelled"].items()},
-                stage=data["stage"],
-                evidence=None if data["evidence"] is None else Evidence.from_dict(data["evidence"]),
-                certificate=None
-                if certificate is None
-                else Certificate(
-                    tuple(
-                        Check(**{**check, "value": _number(check["value"]), "limit": _number(check["limit"])})
-                        for check in certificate["checks"]
-                    )
-                ),
-                seconds={str(name): float(value) for name, value in data["seconds"].items()},
-            )
-            if data["sensitivity"] is not None:
-                solution.__dict__["sensitivity"] = Sensitivity.from_dict(data["sensitivity"])
-            return solution
+            read = {name: back(data[name]) for name, back in _BACK.items()}
+            return cls(derivatives=_or_none(data["sensitivity"], Sensitivity.from_dict), **read)
         except (KeyError, TypeError, ValueError, AttributeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
 
 
-def _plain(x: float) -> float | str | None:
-    """Return a number as JSON has it: None for nan, "inf" or "-inf" in words."""
-    return None if np.isnan(x) else float(x) if np.isfinite(x) else str(float(x))
+def _or_none(value: Any, back: Callable[[Any], Any]) -> Any:
+    return None if value is None else back(value)
 
 
-def _array(values: Any, key: str, shape: tuple[int, ...]) -> Array:
+def _array(values: Any, shape: tuple[int, ...]) -> Array:
     array = frozen(values)
     if array.shape != shape:
-        raise InputError("wrong shape", key=f"Solution.{key}", found=array.shape, allowed=str(shape))
+        raise InputError("wrong shape", found=array.shape, allowed=str(shape))
     return array
 
 
-def _number(x: float | str | None) -> float:
-    return float("nan") if x is None else float(x)
+def _certificate(data: Mapping[str, Any]) -> Certificate:
+    """Return a certificate from what `Solution.to_dict` makes of it."""
+    checks = [{**check, "value": number(check["value"]), "limit": number(check["limit"])} for check in data["checks"]]
+    return Certificate(tuple(Check(**check) for check in checks))
+
+
+_BACK: dict[str, Callable[[Any], Any]] = {
+    "problem": Problem.from_dict,
+    "status": lambda name: Status[name],
+    "parameters": lambda values: numbers(dict(values)),
+    "transform": lambda rows: _or_none(rows, partial(_array, shape=(4, 4))),
+    "amount": number,
+    "lower_bound": number,
+    "rho": lambda pair: _or_none(pair, partial(_array, shape=(2,))),
+    "features": lambda labels: tuple(map(Feature.from_label, labels)),
+    "pair": partial(_array, shape=(2,)),
+    "pair_gap": number,
+    "pair_state": str,
+    "active": tuple,
+    "modelled": lambda counts: {name: int(count) for name, count in counts.items()},
+    "stage": str,
+    "evidence": lambda packed: _or_none(packed, Evidence.from_dict),
+    "certificate": lambda checks: _or_none(checks, _certificate),
+    "seconds": lambda times: numbers(dict(times)),
+}
+"""What makes a solution's values of its plain data."""

@@ -15,7 +15,7 @@ from fcdm_opt.design.study import sampling
 from fcdm_opt.design.study.variables import PARAMETERS
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.arguments import LARGEST, is_real, positive
-from fcdm_opt.problem.files import Defaults
+from fcdm_opt.problem.keys import Defaults
 from fcdm_opt.problem.solution import EFFORTS
 
 if TYPE_CHECKING:

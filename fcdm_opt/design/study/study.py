@@ -20,9 +20,8 @@ from fcdm_opt.design.study.sampling import draws
 from fcdm_opt.design.study.variables import PARAMETERS, Variable, variable_of
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.arguments import items
-from fcdm_opt.problem.files import read_entry
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import closest
+from fcdm_opt.problem.schema import closest, read_entry
 
 _REFERENCES = ("published", "published_text")  # of a case: never used in solving, and of one motion only
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from time import perf_counter
@@ -16,12 +16,11 @@ from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.keys import ARGUMENTS
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
-
-ARGUMENTS = tuple(item.name for item in fields(Problem) if item.init)
 
 
 class Difference(NamedTuple):

@@ -1,0 +1,54 @@
+"""The public names, each once, with the module that it is from: `fcdm_opt/__init__.py` loads them when first used."""
+
+from fcdm_opt.along.coherent_range import CoherentRange as CoherentRange
+from fcdm_opt.along.coherent_range import coherent_range as coherent_range
+from fcdm_opt.along.contact_times import ContactTimes as ContactTimes
+from fcdm_opt.along.contact_times import contact_times as contact_times
+from fcdm_opt.curve.batch import DecisionCurves as DecisionCurves
+from fcdm_opt.curve.batch import decision_curves as decision_curves
+from fcdm_opt.curve.decision_curve import DecisionCurve as DecisionCurve
+from fcdm_opt.curve.decision_curve import decision_curve as decision_curve
+from fcdm_opt.curve.features import Feature as Feature
+from fcdm_opt.curve.segments import Segment as Segment
+from fcdm_opt.curve.segments import SwitchingPoint as SwitchingPoint
+from fcdm_opt.design.compensation.assembly_yield import AssemblyYield as AssemblyYield
+from fcdm_opt.design.compensation.assembly_yield import assembly_yield as assembly_yield
+from fcdm_opt.design.compensation.compensation_map import CompensationMap as CompensationMap
+from fcdm_opt.design.compensation.compensation_map import compensation_map as compensation_map
+from fcdm_opt.design.distributions import Measured as Measured
+from fcdm_opt.design.distributions import Normal as Normal
+from fcdm_opt.design.distributions import Uniform as Uniform
+from fcdm_opt.design.fixed_pose.best_pose import BestPose as BestPose
+from fcdm_opt.design.fixed_pose.best_pose import best_pose as best_pose
+from fcdm_opt.design.fixed_pose.clearances import Clearances as Clearances
+from fcdm_opt.design.fixed_pose.clearances import clearances as clearances
+from fcdm_opt.design.study.results import StudyResult as StudyResult
+from fcdm_opt.design.study.running import run_study as run_study
+from fcdm_opt.design.study.study import Study as Study
+from fcdm_opt.design.whatif.budget import budget as budget
+from fcdm_opt.design.whatif.compare import compare as compare
+from fcdm_opt.design.whatif.conflicts import conflicts as conflicts
+from fcdm_opt.design.whatif.drop import drop as drop
+from fcdm_opt.design.whatif.whatif import WhatIf as WhatIf
+from fcdm_opt.design.whatif.whatif import whatif as whatif
+from fcdm_opt.errors import FcdmError as FcdmError
+from fcdm_opt.errors import InputError as InputError
+from fcdm_opt.errors import UnsolvedError as UnsolvedError
+from fcdm_opt.geometry.bodies import Body as Body
+from fcdm_opt.geometry.conversion import as_body as as_body
+from fcdm_opt.judge.certificate import verify as verify
+from fcdm_opt.motion.motions import Free as Free
+from fcdm_opt.motion.motions import Motion as Motion
+from fcdm_opt.motion.motions import Rotation as Rotation
+from fcdm_opt.motion.motions import Screw as Screw
+from fcdm_opt.motion.motions import Translation as Translation
+from fcdm_opt.motion.own_motion import OwnMotion as OwnMotion
+from fcdm_opt.problem.files import load_problems as load_problems
+from fcdm_opt.problem.keep_out import KeepOut as KeepOut
+from fcdm_opt.problem.problem import Problem as Problem
+from fcdm_opt.problem.solution import Certificate as Certificate
+from fcdm_opt.problem.solution import Solution as Solution
+from fcdm_opt.problem.solution import Status as Status
+from fcdm_opt.solver import solve as solve
+
+__version__: str

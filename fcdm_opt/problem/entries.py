@@ -1,0 +1,472 @@
+"""The tables of a problem file that are no cases: bodies, keep-outs, steps of a motion, reference values.
+
+Each entry is a model that knows its way both from plain data and back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from decimal import Decimal
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Tag, model_validator
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
+from fcdm_opt.motion.own_motion import OwnMotion
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.schema import Entry, Label, Number, Pair, Point, Unit, closest, declared, one_of, plain, refusal
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
+_PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")
+_PITCHES: dict[str, float | str] = {"free": "free", "infinite": math.inf, "-infinite": -math.inf}
+
+# ---------------------------------------------------------------------------------------------------------- bodies
+
+
+class BodyEntry(Entry):
+    """A body with its seed: a union of convex parts, or a mesh from a file."""
+
+    model_config = ConfigDict(title="Bodies", json_schema_extra=one_of(("vertices",), ("file", "unit")))
+
+    name: str | None = declared(
+        None, "name in messages and pictures (text); without it movable, static, keep-out k, or the file's name", "peg"
+    )
+    vertices: list[Point] | None = declared(
+        None,
+        '[[x, y, z], ...], length units, at least four; label k is the k-th; or a mesh: file = "peg.stl"',
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    )
+    parts: list[list[Label]] | None = declared(
+        None,
+        "1-based vertex labels of each convex part; without it the body is the hull of its vertices",
+        [[1, 2, 3, 4], [3, 4, 5, 6]],
+    )
+    faces: list[list[Label]] | None = declared(
+        None,
+        "1-based vertex labels of each true face; without it faces follow from the parts",
+        [[1, 2, 3], [1, 2, 4], [2, 3, 4], [1, 3, 4]],
+    )
+    seed: Literal["centroid", "vertices", "box"] | Point = declared(
+        "centroid",
+        'the point that scaling holds: "centroid" (of the volume), "vertices" (their mean), "box" (its '
+        "centre) or [x, y, z], length units",
+        "centroid",
+        [0.0, 0.0, 2.5],
+    )
+    deviation: Pair | None = declared(
+        None,
+        "[outward, inward], lengths >= 0: how far the parts stick out of the true body, fall short of it; "
+        "without it [0, 0]",
+        [0.01, 0.0],
+    )
+    notes: list[str] = declared(
+        [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
+    )
+    file: str | None = declared(
+        None, "mesh in place of vertices: STL, OBJ, PLY, OFF, GLB or STEP, relative to this file", "peg.stl"
+    )
+    unit: Unit | None = declared(
+        None,
+        'unit of all lengths here, shown with results: "m", "cm", "mm", "um", "in" or "ft"; a mesh is read '
+        "in it, vertices stay as they are; without it, beside vertices alone, length units",
+        "mm",
+    )
+    file_unit: Unit | None = declared(None, "unit of the numbers in a mesh file that does not say; default: unit", "in")
+    decomposition: Literal["auto", "exact", "coacd"] | None = declared(
+        None, 'how a mesh, of a file or of vertices and faces, is cut into parts: "auto", "exact" or "coacd"', "exact"
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = self.model_fields_set
+        drawn, read = ("vertices", "parts", "faces", "deviation", "notes"), ("file_unit",)
+        wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
+        if wrong and self.file is not None:
+            raise refusal(
+                "a body is given by its file or by its vertices, not by both",
+                found=f"file and {wrong}",
+                allowed="file, unit, file_unit, decomposition, seed, name",
+                inside=(wrong,),
+            )
+        if wrong:
+            raise refusal(
+                "this key goes with file", found=getattr(self, wrong), allowed='file = "peg.stl"', inside=(wrong,)
+            )
+        needed = "vertices" if self.file is None else "unit"
+        if self.decomposition and self.file is None and (self.faces is None or {"parts", "deviation", "notes"} & given):
+            raise refusal(
+                "only a mesh is cut into parts",
+                found=", ".join(sorted(given)),
+                allowed="decomposition with file and unit, or with vertices and faces alone",
+                inside=("decomposition",),
+            )
+        if getattr(self, needed) is None:
+            found = f"only {', '.join(sorted(given))}" if given else "an empty table"
+            allowed = str(type(self).model_fields[needed].description)
+            raise refusal("missing key", found=found, allowed=allowed, inside=(needed,))
+        return self
+
+    def body(self, role: str, folder: Path | None) -> Body:
+        """Return the body.
+
+        Parameters
+        ----------
+        role : str
+            Its name where none is given and it comes from no file.
+        folder : path or None
+            Where the path of a mesh file starts.
+        """
+        return self._drawn(role) if self.file is None else self._read(folder)
+
+    def _read(self, folder: Path | None) -> Body:
+        try:
+            path = Path(str(self.file)).expanduser()
+        except RuntimeError as reason:
+            allowed = "the path of a mesh file"
+            raise InputError("no such home folder", key="file", found=self.file, allowed=allowed) from reason
+        if folder is None and not path.is_absolute():
+            raise InputError(
+                "there is no problem file to start from", key="file", found=self.file, allowed="a full path"
+            )
+        try:
+            return Body.from_file(
+                (folder or path) / path,
+                unit=str(self.unit),
+                file_unit=self.file_unit,
+                decomposition=self.decomposition or "auto",
+                seed=self.seed,
+                name=self.name,
+            )
+        except InputError as reason:
+            raise InputError(f"the body cannot be taken from its file: {reason}", key="file") from reason
+
+    def _drawn(self, role: str) -> Body:
+        assert self.vertices is not None
+        count = len(self.vertices)
+        for key, groups in (("parts", self.parts), ("faces", self.faces)):
+            for k, group in enumerate(groups or (), 1):
+                wrong = [label for label in group if label > count]
+                if wrong:
+                    raise InputError("no such vertex", key=f"{key}[{k}]", found=wrong[0], allowed=f"1 to {count}")
+        parts = [range(count)] if self.parts is None else _shifted(self.parts)
+        faces = None if self.faces is None else _shifted(self.faces)
+        name = role if self.name is None else self.name
+        if self.decomposition is not None and faces is not None:
+            return Body.from_mesh(self.vertices, faces, decomposition=self.decomposition, seed=self.seed, name=name)
+        deviation = (0.0, 0.0) if self.deviation is None else self.deviation
+        body = Body.from_parts(self.vertices, parts=parts, faces=faces, seed=self.seed, name=name, deviation=deviation)
+        return replace(body, notes=tuple(self.notes)) if self.notes else body
+
+
+def _shifted(groups: list[list[int]]) -> list[list[int]]:
+    return [[label - 1 for label in group] for group in groups]
+
+
+class Bodies(Entry):
+    """The two bodies."""
+
+    model_config = ConfigDict(title="Both bodies")
+
+    movable: BodyEntry = declared(
+        ..., "the body that moves: a table with vertices, seed, ...", {"file": "peg.stl", "unit": "mm"}
+    )
+    static: BodyEntry = declared(
+        ..., "the body at rest: a table with vertices, seed, ...", {"file": "plate.stl", "unit": "mm"}
+    )
+
+    def both(self, folder: Path | None) -> tuple[Body, Body]:
+        """Return (movable, static); `folder` is where paths of mesh files start."""
+        made = []
+        for role in ("movable", "static"):
+            try:
+                made.append(getattr(self, role).body(role, folder))
+            except InputError as reason:
+                raise reason.within(key=f"bodies.{role}") from reason
+        return made[0], made[1]
+
+
+def plain_body(body: Body) -> dict[str, Any]:
+    """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
+    entry: dict[str, Any] = {"name": body.name, "vertices": body.vertices.tolist()}
+    parts = [
+        [
+            own.vertices[0] if own.kind == "V" else int(np.abs(body.vertices - vertex).max(axis=1).argmin()) + 1
+            for own, vertex in zip(part.elements["V"], part.vertices, strict=True)
+        ]
+        for part in body.parts
+    ]
+    if parts != [list(range(1, len(body.vertices) + 1))]:
+        entry["parts"] = parts
+    if any(body.deviation):
+        entry["deviation"] = list(body.deviation)
+    if body.notes:
+        entry["notes"] = list(body.notes)
+    return {**entry, "faces": [list(face) for face in body.outlines], "seed": body.seed.tolist()}
+
+
+class KeepOutEntry(BodyEntry):
+    """A further static body that the movable one must keep clear of."""
+
+    model_config = ConfigDict(title="Keep-outs")
+
+    scale: Number | Pair = declared(
+        1.0, "a scale > 0 about its seed, or [low, high]: the gap is kept at every scale between", 1.0, [0.99, 1.01]
+    )
+    clearance: Number = declared(0.0, "least gap, length units; 0: touching allowed, overlapping not", 0.5)
+
+    def keep_out(self, role: str, folder: Path | None) -> KeepOut:
+        """Return the keep-out, see `body`."""
+        return KeepOut(self.body(role, folder), self.scale, clearance=self.clearance)
+
+
+# ---------------------------------------------------------------------------------------------------------- motion
+
+
+class TranslationEntry(Entry):
+    """A translation along a fixed axis."""
+
+    model_config = ConfigDict(title="Translation")
+
+    translation: Axis = declared(
+        ..., 'axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', "z", [0.0, 1.0, 1.0]
+    )
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return Translation(self.translation)
+
+    @staticmethod
+    def plain(step: Translation) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"translation": plain(step.axis)}
+
+
+class RotationEntry(Entry):
+    """A rotation about a fixed direction through a centre."""
+
+    model_config = ConfigDict(title="Rotation")
+
+    rotation: Axis = declared(..., 'axis: "x", "y", "z", "-x", "-y", "-z" or a vector [x, y, z]', "z")
+    centre: Literal["seed", "origin"] | Point = declared(
+        ...,
+        '"seed" (of the movable body, as already moved), "origin" (of the world) or [x, y, z], length units',
+        "seed",
+        "origin",
+        [0.0, 0.0, 5.0],
+    )
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return Rotation(self.rotation, centre=self.centre)
+
+    @staticmethod
+    def plain(step: Rotation) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"rotation": plain(step.axis), "centre": plain(step.centre)}
+
+
+class LineEntry(Entry):
+    """A directed line."""
+
+    model_config = ConfigDict(title="Line")
+
+    point: Point = declared(..., "[x, y, z], length units, a point of the line", [0.0, 0.0, 0.0])
+    direction: Point = declared(..., "[x, y, z], not zero; its length does not matter, no unit", [0.0, 0.0, 1.0])
+
+
+class ScrewEntry(Entry):
+    """A rotation about a directed line and a translation along it, with exactly one of the three pitch keys."""
+
+    model_config = ConfigDict(title="Screw", json_schema_extra=one_of(*((key,) for key in _PITCH_KEYS)))
+
+    screw: Literal["seeds"] | LineEntry = declared(
+        ...,
+        '"seeds" (the line from the movable seed to the static one) or { point = [...], direction = [...] }',
+        "seeds",
+        {"point": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0]},
+    )
+    pitch: Literal["free", "infinite", "-infinite"] | None = declared(
+        None, '"free" (translation and angle independent), "infinite" (translation alone) or "-infinite"', "free"
+    )
+    pitch_per_deg: Number | None = declared(
+        None, "translation for each degree of turning, a number of length units", 1.0
+    )
+    pitch_per_rad: Number | None = declared(
+        None, "translation for each radian of turning, a number of length units", 0.25
+    )
+
+    @model_validator(mode="after")
+    def _one_pitch(self) -> ScrewEntry:
+        given = [key for key in _PITCH_KEYS if getattr(self, key) is not None]
+        if len(given) != 1:
+            allowed = 'exactly one of pitch_per_deg, pitch_per_rad, pitch = "free", "infinite" or "-infinite"'
+            raise refusal("the pitch is not given once", found=", ".join(given) or "none", allowed=allowed)
+        return self
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        axis = (self.screw.point, self.screw.direction) if isinstance(self.screw, LineEntry) else self.screw
+        if self.pitch is not None:
+            return Screw(axis, pitch=_PITCHES[self.pitch])
+        if self.pitch_per_deg is not None:
+            return Screw(axis, pitch=math.degrees(self.pitch_per_deg))
+        return Screw(axis, pitch=self.pitch_per_rad or 0.0)
+
+    @staticmethod
+    def plain(step: Screw) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        line = (
+            step.axis
+            if isinstance(step.axis, str)
+            else dict(zip(("point", "direction"), plain(step.axis), strict=True))
+        )
+        names = {value: name for name, value in _PITCHES.items()}
+        pitch = {"pitch": names[step.pitch]} if step.pitch in names else {"pitch_per_rad": step.pitch}
+        return {"screw": line, **pitch}
+
+
+class FreeEntry(Entry):
+    """Any motion: a translation, and a rotation about the seed by a rotation vector."""
+
+    model_config = ConfigDict(title="Free motion")
+
+    free: Literal[True] = declared(..., "true: all six parameters, TX TY TZ and RX RY RZ about the movable seed", True)
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return Free()
+
+    @staticmethod
+    def plain(step: Free) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"free": True}
+
+
+class OwnMotionEntry(Entry):
+    """A motion of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
+
+    model_config = ConfigDict(title="Own motion")
+
+    casadi: str = declared(..., "the text of an fcdm_opt.OwnMotion")
+    parameters: list[tuple[str, Literal["translation", "rotation"]]] = declared(
+        ..., '[["TZ", "translation"], ...]: name and kind of each parameter', [["TX", "translation"]]
+    )
+    name: str = declared("own motion", "name in words and messages (text)", "ramp")
+
+    def step(self) -> Step:
+        """Return the step of a motion."""
+        return OwnMotion.from_text(self.casadi, self.parameters, self.name)
+
+    @staticmethod
+    def plain(step: OwnMotion) -> dict[str, Any]:
+        """Return the entry of a step as plain data."""
+        return {"casadi": step.text, "parameters": [list(own) for own in step.own_parameters], "name": step.name}
+
+
+STEPS: dict[type[Step], Any] = {
+    Translation: TranslationEntry,
+    Rotation: RotationEntry,
+    Screw: ScrewEntry,
+    Free: FreeEntry,
+    OwnMotion: OwnMotionEntry,
+}
+_STEP_KEYS = {next(iter(entry.model_fields)): entry for entry in STEPS.values()}
+
+
+def _step_kind(entry: Any) -> str:
+    """Tell by its first key which step an entry is; tags differ from keys so that paths can drop them."""
+    return next(f"<{key}>" for key in _STEP_KEYS if key in entry)
+
+
+def _some_step(entry: Any) -> Any:
+    """Refuse what no step is, with a hint at the key that was probably meant."""
+    if isinstance(entry, Mapping) and any(key in entry for key in _STEP_KEYS):
+        return entry
+    hints = ((key, closest(str(key), _STEP_KEYS)) for key in (entry if isinstance(entry, Mapping) else ()))
+    what = next((f": unknown key '{key}'{hint}" for key, hint in hints if hint), "")
+    raise refusal(f"not a step of a motion{what}", found=entry)
+
+
+StepEntry = Annotated[
+    Annotated[TranslationEntry, Tag("<translation>")]
+    | Annotated[RotationEntry, Tag("<rotation>")]
+    | Annotated[ScrewEntry, Tag("<screw>")]
+    | Annotated[FreeEntry, Tag("<free>")]
+    | Annotated[OwnMotionEntry, Tag("<casadi>")],
+    Discriminator(_step_kind),
+    BeforeValidator(_some_step),
+]
+
+
+class AmountEntry(Entry):
+    """A motion amount of the user's own: a CasADi function, serialised; as `Problem.to_dict` writes it."""
+
+    model_config = ConfigDict(title="Own amount")
+
+    casadi: str = declared(..., "the text of an OwnAmount")
+
+
+class PublishedEntry(Entry):
+    """Reference values for one step of the motion."""
+
+    model_config = ConfigDict(title="Reference values")
+
+    translation: Number | list[Number] | None = declared(None, "a length, or a list where it has several", 0.25)
+    angle_deg: Number | list[Number] | None = declared(None, "an angle in degrees, or a list", 7.0191)
+    angle_rad: Number | list[Number] | None = declared(None, "an angle in radians, or a list", 0.1225)
+
+    def values(self, step: Step) -> list[float]:
+        """Return the values of the step's own parameters; raises `InputError` where the keys do not fit them."""
+        kinds = [parameter.kind for parameter in step.own_parameters]
+        keys = [key for key in ("angle_deg", "angle_rad") if getattr(self, key) is not None]
+        given = [*(["translation"] if self.translation is not None else []), *keys]
+        counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
+        words = {"translation": "translation", "rotation": "angle_deg or angle_rad"}
+        allowed = " and ".join(f"{words[kind]}{f' = [{n} numbers]' if n > 1 else ''}" for kind, n in counts.items())
+        shifts, degrees = _listed(self.translation), _listed(self.angle_deg)
+        angles = [*map(math.radians, degrees), *_listed(self.angle_rad)]
+        fixed_pitch = isinstance(step, Screw) and kinds == ["rotation"] and len(shifts) <= 1
+        if (
+            len(keys) > 1
+            or len(angles) != kinds.count("rotation")
+            or (len(shifts) != kinds.count("translation") and not fixed_pitch)
+        ):
+            raise InputError(
+                f"the keys do not fit this step ({step.own_words([0.0] * len(kinds)).split()[0]})",
+                found=", ".join(given) or "none",
+                allowed=allowed,
+            )
+        if isinstance(step, Screw) and fixed_pitch and shifts:
+            _check_pitch(step, shifts[0], angles[0], degrees[0] if degrees else None)
+        values = {"translation": iter(shifts), "rotation": iter(angles)}
+        return [next(values[kind]) for kind in kinds]
+
+
+def _listed(value: float | list[float] | None) -> list[float]:
+    return [] if value is None else value if isinstance(value, list) else [value]
+
+
+def _check_pitch(step: Screw, translation: float, angle: float, degrees: float | None) -> None:
+    """Refuse a translation that differs from pitch times angle by more than the digits given leave open."""
+    per_unit = float(step.pitch)
+    unit, shown = (1.0, angle) if degrees is None else (math.radians(1.0), degrees)
+    slack = _half_digit(translation) + abs(per_unit) * unit * _half_digit(shown)
+    expected = per_unit * angle
+    if abs(translation - expected) > slack:
+        raise InputError(
+            "translation and angle do not agree with the screw's pitch",
+            key="translation",
+            found=translation,
+            allowed=f"{expected:.9g}, to the digits given",
+        )
+
+
+def _half_digit(x: float) -> float:
+    """Return half a unit in the last decimal digit that a number is written with."""
+    return 0.5 * 10.0 ** int(Decimal(repr(x)).as_tuple().exponent)

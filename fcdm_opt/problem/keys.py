@@ -1,0 +1,506 @@
+"""What can be asked of two parts: every key of a problem, declared once, and the files that hold them.
+
+A key is a field: its type says what is allowed, its description what it means. Reading a file, the arguments of
+`Problem`, the JSON Schema, the reference page and all messages follow from it. A key that looks alike in Python and in
+a file is one entry in `Defaults`; one that does not has its other form in `Arguments`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, reduce
+from operator import rshift
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Tag, WrapValidator
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.motion.motions import Motion, Step
+from fcdm_opt.problem.amounts import AmountWord, OwnAmount
+from fcdm_opt.problem.entries import AmountEntry, Bodies, KeepOutEntry, PublishedEntry, StepEntry
+from fcdm_opt.problem.keep_out import KeepOut, keep_outs
+from fcdm_opt.problem.schema import (
+    Bound,
+    Entry,
+    Label,
+    Length,
+    Number,
+    Pair,
+    Positive,
+    Real,
+    ScaleRange,
+    Scales,
+    Unit,
+    checked,
+    closest,
+    declared,
+    must,
+    read_entry,
+    refusal,
+)
+from fcdm_opt.tolerances import DEFAULT
+
+Made = TypeVar("Made")
+MOST_BITS = 10_000  # of a whole number that Python writes in decimals
+Requirement = Literal["A", "B", "C", "D"]
+Goal = Literal["beyond", "at", "seat", "touch", "clear"]
+
+
+def _shares(tolerance: Any) -> Any:
+    """Refuse a tolerance that is no share of the size; one in percent is told what it is."""
+    given = np.ravel(0.0 if tolerance is None else tolerance)
+    if given.max() >= 1.0:
+        large = given.max()
+        meant = f": {large:g} % is {large / 100.0:g}" if large < 100.0 else ""
+        raise refusal(f"a tolerance is a share, below 1{meant}", found=tolerance)
+    if given.min() < 0.0:
+        raise refusal("unusable tolerance", found=tolerance)
+    return tolerance
+
+
+Shares = Annotated[Number | Pair | tuple[Pair, Pair], AfterValidator(_shares)]
+
+# ----------------------------------------------------------------------------------------------------------------- keys
+
+
+class SizeKeys(Entry):
+    """Which sizes are nominal, and which are made."""
+
+    nominal: Label | Scales | Literal["drawn"] = declared(
+        "drawn",
+        'number of a switching point (from 1), a scale pair [rho_1, rho_2] or "drawn" (= [1, 1])',
+        3,
+        [1.05, 0.98],
+        "drawn",
+    )
+    tolerance: Shares | None = declared(
+        None,
+        "tau, [tau_1, tau_2] or [[minus_1, plus_1], [minus_2, plus_2]], relative (0.02 is 2 %), finite, "
+        ">= 0 and below 1",
+        0.02,
+        [0.02, 0.01],
+        [[0.0, 0.02], [0.01, 0.01]],
+    )
+    requirement: Requirement | None = declared(
+        None, 'which way each body is off its nominal scale: "A" (+, +), "B" (+, -), "C" (-, +) or "D" (-, -)', "B"
+    )
+    target: Scales | None = declared(
+        None, "[rho_1, rho_2], scales > 0 of the parts made, in place of requirement and tolerance", [1.02, 0.99]
+    )
+    box: tuple[ScaleRange, ScaleRange] = declared(
+        ((0.8, 3.0), (0.8, 3.0)),
+        "[[low_1, high_1], [low_2, high_2]], 0 < low < high: scales that are shown and numbered",
+        [[0.8, 1.2], [0.8, 1.2]],
+    )
+
+
+class Defaults(SizeKeys):
+    """What all cases of a file share; a case may give any of it anew."""
+
+    model_config = ConfigDict(title="Defaults of all cases")
+
+    goal: Goal | None = declared(
+        None,
+        '"beyond" (the tracked contact ends in the quadrant beyond the target), "at" (exactly at the '
+        'target), "seat" (so that a flush contact stays flush), "touch" (the pair made touches) or "clear" (it keeps '
+        'clearance); without it "beyond" at a switching point with a requirement, "seat" where the contact is flush, '
+        'else "touch"',
+        "touch",
+    )
+    pair: Literal["any", "clear", "touch"] = declared(
+        "any", '"any", "clear" or "touch": required state of the target pair, besides the goal', "clear"
+    )
+    clearance: Length = declared(0.0, 'least gap >= 0, length units, for goal or pair "clear"', 0.1)
+    path: Literal["coherent", "free"] = declared(
+        "coherent", '"coherent" (the tracked features stay the real contact all along the motion) or "free"', "free"
+    )
+    amount: Annotated[
+        Annotated[AmountWord, Tag("<word>")] | Annotated[AmountEntry, Tag("<casadi>")],
+        Discriminator(lambda value: "<word>" if isinstance(value, str) else "<casadi>"),
+    ] = declared(
+        "weighted",
+        'what is made least: "weighted" (root of the sum of squares), "displacement" (of the farthest '
+        "vertex), or { casadi = ... }, an expression as Problem.to_dict writes it",
+        "displacement",
+    )
+    length: Positive | None = declared(
+        None, "length > 0 that turns radians into lengths; without it half the diagonal of the movable body's box", 20.0
+    )
+    weights: dict[str, Number] = declared(
+        {},
+        "{ TZ = 1.0, RZ_per_rad = 0.5 }: amount per length unit, per radian (or _per_deg)",
+        {"TZ": 1.0, "RZ_per_deg": 0.5},
+    )
+    limits: dict[str, tuple[Bound, Bound]] = declared(
+        {},
+        '{ TZ = [-1, 1], RZ_deg = [-10, "inf"] }: lower and upper, angles as _deg or _rad',
+        {"TZ": [-1.0, 1.0], "RZ_deg": [-10.0, "inf"]},
+    )
+    resolution: Number | dict[str, Number] | None = declared(
+        None,
+        "{ TZ = 0.01, RZ_deg = 0.1 }: machine steps, angles as _deg or _rad; for lengths alone a number",
+        {"TZ": 0.01, "RZ_deg": 0.1},
+    )
+    features: tuple[str, str] | None = declared(
+        None,
+        "labels of the two features to track at a switching point where more than two lines meet: two labels such as "
+        "V1F2(P1V6; P2V2,V3,V5)",
+        ["V1F2(P1V6; P2V2,V3,V5)", "E1E2(P1V4,V3; P2V9,V10)"],
+    )
+    snap: Length = declared(
+        DEFAULT.snap, "relative distance >= 0 within which a nominal pair may be closed to the curve", 1e-06
+    )
+    keep_out: list[str] | None = declared(
+        None, 'names of the [[keep_out]] bodies that count: ["rib", ...]; without it all do', ["rib"]
+    )
+    motion: list[StepEntry] = declared(
+        [],
+        "steps in order, in the case or in defaults: { translation = .. }, { rotation = .., centre = .. }, "
+        "{ screw = .., pitch.. }, { free = true }",
+        [{"translation": "z"}, {"rotation": "z", "centre": "origin"}],
+        [{"screw": "seeds", "pitch_per_deg": 1.0}],
+        [{"free": True}],
+        min_length=1,
+    )
+    published: list[PublishedEntry] | None = declared(
+        None,
+        "reference values, one table a step: { translation = ... }, { angle_deg = ... }",
+        [{"translation": 0.25}, {"angle_deg": 7.0191}],
+    )
+    published_text: str = declared(
+        "", "the reference motion in the words of its source (text)", "TZ 0.25 + RZ 7.0191 deg"
+    )
+
+
+class Parts(NamedTuple):
+    """The bodies of a file, keep-outs by name, and the unit of its lengths, "" where none is named."""
+
+    movable: Body
+    static: Body
+    keep_out: Mapping[str, KeepOut]
+    unit: str = ""
+
+
+class Case(Defaults):
+    """One problem."""
+
+    model_config = ConfigDict(title="Cases")
+
+    name: str = declared(..., "name of the case (text), once in a file", "B")
+
+    def asked(self, parts: Parts, defaults: Defaults) -> dict[str, Any]:
+        """Return the arguments of `Problem`; keys of the case come before those of `defaults`."""
+        given = self.arguments(defaults)
+        keep_out = _chosen(given.get("keep_out"), parts.keep_out)
+        return {**given, "movable": parts.movable, "static": parts.static, "keep_out": keep_out, "unit": parts.unit}
+
+    def arguments(self, defaults: Defaults) -> dict[str, Any]:
+        """Return what is asked of any scene, as `Problem` wants it; keep-outs still by name."""
+        given = {key: getattr(entry, key) for entry in (defaults, self) for key in entry.model_fields_set}
+        if "motion" not in given:
+            raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
+        steps = _each("motion", [entry.step for entry in given["motion"]])
+        motion = given["motion"] = reduce(rshift, steps)
+        if isinstance(given.get("amount"), AmountEntry):
+            given["amount"] = OwnAmount.from_text(given["amount"].casadi, [name for name, _ in motion.parameters])
+        if isinstance(given.get("resolution"), float):
+            _check_lengths(given["resolution"], motion)
+        for key in BY_PARAMETER:
+            if isinstance(given.get(key), Mapping):
+                given[key] = _by_name(key, given[key], motion)
+        if given.get("published") is not None:
+            given["published"] = _published_values(given["published"], steps)
+        return given
+
+
+class Angle(NamedTuple):
+    """How keys of angles end in a file, in degrees and in radians, and what makes radians of degrees."""
+
+    degrees: str
+    radians: str
+    converted: Callable[[Any], Any]
+
+
+def _radians(value: float | tuple[float, ...]) -> Any:
+    return tuple(map(math.radians, value)) if isinstance(value, tuple) else math.radians(value)
+
+
+BY_PARAMETER = {
+    "weights": Angle("_per_deg", "_per_rad", math.degrees),
+    "limits": Angle("_deg", "_rad", _radians),
+    "resolution": Angle("_deg", "_rad", _radians),
+}
+"""Keys with a value for each parameter of the motion."""
+
+
+def of_kind(kind: type) -> BeforeValidator:
+    """Return the check that an argument is of a kind."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, kind):
+            raise refusal("wrong kind of argument", found=type(value).__name__, allowed=f"a {kind.__name__}")
+        return value
+
+    return BeforeValidator(check)
+
+
+_NoneIsEmpty = BeforeValidator(lambda value: {} if value is None else value)
+
+
+def _ordered(value: Any, handler: Any) -> Any:
+    """Refuse limits that nothing lies between."""
+    ends = handler(value)
+    if not (ends[0] <= ends[1] and ends[0] < math.inf and ends[1] > -math.inf):
+        raise refusal("unusable limits", found=value, allowed="(lower, upper) with lower <= upper")
+    return ends
+
+
+_Interval = Annotated[tuple[Bound, Bound], WrapValidator(_ordered)]
+
+
+class Arguments(Case):
+    """The arguments of `Problem`: the keys of a case, with values of Python where a file has tables."""
+
+    name: str = declared("", "name of the case, a string")
+    amount: Any = "weighted"
+    weights: Annotated[dict[str, Positive], _NoneIsEmpty] = declared(
+        {}, "a number > 0 by parameter, amount per length unit or radian"
+    )
+    limits: Annotated[dict[str, _Interval], _NoneIsEmpty] = declared(
+        {}, "(lower, upper) by parameter with lower <= upper, length units or radians"
+    )
+    resolution: Annotated[dict[str, Positive], must(bool, "no step")] | None = declared(
+        None, "a number > 0, or steps > 0 by parameter, length units or radians"
+    )
+    keep_out: Any = ()
+    motion: Annotated[Any, of_kind(Motion)] = declared(..., "a Motion")
+    published: tuple[Real, ...] | None = declared(  # type: ignore[assignment]
+        None, "a finite number for each parameter, length units or radians"
+    )
+    movable: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
+    static: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
+    unit: Literal["", Unit] = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
+
+
+ARGUMENTS = ("movable", "static", *(key for key in Arguments.model_fields if key not in ("movable", "static")))
+"""The arguments of `Problem`, in order."""
+
+
+def checked_arguments(model: type[Entry], given: Mapping[str, Any]) -> Any:
+    """Return arguments as an entry; raises `InputError` that names the argument."""
+    return checked(model, {key: _bare(value) for key, value in given.items()}, placed=_argument)
+
+
+def _bare(value: Any) -> Any:
+    """Return arrays and numbers of NumPy as Python's, features as their labels, numbers too long to print in words."""
+    if isinstance(value, int) and value.bit_length() > MOST_BITS:
+        return "a whole number of too many digits"
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Feature):
+        return value.label
+    if isinstance(value, Mapping):
+        return {key: _bare(item) for key, item in value.items()}
+    return type(value)(map(_bare, value)) if type(value) in (list, tuple) else value
+
+
+def _argument(place: Sequence[Any], given: Mapping[str, Any]) -> str:
+    """Return the argument that a place is in: an item of a sequence has no name of its own."""
+    return ".".join(item for item in place if isinstance(item, str))
+
+
+# ----------------------------------------------------------------------------------------------------- cases of a file
+
+
+def _chosen(names: list[str] | None, keep_out: Mapping[str, KeepOut]) -> tuple[KeepOut, ...]:
+    """Return the keep-outs of these names, all for None."""
+    for k, name in enumerate(names or (), 1):
+        if name not in keep_out:
+            what = f"no such keep-out{closest(name, keep_out)}"
+            raise InputError(what, key=f"keep_out[{k}]", found=name, allowed=", ".join(keep_out) or "none is given")
+    return tuple(keep_out[name] for name in (keep_out if names is None else names))
+
+
+def _each(key: str, makers: Sequence[Any]) -> list[Any]:
+    """Return what the makers make; an error says which one it was."""
+    made = []
+    for k, maker in enumerate(makers, 1):
+        try:
+            made.append(maker())
+        except InputError as reason:
+            raise reason.within(key=f"{key}[{k}]") from reason
+    return made
+
+
+def _check_lengths(step: float, motion: Motion) -> None:
+    """Refuse one step for all parameters where some are angles, whose keys carry their unit."""
+    turning = [name for name, kind in motion.parameters if kind == "rotation"]
+    if turning:
+        allowed = f"a table with a step for each parameter that is rounded: {{ {turning[0]}_deg = 0.1 }}"
+        raise InputError("the unit of the angles is missing", key="resolution", found=step, allowed=allowed)
+
+
+def _by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
+    """Return values by parameter name, in radians; the keys of angles say their unit."""
+    angle = BY_PARAMETER[key]
+    meaning: dict[str, tuple[str, Any]] = {}
+    for name, kind in motion.parameters:
+        suffixes = {"": None} if kind == "translation" else {angle.degrees: angle.converted, angle.radians: None}
+        meaning.update({name + suffix: (name, convert) for suffix, convert in suffixes.items()})
+    found: dict[str, Any] = {}
+    for spelling, value in given.items():
+        if spelling not in meaning:
+            unit = any(name == spelling for name, _ in meaning.values())
+            what = "the unit of the angle is missing" if unit else f"no such parameter{closest(spelling, meaning)}"
+            raise InputError(what, key=f"{key}.{spelling}", found=spelling, allowed=", ".join(meaning))
+        name, convert = meaning[spelling]
+        if name in found:
+            raise InputError("given twice", key=f"{key}.{spelling}", found=spelling, allowed="one unit")
+        found[name] = convert(value) if convert else value
+    return found
+
+
+def _published_values(entries: list[PublishedEntry], steps: list[Step]) -> list[float]:
+    if len(entries) != len(steps):
+        raise InputError(
+            "not one table for each step of the motion", key="published", found=len(entries), allowed=f"{len(steps)}"
+        )
+    pairs = zip(entries, steps, strict=True)
+    values = _each("published", [lambda entry=entry, step=step: entry.values(step) for entry, step in pairs])
+    return [value for own in values for value in own]
+
+
+# ------------------------------------------------------------------------------------------------------------ files
+
+
+class ProblemFile(Entry):
+    """A whole problem file."""
+
+    model_config = ConfigDict(title="Problem file")
+
+    title: str = declared("", "title (text)", "Peg in a plate")
+    note: str = declared("", "what the reader should know (text)", "Lengths in mm.")
+    bodies: Annotated[
+        Annotated[str, Tag("<file>")] | Annotated[Bodies, Tag("<bodies>")],
+        Discriminator(lambda value: "<file>" if isinstance(value, str) else "<bodies>"),
+    ] = declared(
+        ..., '[bodies.movable] and [bodies.static], or the path of a file that has them: "other.toml"', "other.toml"
+    )
+    keep_out: list[KeepOutEntry] = declared(
+        [],
+        "[[keep_out]] tables: further static bodies that the movable one must keep clear of",
+        [{"file": "rib.stl", "unit": "mm"}],
+    )
+    defaults: Defaults = declared(Defaults(), "a table with any key of a case but its name", {"tolerance": 0.02})
+    case: list[Case] = declared([], "[[case]] tables", [{"name": "A", "requirement": "A"}])
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> ProblemFile:
+        """Return the checked contents of a file; raises `InputError` as `load_problems`."""
+        return read_entry(cls, path, "problem file", "[bodies.movable], [bodies.static] and [[case]]")
+
+    def problems(self, made_of: Callable[..., Made], file: Path | None = None) -> tuple[Made, ...]:
+        """Return what `Problem` makes of each case's arguments; `file` is where the contents come from."""
+        parts = self._parts(file)
+        made = []
+        for key, case in self.named_cases(file).items():
+            try:
+                made.append(made_of(**case.asked(parts, self.defaults)))
+            except InputError as reason:
+                raise self._placed(reason, case, key).within(file=file) from reason
+        return tuple(made)
+
+    def _placed(self, reason: InputError, case: Case, place: str) -> InputError:
+        """Return what is wrong in a case, placed where the key stands: in the case, or in the defaults."""
+        head = (reason.key or "").replace("[", ".").split(".")[0]
+        if head not in self.defaults.model_fields_set - case.model_fields_set:
+            return reason.within(key=place)
+        what = f"for {place}: {reason.what}"
+        return InputError(what, key=f"defaults.{reason.key}", found=reason.found, allowed=reason.allowed)
+
+    def named_cases(self, file: Path | None) -> dict[str, Case]:
+        """Return the cases by their places in the file; raises where there is none, or two have one name."""
+        if not self.case:
+            raise InputError("there is no case", file=file, key="case", allowed="one [[case]] table or more")
+        placed: dict[str, Case] = {}
+        names: dict[str, int] = {}
+        for k, case in enumerate(self.case, 1):
+            key = f"case[{k}] {case.name!r}"
+            if not case.name.isprintable():
+                allowed = "letters, digits and signs that can be printed"
+                raise InputError("a name with control characters", file=file, key=key, allowed=allowed)
+            if names.setdefault(case.name, k) != k:
+                raise InputError(
+                    f"the name is that of case[{names[case.name]}]",
+                    file=file,
+                    key=f"{key}.name",
+                    found=case.name,
+                    allowed="a name that no other case has",
+                )
+            placed[key] = case
+        return placed
+
+    def _parts(self, file: Path | None) -> Parts:
+        """Return the bodies; a mesh file's path starts where the entry stands that names it."""
+        bodies, home = self.both_bodies(file)
+        unit = self.common_unit(bodies, file)
+        try:
+            movable, static = bodies.both(home and home.parent)
+        except InputError as reason:
+            raise reason.within(file=home) from reason
+        folder = file and file.parent
+        try:
+            makers = [partial(entry.keep_out, f"keep-out {k}", folder) for k, entry in enumerate(self.keep_out, 1)]
+            others = keep_outs(_each("keep_out", makers))
+        except InputError as reason:
+            raise reason.within(file=file) from reason
+        return Parts(movable, static, {keep_out.name: keep_out for keep_out in others}, unit)
+
+    def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
+        """Return the entries of both bodies, and the file that they stand in."""
+        bodies, home = self.bodies, file
+        if isinstance(bodies, str):
+            if file is None:
+                raise InputError("there is no file to start from", key="bodies", found=bodies, allowed="both bodies")
+            home = file.parent / bodies
+            try:
+                bodies = ProblemFile.read(home).bodies
+            except InputError as reason:
+                raise InputError(f"its bodies cannot be taken: {reason}", file=file, key="bodies") from reason
+            if isinstance(bodies, str):
+                raise InputError(
+                    "that file has no bodies of its own",
+                    file=file,
+                    key="bodies",
+                    found=bodies,
+                    allowed="a file with [bodies.movable] and [bodies.static]",
+                )
+        return bodies, home
+
+    def common_unit(self, bodies: Bodies, file: Path | None) -> str:
+        """Return the unit that bodies name, "" where none does; refuse different ones."""
+        entries = {"bodies.movable": bodies.movable, "bodies.static": bodies.static}
+        entries |= {f"keep_out[{k}]": entry for k, entry in enumerate(self.keep_out, 1)}
+        return same_unit({place: entry.unit for place, entry in entries.items()}, file)
+
+
+def same_unit(given: Mapping[str, str | None], file: Path | None) -> str:
+    """Return the unit that bodies, by their places, name; "" where none does. Refuse different ones."""
+    units = {place: unit for place, unit in given.items() if unit is not None}
+    first = next(iter(units), "")
+    for place, unit in units.items():
+        if unit != units[first]:
+            raise InputError(
+                "the bodies come in different units",
+                file=file,
+                key=f"{place}.unit",
+                found=f"{place} in {unit}, {first} in {units[first]}",
+                allowed="one unit for all bodies; file_unit says what a mesh file is in",
+            )
+    return units.get(first, "")

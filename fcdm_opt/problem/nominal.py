@@ -1,0 +1,277 @@
+"""Which contact of the decision curve a nominal pair means, and what of it a goal tracks."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.decision_curve import DecisionCurve, drawn_curve
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.flush import Flush
+from fcdm_opt.curve.region import Piece
+from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
+from fcdm_opt.curve.tight import TightLine, choices, parallel, tight_lines
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.tolerances import DEFAULT
+
+TRACKING = ("beyond", "at", "seat")  # goals that follow the nominal contact
+
+
+class Snapped(NamedTuple):
+    """How a nominal pair was closed to the decision curve: the pair asked for, that on the curve, the gap closed."""
+
+    asked: Array
+    pair: Array
+    gap: float
+
+
+class NominalContact:
+    """The part of a `Problem` that speaks of the nominal contact; see there for its attributes.
+
+    Parameters
+    ----------
+    **values
+        The attributes below, and whatever is known besides.
+    """
+
+    movable: Body
+    static: Body
+    nominal: int | str | tuple[float, float]
+    box: Box
+    snap: float
+    goal: str | None
+    features: Any
+
+    def __init__(self, **values: Any) -> None:
+        self.__dict__.update(values)
+
+    @property
+    def size(self) -> float:
+        """Length that relative tolerances refer to: the larger box diagonal of the bodies as drawn."""
+        return max(self.movable.size, self.static.size)
+
+    @property
+    def contact_slack(self) -> float:
+        """Gap up to which a pair touches, length units.
+
+        Relative to the smaller body, but no less than rounding at the larger one allows.
+        """
+        smaller = min(self.movable.size, self.static.size)
+        return max(DEFAULT.touch * smaller, DEFAULT.tie * self.size)
+
+    @cached_property
+    def curve(self) -> DecisionCurve:
+        """Decision curve of the bodies as drawn, in the box; problems about the same bodies share it."""
+        return drawn_curve(self.movable, self.static, self.box)
+
+    @cached_property
+    def nominal_contact(self) -> Segment | SwitchingPoint | None:
+        """The switching point or segment that the nominal pair lies on, None where it lies on neither."""
+        return self._located if self._closed is None else self._closed[0]
+
+    @cached_property
+    def _located(self) -> Segment | SwitchingPoint | None:
+        """What the nominal pair lies on as asked for."""
+        if isinstance(self.nominal, int):
+            return self.curve.switching_points[self.nominal - 1]
+        return self.curve.locate(self._asked_pair, DEFAULT.nominal)
+
+    @cached_property
+    def _closed(self) -> tuple[Segment | SwitchingPoint, Snapped] | None:
+        """What a nominal pair slightly off the curve is closed to, None where it is left as it is.
+
+        A switching point within `snap` comes first; goal "beyond" speaks of nothing else.
+        """
+        if self.goal not in (None, *TRACKING) or isinstance(self.nominal, int):
+            return None
+        located = self._located
+        if isinstance(located, SwitchingPoint) or (isinstance(located, Segment) and self.goal != "beyond"):
+            return None
+        asked = np.array(self._asked_pair)
+        gap = float(self.curve.gap(asked))
+        if abs(gap) > self.snap * self.size:
+            return None
+        for point in self.curve.switching_points:
+            if self._within_snap(point.rho, asked):
+                return point, Snapped(asked, point.rho, gap)
+        nearest = self.curve.nearest(asked)
+        if located is not None or not self._within_snap(nearest, asked):
+            return None
+        contact = self.curve.locate(nearest, DEFAULT.nominal)
+        return None if contact is None else (contact, Snapped(asked, nearest, gap))
+
+    def _within_snap(self, pair: Array, asked: Array) -> bool:
+        """Tell whether neither scale differs from the one asked for by more than `snap`; never for nan."""
+        return bool(np.abs(pair / asked - 1.0).max() <= self.snap)
+
+    @property
+    def snapped(self) -> Snapped | None:
+        """How the nominal pair was closed to the curve, None where it was not."""
+        return None if self._closed is None else self._closed[1]
+
+    @cached_property
+    def nominal_pair(self) -> Array:
+        """Nominal scales, (2,): those of the switching point where it is one, and on the curve where closed to it."""
+        contact = self.nominal_contact
+        if isinstance(contact, SwitchingPoint):
+            return frozen(contact.rho)
+        return frozen(self._asked_pair if self.snapped is None else self.snapped.pair)
+
+    @cached_property
+    def nominal_seats(self) -> tuple[Flush, ...]:
+        """The flush contacts at the nominal pair, tracked or besides; none off the curve."""
+        return () if self.nominal_contact is None else self.curve.flush(self.nominal_pair)
+
+    @property
+    def nominal_features(self) -> tuple[Feature, ...]:
+        """The features of the nominal contact: two at a switching point, one inside a segment, none off the curve."""
+        contact = self.nominal_contact
+        if contact is None:
+            return ()
+        if self.features is not None:
+            return tuple(self.features)
+        return (contact.feature,) if isinstance(contact, Segment) else contact.features
+
+    @property
+    def tracked_features(self) -> tuple[Feature, ...]:
+        """The features that the goal follows: the nominal ones, for "seat" all flush contacts there besides."""
+        if self.goal not in TRACKING:
+            return ()
+        own = self.nominal_features
+        others = self.nominal_seats if self.goal == "seat" else ()
+        return (*own, *dict.fromkeys(seat.touching for seat in others if not {seat.feature, seat.touching} & set(own)))
+
+    @property
+    def _asked_pair(self) -> Any:
+        return (1.0, 1.0) if self.nominal == "drawn" else self.nominal
+
+    @cached_property
+    def _tight_lines(self) -> tuple[TightLine, ...]:
+        """The lines that meet at the nominal switching point; none elsewhere, and where the goal tracks nothing."""
+        contact = self.nominal_contact
+        return tight_lines(contact) if self.goal in TRACKING and isinstance(contact, SwitchingPoint) else ()
+
+    @property
+    def feature_pairs(self) -> tuple[tuple[str, str], ...]:
+        """Two features each, by label, that the nominal point may keep, where three or more lines meet in it.
+
+        See `fcdm_opt.curve.tight.choices`. Empty where two were named, or there is no choice.
+        """
+        contact = self.nominal_contact
+        if self.features is not None or self.goal not in TRACKING or not isinstance(contact, SwitchingPoint):
+            return ()
+        return tuple((one.label, two.label) for one, two in choices(contact))
+
+    @property
+    def tracked_lines(self) -> tuple[TightLine | Piece, ...]:
+        """What is tracked of the nominal contact: two lines at a switching point, one inside a segment."""
+        contact = self.nominal_contact
+        if self.goal not in TRACKING or contact is None:
+            return ()
+        if isinstance(contact, Segment):
+            return (contact.piece_at(self.nominal_pair),)
+        if self.features is None:
+            return contact.pieces
+        named = {line.feature: line for line in self._tight_lines}
+        return tuple(named[feature] for feature in self.features)
+
+    # ---------------------------------------------------------------------------------- what follows for the question
+
+    def check_number(self) -> None:
+        """Refuse the number of a switching point that is not there."""
+        if not isinstance(self.nominal, int) or self.nominal <= len(self.curve.switching_points):
+            return
+        points = self.curve.switching_points
+        listed = ", ".join(f"{k} at ({point.rho[0]:.6g}, {point.rho[1]:.6g})" for k, point in enumerate(points, 1))
+        raise InputError(
+            f"no such switching point in the box {self.box}",
+            key="nominal",
+            found=self.nominal,
+            allowed=f"one of {len(points)}: {listed}" if points else "a scale pair; the curve has no switching point",
+        )
+
+    def default_goal(self, required: bool) -> str:
+        """Return the goal where none is asked for; `required` tells whether there is a requirement."""
+        contact = self.nominal_contact
+        at_point = required and isinstance(contact, SwitchingPoint) and not contact.alone
+        normals = np.array([seat.normal for seat in self.nominal_seats]).reshape(-1, 3)
+        no_play = (normals @ normals.T <= DEFAULT.nominal - 1.0).any()  # held from two sides
+        if at_point and not no_play:
+            return "beyond"
+        return "seat" if self.nominal_seats else "touch"
+
+    def check_goal(self, target: Array, signs: Array) -> None:
+        """Refuse a goal that tracks this contact but cannot; `signs` of the target pair as `Problem.signs`."""
+        goal = self.goal
+        if self.nominal_contact is None:
+            asked = self.nominal_pair
+            nearest = self.curve.nearest(asked)
+            near = f"nearest to it is {nearest.tolist()}" if np.isfinite(nearest).all() else "the bodies have none near"
+            raise InputError(
+                f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
+                f"the gap there is {self.curve.gap(asked):.6g} (> 0 apart, < 0 overlapping), and one of "
+                f"{self.snap * self.size:.3g} (snap times the size) would be closed if no scale changed by more than "
+                f"{self.snap:.3g} (snap) of what was asked",
+                key="nominal",
+                found=asked.tolist(),
+                allowed='a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"',
+            )
+        if goal == "beyond" and not isinstance(self.nominal_contact, SwitchingPoint):
+            raise InputError(
+                "the nominal pair lies inside a segment, and a long segment reaches the quadrant beyond the target "
+                "pair with no motion at all, so the goal would say nothing",
+                key="goal",
+                found=goal,
+                allowed='"at" or "touch" there; "beyond" at a switching point',
+            )
+        if goal == "beyond" and not signs.all():
+            raise InputError(
+                'goal "beyond" needs a direction for both scales, but the target equals the nominal pair in one',
+                key="target",
+                found=target.tolist(),
+                allowed=f"both scales off {self.nominal_pair.tolist()}",
+            )
+        if goal == "seat" and not self.nominal_seats:
+            contact = self.nominal_contact
+            found = getattr(contact, "configurations", None) or (getattr(contact, "configuration", ""),)
+            raise InputError(
+                'goal "seat" keeps flush contacts flush, but the nominal contact shares no more than a point',
+                key="goal",
+                found=f'"seat" at a nominal contact {" and ".join(found)}',
+                allowed='a nominal contact F-F, F-E or E-E parallel; "at" or "touch" at this one',
+            )
+
+    def named(self, labels: tuple[str, str] | None) -> tuple[Feature, Feature] | None:
+        """Return the features that were named, which must touch at the nominal switching point."""
+        if labels is None:
+            return None
+        lines = {line.feature: line for line in self._tight_lines}
+        if not lines:
+            found = f'goal "{self.goal}"' if self.goal not in TRACKING else "a nominal pair off the switching points"
+            allowed = 'a switching point and goal "beyond", "at" or "seat"'
+            raise InputError("there are no two features to choose from", key="features", found=found, allowed=allowed)
+        chosen = []
+        for k, label in enumerate(labels, 1):
+            try:
+                feature = Feature.from_label(label)
+            except InputError as reason:
+                raise reason.within(key=f"features[{k}]") from reason
+            if feature not in lines:
+                listed = "; ".join(str(name) for name in lines)
+                raise InputError(
+                    "no such feature touches at the nominal point", key=f"features[{k}]", found=label, allowed=listed
+                )
+            chosen.append(lines[feature])
+        if parallel(chosen[0].line, chosen[1].line):
+            others = "; ".join(str(name) for name in lines)
+            raise InputError(
+                "the lines of these two features are parallel: they fix no point",
+                key="features",
+                found=" and ".join(labels),
+                allowed=f"two of different direction: {others}",
+            )
+        return chosen[0].feature, chosen[1].feature
