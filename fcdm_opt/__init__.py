@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Certificate, Solution, Status
     from fcdm_opt.solver import solve
-
-    __version__: str
+    from fcdm_opt.version import __version__
 
 __all__ = [
     "AssemblyYield",
@@ -100,65 +99,61 @@ _HOME = {
     "AssemblyYield": "design.compensation.assembly_yield",
     "BestPose": "design.fixed_pose.best_pose",
     "Body": "geometry.bodies",
-    "Certificate": "tolerance.solution",
+    "Certificate": "problem.solution",
     "Clearances": "design.fixed_pose.clearances",
-    "CoherentRange": "tolerance.ranges.coherent_range",
+    "CoherentRange": "along.coherent_range",
     "CompensationMap": "design.compensation.compensation_map",
-    "ContactTimes": "tolerance.ranges.contact_times",
+    "ContactTimes": "along.contact_times",
     "DecisionCurve": "curve.decision_curve",
     "DecisionCurves": "curve.batch",
     "FcdmError": "errors",
     "Feature": "curve.features",
-    "Free": "motion",
+    "Free": "motion.motions",
     "InputError": "errors",
-    "KeepOut": "tolerance.keep_out",
+    "KeepOut": "problem.keep_out",
     "Measured": "design.distributions",
-    "Motion": "motion",
+    "Motion": "motion.motions",
     "Normal": "design.distributions",
-    "OwnMotion": "own_motion",
-    "Problem": "tolerance.problem",
-    "Rotation": "motion",
-    "Screw": "motion",
+    "OwnMotion": "motion.own_motion",
+    "Problem": "problem.problem",
+    "Rotation": "motion.motions",
+    "Screw": "motion.motions",
     "Segment": "curve.segments",
-    "Solution": "tolerance.solution",
-    "Status": "tolerance.solution",
+    "Solution": "problem.solution",
+    "Status": "problem.solution",
     "Study": "design.study.study",
     "StudyResult": "design.study.results",
     "SwitchingPoint": "curve.segments",
-    "Translation": "motion",
+    "Translation": "motion.motions",
     "Uniform": "design.distributions",
     "UnsolvedError": "errors",
     "WhatIf": "design.whatif.whatif",
+    "__version__": "version",
     "as_body": "geometry.conversion",
     "assembly_yield": "design.compensation.assembly_yield",
     "best_pose": "design.fixed_pose.best_pose",
     "budget": "design.whatif.budget",
     "clearances": "design.fixed_pose.clearances",
-    "coherent_range": "tolerance.ranges.coherent_range",
+    "coherent_range": "along.coherent_range",
     "compare": "design.whatif.compare",
     "compensation_map": "design.compensation.compensation_map",
     "conflicts": "design.whatif.conflicts",
-    "contact_times": "tolerance.ranges.contact_times",
+    "contact_times": "along.contact_times",
     "decision_curve": "curve.decision_curve",
     "decision_curves": "curve.batch",
     "drop": "design.whatif.drop",
-    "load_problems": "tolerance.files",
+    "load_problems": "problem.files",
     "run_study": "design.study.running",
-    "solve": "tolerance.solver",
-    "verify": "tolerance.certificate",
+    "solve": "solver",
+    "verify": "judge.certificate",
     "whatif": "design.whatif.whatif",
 }
 
 
 def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
-
-        value: Any = version("fcdm_opt")
-    elif name in _HOME:
-        value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    else:
+    if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
     globals()[name] = value
     return value
 

@@ -641,7 +641,7 @@ def test_the_version_of_the_package_is_in_the_keys(tmp_path: Path, monkeypatch: 
     (tmp_path / "base.toml").write_text(BASE, encoding="utf-8")
     one = Study(tmp_path / "base.toml", **ARGUMENTS)
     before = one.key, keys(one)
-    monkeypatch.setattr(fo, "__version__", "0.0.0")
+    monkeypatch.setattr("fcdm_opt.design.study.study.__version__", "0.0.0")
     two = Study(tmp_path / "base.toml", **ARGUMENTS)
     assert two.key != before[0]
     assert not set(keys(two)) & set(before[1])

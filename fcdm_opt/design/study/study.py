@@ -11,7 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import fcdm_opt
 from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import Question, canonical, digest, located, plain_value
 from fcdm_opt.design.study.checking import check_arguments, check_draws, check_keys, check_values
@@ -23,11 +22,12 @@ from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.files import read_entry
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import closest
+from fcdm_opt.version import __version__
 
 _REFERENCES = ("published", "published_text")  # of a case: never used in solving, and of one motion only
 
 
-class Point(NamedTuple):
+class StudyPoint(NamedTuple):
     """One point of a study.
 
     Attributes
@@ -219,7 +219,7 @@ class Study:
     @cached_property
     def version(self) -> str:
         """Version of the package, a part of all keys."""
-        return str(fcdm_opt.__version__)
+        return __version__
 
     @cached_property
     def key(self) -> str:
@@ -291,11 +291,11 @@ class Study:
 
     # ----------------------------------------------------------------------------------------------------- points
 
-    def points(self) -> Iterator[Point]:
+    def points(self) -> Iterator[StudyPoint]:
         """Return all points in order; each is made when it is asked for."""
         return map(self.point, range(len(self)))
 
-    def point(self, number: int) -> Point:
+    def point(self, number: int) -> StudyPoint:
         """Return one point."""
         base, chosen = self._chosen(number)
         values = {
@@ -310,11 +310,11 @@ class Study:
             scene = question.scene.key
         except InputError as reason:
             told = canonical({"version": self.version, "study": self.key, "values": values})
-            return Point(number, digest(told), values, None, str(reason))
+            return StudyPoint(number, digest(told), values, None, str(reason))
         certify = "true" if self.certify else "false"
         how = f'"certify":{certify},"effort":"{self.effort}"'
         told = f'{{"case":{case},{how},"scene":"{scene}","version":"{self.version}"}}'
-        return Point(number, digest(told), values, question)
+        return StudyPoint(number, digest(told), values, question)
 
     def _chosen(self, number: int) -> tuple[Question, dict[Variable, int]]:
         """Return the case of a point, and which value each variable takes there."""
