@@ -15,7 +15,6 @@ from distributed import Client, KilledWorker, LocalCluster, get_worker, rpc
 from joblib import cpu_count
 from joblib._dask import DaskDistributedBackend
 
-from fcdm_opt.design.study.engines import ADDRESS
 from fcdm_opt.design.study.point import Asked, Row
 from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.errors import InputError
@@ -23,6 +22,8 @@ from fcdm_opt.version import __version__
 
 CONNECT, PATIENCE = 5.0, 60.0
 """Seconds: for a scheduler to be reached; for workers to join where there is none."""
+
+ADDRESS = "the address of a running Dask scheduler, such as tcp://host:8786"
 
 LOGGERS = ("distributed", "tornado")
 """Whose log lines (a worker lost, a connection closed) say on the terminal what the rows say already."""

@@ -13,7 +13,6 @@ from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.errors import InputError
 
 ENGINES = ("joblib", "dask")
-ADDRESS = "the address of a running Dask scheduler, such as tcp://host:8786"
 
 Answers = Callable[[Iterable[Asked]], Generator[Row]]
 
@@ -27,7 +26,7 @@ def check_engine(engine: str, jobs: int | None, scheduler: str | None) -> None:
     if scheduler is not None and engine != "dask":
         raise InputError("only Dask has a scheduler", key="scheduler", found=scheduler, allowed='engine = "dask"')
     if scheduler is not None and not (isinstance(scheduler, str) and scheduler.strip()):
-        raise InputError("not an address", key="scheduler", found=scheduler, allowed=ADDRESS)
+        raise InputError("not an address", key="scheduler", found=scheduler, allowed='"tcp://host:8786"')
     if scheduler is not None and jobs is not None:
         raise InputError("the workers are those of the scheduler", key="jobs", found=jobs, allowed="no number")
     if engine == "dask":

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 
 from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import Question, canonical, digest, located, plain_value
-from fcdm_opt.design.study.checking import check_arguments, check_draws, check_keys, check_values
+from fcdm_opt.design.study.checking import check_draws, check_keys, check_values
 from fcdm_opt.design.study.derivation import Derivation
-from fcdm_opt.design.study.sampling import draws
+from fcdm_opt.design.study.sampling import MOST, draws
+from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import PARAMETERS, Variable, variable_of
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.arguments import items
-from fcdm_opt.problem.files import read_entry
+from fcdm_opt.problem.files import checked, read_entry
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import closest
 from fcdm_opt.version import __version__
@@ -113,10 +114,31 @@ class Study:
     folder: Any = None
 
     def __post_init__(self) -> None:
-        check_arguments(self)
-        check_keys(self)
-        check_draws(self)
-        check_values(self)
+        self._check_arguments()
+        derived = self.derive or {}
+        check_keys(self.variables, derived)
+        check_draws(self.variables, self.count, len(self))
+        for base in self.questions:
+            check_values(self.variables, derived, self.question_at, base)
+
+    def _check_arguments(self) -> None:
+        """Refuse arguments of the wrong kind, in the words of a study file; keep plain values."""
+        given = {key: plain_value(getattr(self, key)) for key in StudyArguments.model_fields}
+        plain = dict(checked(StudyArguments, given))
+        if self.budget is not None:
+            plain |= dict(checked(YieldEntry, {"budget": plain_value(self.budget)}))
+        for key, value in plain.items():
+            object.__setattr__(self, key, value)
+        if self.count is not None and self.count > MOST:
+            raise InputError("too many draws", key="count", found=self.count, allowed=f"at most {MOST}")
+        if self.certify and self.effort == "quick":
+            raise InputError(
+                "a quick search proves nothing", key="effort", found="quick", allowed="proved, with certify"
+            )
+        for key in ("parameters", "derive"):
+            table = getattr(self, key)
+            if table is not None and not (isinstance(table, Mapping) and all(isinstance(name, str) for name in table)):
+                raise InputError("expected a table", key=key, found=table, allowed="names or keys with their values")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Study:
@@ -127,8 +149,6 @@ class Study:
         InputError
             Names the file, the key, what was found and what is allowed.
         """
-        from fcdm_opt.design.study.schema import StudyFile
-
         path = Path(path)
         file: Any = read_entry(StudyFile, path, "study file", "problem and [[vary]]")
         budget = getattr(file, "yield")
