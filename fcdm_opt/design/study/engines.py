@@ -65,7 +65,7 @@ def workers(
     callable
         Gives the rows of points, in any order. Points are taken as workers become free, in any thread.
     """
-    from joblib import Parallel, cpu_count, delayed, parallel_config
+    from joblib import Parallel, cpu_count, delayed
 
     with ExitStack() as stack:
         answer: Work
@@ -83,8 +83,8 @@ def workers(
         def answers(asked: Iterable[Asked]) -> Generator[Row]:
             # joblib says so where not all rows are taken, as after an error
             warnings.filterwarnings("ignore", message=".* adjusting the input task iterator")
-            with parallel_config(backend, n_jobs=jobs or -1):
-                rows = Parallel(return_as="generator_unordered")(delayed(answer)(point) for point in asked)
+            parallel = Parallel(jobs, backend=backend, return_as="generator_unordered")
+            rows: Generator[Row] = parallel(delayed(answer)(point) for point in asked)
             return rows
 
         yield answers
