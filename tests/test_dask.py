@@ -31,7 +31,7 @@ PROBLEMS = Path(__file__).parent.parent / "problems"
 
 
 @contextmanager
-def made(workers: int, *, processes: bool) -> Iterator[Any]:
+def made(workers: int, *, processes: bool, **options: Any) -> Iterator[Any]:
     """A cluster that is not ours: of processes, or light, within this one, for what needs no processes."""
     from distributed import LocalCluster
 
@@ -43,6 +43,7 @@ def made(workers: int, *, processes: bool) -> Iterator[Any]:
             processes=processes,
             dashboard_address="127.0.0.1:0",
             protocol="tcp://",
+            **options,
         ) as cluster,
     ):
         yield cluster
@@ -140,7 +141,11 @@ def test_a_worker_of_dask_that_is_killed_is_replaced(cluster: Any) -> None:
 def test_a_study_that_kills_workers_of_dask_again_and_again_ends(study: Study, tmp_path: Path, run_with: Any) -> None:
     keys = [point.key for point in study.points()]
     work = partial(killing_the_worker, frozenset(keys[3:4]))
-    with made(2, processes=True) as cluster, pytest.raises(InputError, match=r"workers were lost with the same points"):
+    impatient = {"scheduler_kwargs": {"allowed_failures": 0}}
+    with (
+        made(2, processes=True, **impatient) as cluster,
+        pytest.raises(InputError, match="lost again and again with the same points"),
+    ):
         run_with(work, study, tmp_path, scheduler=cluster.scheduler_address)
 
 
@@ -175,7 +180,7 @@ def test_an_interrupted_run_leaves_no_process(capfd: pytest.CaptureFixture[str])
 def test_an_unexpected_error_is_told_as_it_is(cluster: Any) -> None:
     with (
         workers("dask", None, cluster.scheduler_address, limit=None, work=fragile) as answers,
-        pytest.raises(ZeroDivisionError, match="at 0"),
+        pytest.raises(ZeroDivisionError, match=r"at \d"),
     ):
         list(answers(points(3, "wrong")))
 

@@ -71,7 +71,7 @@ def joined(scheduler: str | None, jobs: int | None) -> Iterator[DaskDistributedB
             what = "the scheduler went away or dropped the work; what is finished is stored: run again to go on"
             raise InputError(what, key="scheduler", found=address) from reason
         except KilledWorker as reason:
-            what = f"{reason.allowed_failures + 1} workers were lost with the same points, perhaps for want of memory"
+            what = "workers were lost again and again with the same points, perhaps for want of memory"
             raise InputError(f"{what}; what is finished is stored", key="scheduler", found=address) from reason
 
 
