@@ -16,7 +16,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.design.places import look_up, overlap, parse, put, written
 from fcdm_opt.design.question import Question
-from fcdm_opt.design.study.expressions import LONGEST, Expression
+from fcdm_opt.design.study.expressions import LONGEST, Formula
 from fcdm_opt.design.study.sampling import grid, shares
 from fcdm_opt.design.study.study import Study
 from fcdm_opt.errors import InputError
@@ -426,7 +426,7 @@ def test_a_tapered_peg_follows_from_its_draft_angle(study: Callable[..., Study])
     ],
 )
 def test_expressions_have_the_values_of_arithmetic(text: str, value: float) -> None:
-    assert Expression.of(text)({"x": 3.0}) == pytest.approx(value, rel=1e-14)
+    assert Formula.of(text)({"x": 3.0}) == pytest.approx(value, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -479,7 +479,7 @@ def test_expressions_have_the_values_of_arithmetic(text: str, value: float) -> N
 )
 def test_anything_but_arithmetic_is_refused(text: str) -> None:
     try:
-        expression = Expression.of(text)
+        expression = Formula.of(text)
     except InputError:
         return
     assert text.startswith("-")  # deep, but arithmetic all the same
@@ -491,7 +491,7 @@ def test_anything_but_arithmetic_is_refused(text: str) -> None:
 )
 def test_an_expression_without_a_value_says_so(text: str) -> None:
     with pytest.raises(InputError, match=r"no (finite )?value"):
-        Expression.of(text)({"x": 3.0})
+        Formula.of(text)({"x": 3.0})
 
 
 def test_only_the_points_that_make_no_question_are_bad_input(study: Callable[..., Study]) -> None:

@@ -9,7 +9,7 @@ from keyword import iskeyword
 from typing import Any
 
 from fcdm_opt.design.places import Place, written
-from fcdm_opt.design.study.expressions import CONSTANTS, FUNCTIONS, Expression
+from fcdm_opt.design.study.expressions import CONSTANTS, FUNCTIONS, Formula
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.arguments import LARGEST, is_real
 from fcdm_opt.problem.schema import closest
@@ -23,14 +23,14 @@ class Derivation:
     ----------
     numbers : mapping
         The parameters that are numbers; a point may have others.
-    steps : tuple of (name, Expression)
+    steps : tuple of (name, Formula)
         The parameters that are expressions, in an order in which each can be worked out.
     values : mapping of place to tree
-        What is derived: lists and tables, with an `Expression` for each text.
+        What is derived: lists and tables, with an `Formula` for each text.
     """
 
     numbers: Mapping[str, float]
-    steps: tuple[tuple[str, Expression], ...]
+    steps: tuple[tuple[str, Formula], ...]
     values: Mapping[str, Any]
 
     @classmethod
@@ -46,7 +46,7 @@ class Derivation:
             Names of the parameters that points have values for.
         """
         numbers: dict[str, float] = {}
-        formulas: dict[str, Expression] = {}
+        formulas: dict[str, Formula] = {}
         for name, value in parameters.items():
             key = f"parameters.{name}"
             _check_name(name, key)
@@ -92,7 +92,7 @@ class Derivation:
         known = {**self.numbers, **given}
 
         def worked_out(leaf: Any, place: Place) -> Any:
-            if not isinstance(leaf, Expression):
+            if not isinstance(leaf, Formula):
                 return leaf
             try:
                 return leaf(known)
@@ -111,9 +111,9 @@ def _check_name(name: str, key: str) -> None:
         raise InputError("this name has a meaning in expressions", key=key, found=name, allowed="another name")
 
 
-def _expression(text: str, key: str) -> Expression:
+def _expression(text: str, key: str) -> Formula:
     try:
-        return Expression.of(text)
+        return Formula.of(text)
     except InputError as reason:
         raise reason.within(key=key) from reason
 
