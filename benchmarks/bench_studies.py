@@ -37,7 +37,6 @@ LOW, HIGH = 0.001, 0.02  # tolerances
 
 def run(name: str, points: int, jobs: int, seed: int) -> dict[str, Any]:
     """Run one study into a folder of its own, and return what it took; in a process of its own, see `apart`."""
-    from fcdm_opt.design.study.engines import LocalEngine
     from fcdm_opt.design.study.running import run_study
     from fcdm_opt.design.study.study import Study
 
@@ -46,7 +45,7 @@ def run(name: str, points: int, jobs: int, seed: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         start = perf_counter()
         study = Study(PROBLEMS / f"{name}.toml", {"tolerance": draws}, cases=cases)
-        run_study(study, folder, engine=LocalEngine(jobs))
+        run_study(study, folder, jobs=jobs)
         wall = perf_counter() - start
         with sqlite3.connect(Path(folder) / "study.sqlite") as base:
             rows = [json.loads(text) for (text,) in base.execute("SELECT row FROM results")]

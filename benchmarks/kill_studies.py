@@ -21,8 +21,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -36,26 +35,23 @@ PATIENCE = 10.0  # seconds after which a worker without a parent counts as left 
 
 def run(folder: Path, points: int, jobs: int) -> None:
     """Run the study, and keep a list of the points that were asked for."""
-    from fcdm_opt.design.study.engines import LocalEngine
-    from fcdm_opt.design.study.point import Outcome, Payload
-    from fcdm_opt.design.study.running import run_study
+    from fcdm_opt.design.study import running
+    from fcdm_opt.design.study.point import Asked
     from fcdm_opt.design.study.study import Study
 
-    class Noted(LocalEngine):
-        def run(self, chunks: Iterable[Payload]) -> Iterator[Outcome]:
-            def noted() -> Iterator[Payload]:
-                for payload in chunks:
-                    with (folder / ASKED).open("a") as file:
-                        file.write("".join(f"{key}\n" for key, *_ in payload["points"]))
-                    yield payload
-
-            return super().run(noted())
+    class Noted(running.StudyRun):
+        def asked(self) -> Iterator[Asked]:
+            for point in super().asked():
+                with (folder / ASKED).open("a") as file:
+                    file.write(f"{point[0]}\n")
+                yield point
 
     each = points // 4
     draws = [0.001 + 0.02 * k / each for k in range(each - 3)]
     values = {"tolerance": [*draws, 0.02, 0.02, 1.5], "goal": ["beyond", "touch"]}  # two alike, and one that is no size
     study = Study(PROBLEMS / "example1.toml", values, cases=["B", "D"])
-    run_study(study, folder, engine=Noted(jobs))
+    running.StudyRun = Noted  # type: ignore[misc]
+    running.run_study(study, folder, jobs=jobs)
 
 
 def rows(folder: Path) -> dict[str, dict[str, Any]]:

@@ -51,4 +51,4 @@ from fcdm_opt.problem.solution import Solution as Solution
 from fcdm_opt.problem.solution import Status as Status
 from fcdm_opt.solver import solve as solve
 
-__version__: str
+from fcdm_opt.version import __version__ as __version__

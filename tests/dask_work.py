@@ -4,38 +4,31 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from pathlib import Path
-from typing import Any
 
-from fcdm_opt.design.study.point import evaluate
+from fcdm_opt.design.study.point import Asked, Row, evaluate
 
 
-def dying_once(flag: str, payload: dict[str, Any]) -> list[dict[str, Any]]:
-    """Evaluate points; the first process to come here kills itself once it has, before anybody knows."""
-    rows = evaluate(payload)
+def dying_once(flag: str, asked: Asked) -> Row:
+    """Evaluate a point; the first process to come here kills itself once it has, before anybody knows."""
+    row = evaluate(asked)
     try:
         Path(flag).unlink()
     except FileNotFoundError:
-        return rows
+        return row
     os.kill(os.getpid(), signal.SIGKILL)
     raise AssertionError("unreachable")
 
 
-def dying_at(fatal: frozenset[str], payload: dict[str, Any]) -> list[dict[str, Any]]:
-    """Evaluate points; those of some keys always kill the process."""
-    if fatal.intersection(key for key, *_ in payload["points"]):
+def dying_at(fatal: frozenset[str], asked: Asked) -> Row:
+    """Evaluate a point; those of some keys always kill the process."""
+    if asked[0] in fatal:
         os.kill(os.getpid(), signal.SIGKILL)
-    return evaluate(payload)
+    return evaluate(asked)
 
 
-def napping(payload: dict[str, Any]) -> list[dict[str, Any]]:
-    """Take some time, and tell who did; what it prints must not reach the terminal."""
-    time.sleep(0.03)
-    print("printed by a worker", flush=True)
-    return [{"key": key, "pid": os.getpid()} for key, *_ in payload["points"]]
-
-
-def failing(payload: dict[str, Any]) -> list[dict[str, Any]]:
-    """Raise what `evaluate` never would."""
-    raise ZeroDivisionError(f"in {len(payload['points'])} points")
+def killing_the_worker(fatal: frozenset[str], asked: Asked) -> Row:
+    """Answer a point; those of some keys always kill the process of Dask's own, too."""
+    if asked[0] in fatal:
+        os.kill(os.getppid(), signal.SIGKILL)
+    return evaluate(asked)

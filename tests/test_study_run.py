@@ -13,26 +13,26 @@ import textwrap
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pytest
-from fragile import fragile, nothing
+from fragile import children, fragile, nothing
 
 import fcdm_opt as fo
 from fcdm_opt.design.question import Question
-from fcdm_opt.design.study import plan as plans
 from fcdm_opt.design.study import progress
-from fcdm_opt.design.study.engines import LocalEngine, OwnProcess
-from fcdm_opt.design.study.plan import Plan
-from fcdm_opt.design.study.point import Outcome, Payload, evaluate, row
+from fcdm_opt.design.study.engines import check_engine, workers
+from fcdm_opt.design.study.point import Asked, Row, evaluate, row
+from fcdm_opt.design.study.processes import Processes
 from fcdm_opt.design.study.results import StudyResult
-from fcdm_opt.design.study.running import chosen, run_study
+from fcdm_opt.design.study.running import run_study
 from fcdm_opt.design.study.store import FILE, LOCK, Belonging, Met, Store
 from fcdm_opt.design.study.study import Study
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import FcdmError, InputError
 
 EXAMPLE = Path(__file__).parent.parent / "problems" / "example1.toml"
 OWNER = Belonging("key", "1.0", {"title": "Pegs"})
@@ -59,20 +59,26 @@ def timeless(found: dict[int, dict[str, Any]]) -> dict[int, dict[str, Any]]:
     return {number: {name: x for name, x in own.items() if name != "seconds"} for number, own in found.items()}
 
 
-class Watched(OwnProcess):
-    """Notes what it is asked, and stops, as by Ctrl-C, when it was asked for so many points."""
+@pytest.fixture
+def watched(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return a run in this process that notes what it asks for, and stops, as by Ctrl-C, after so many points."""
 
-    def __init__(self, *, most: float = np.inf) -> None:
-        super().__init__()
-        self.asked: list[str] = []
-        self._most = most
+    def run(asked: Study, folder: Path, most: float = np.inf) -> tuple[list[str], StudyResult | None]:
+        keys: list[str] = []
 
-    def run(self, chunks: Iterable[Payload]) -> Iterator[Outcome]:
-        for payload in chunks:
-            self.asked += [key for key, *_ in payload["points"]]
-            if len(self.asked) > self._most:
+        def noted(point: Asked) -> Row:
+            keys.append(point[0])
+            if len(keys) > most:
                 raise KeyboardInterrupt
-            yield payload, evaluate(payload)
+            return evaluate(point)
+
+        monkeypatch.setattr("fcdm_opt.design.study.running.workers", partial(workers, work=noted))
+        try:
+            return keys, run_study(asked, folder, jobs=1)
+        except KeyboardInterrupt:
+            return keys, None
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -120,9 +126,8 @@ def test_rows_are_the_same_with_two_processes_and_with_one(whole: Path, tmp_path
 
 
 def test_a_point_is_answered_alike_whatever_was_asked_before() -> None:
-    points = list(study().points())
-    forward, backward = (_payload(order) for order in (points, points[::-1]))
-    one, other = evaluate(forward), evaluate(backward)[::-1]
+    points = [_asked(point) for point in study().points()]
+    one, other = list(map(evaluate, points)), list(map(evaluate, points[::-1]))[::-1]
     assert [{**own, "seconds": 0} for own in one] == [{**own, "seconds": 0} for own in other]
 
 
@@ -131,49 +136,42 @@ def test_an_unexpected_error_is_a_row_with_its_text(monkeypatch: pytest.MonkeyPa
         raise ZeroDivisionError("by\n nothing")
 
     monkeypatch.setattr(Question, "problem", failing)
-    point = next(iter(study().points()))
-    payload = _payload([point])
-    payload["scenes"] = {point.question.scene.key: point.question.scene.text + " "}  # not the one solved last
-    (own,) = evaluate(payload)
+    own = evaluate(_asked(next(iter(study().points()))))
     assert (own["status"], own["message"], own["usable"]) == ("ERROR", "ZeroDivisionError: by nothing", False)
 
 
-def _payload(points: list[Any], time_limit: float | None = None) -> Payload:
-    scenes = {point.question.scene.key: point.question.scene.text for point in points}
-    asked = [[point.key, point.question.scene.key, point.question.case] for point in points]
-    return {"certify": False, "effort": "proved", "time_limit": time_limit, "scenes": scenes, "points": asked}
+def _asked(point: Any) -> Asked:
+    return point.key, point.question.scene.text, point.question.case, False, "proved"
 
 
 # ------------------------------------------------------------------------------------------------- stopped and resumed
 
 
-def test_what_an_interrupted_run_stored_is_not_done_again(whole: Path, tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt):
-        run_study(study(), tmp_path, engine=Watched(most=9))
+def test_what_an_interrupted_run_stored_is_not_done_again(whole: Path, tmp_path: Path, watched: Any) -> None:
+    asked, result = watched(study(), tmp_path, most=9)
+    assert result is None
     stored = {own["key"]: own for own in rows(tmp_path).values() if own}
-    assert 0 < len(stored) <= 9
-    again = Watched()
-    run_study(study(), tmp_path, engine=again)
+    assert 0 < len(stored) <= len(asked) == 10
+    again, _ = watched(study(), tmp_path)
     keys = {point.key for point in study().points()}
-    assert sorted(again.asked) == sorted(keys - stored.keys())  # equal points once, those with a row never
+    assert sorted(again) == sorted(keys - stored.keys())  # equal points once, those with a row never
     found = rows(tmp_path)
     assert timeless(found) == timeless(rows(whole))
     assert all(own == stored.get(own["key"], own) for own in found.values())  # times too
-    idle = Watched()
-    run_study(study(), tmp_path, engine=idle)
-    assert idle.asked == []
+    idle, _ = watched(study(), tmp_path)
+    assert idle == []
     assert rows(tmp_path) == found
 
 
 CHILD = """
-    from fcdm_opt.design.study.running import chosen, run_study
+    from fcdm_opt.design.study.running import run_study
     from fcdm_opt.design.study.study import Study
     values = [0.001 + 1e-5 * k for k in range(5000)]
     run_study(Study({problem!r}, {{"tolerance": values}}, cases=["B"]), {out!r}, jobs=2)
 """
 
 
-def test_a_killed_run_leaves_a_good_store_no_worker_and_no_lock(tmp_path: Path) -> None:
+def test_a_killed_run_leaves_a_good_store_no_worker_and_no_lock(tmp_path: Path, watched: Any) -> None:
     code = textwrap.dedent(CHILD.format(problem=str(EXAMPLE), out=str(tmp_path)))
     run = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL, start_new_session=True)
     try:
@@ -189,12 +187,10 @@ def test_a_killed_run_leaves_a_good_store_no_worker_and_no_lock(tmp_path: Path) 
     assert 20 <= count < 5000
     values = [0.001 + 1e-5 * k for k in range(5000)]
     same = Study(EXAMPLE, {"tolerance": values}, cases=["B"])
-    again = Watched(most=0)
-    with pytest.raises(KeyboardInterrupt):  # the lock went with the process
-        run_study(same, tmp_path, engine=again)
+    again, _ = watched(same, tmp_path, most=0)  # the lock went with the process
     stored = {own["key"] for own in rows(tmp_path).values() if own}
     assert len(stored) == count
-    assert not stored & set(again.asked)
+    assert not stored & set(again)
 
 
 def _count(folder: Path) -> int:
@@ -230,61 +226,74 @@ def _wait(condition: Any, seconds: float = 60.0) -> None:
 # -------------------------------------------------------------------------------------------------------- lost workers
 
 
+NAMES = ["", "", "segfault", "", "once", "exit", "", "endless", *[""] * 12]
+
+
+def fragiles(names: list[str], mark: Path) -> list[Asked]:
+    return [(f"{k}", "scene", {"name": name, "file": str(mark)}, False, "proved") for k, name in enumerate(names)]
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
 def test_a_lost_worker_costs_the_one_point_that_loses_it_twice(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], jobs: int
 ) -> None:
-    names = ["", "", "segfault", "", "once", "exit", "", "endless", *[""] * 12]
-    asked = [[f"{k}", "scene", {"name": name, "file": str(tmp_path / "mark")}] for k, name in enumerate(names)]
-    common = {"certify": False, "effort": "proved", "time_limit": 0.3, "scenes": {}}
-    store = Store(tmp_path / "out", OWNER)
-    with store, LocalEngine(2, work=fragile, load=nothing) as engine:
-        plan = Plan(_Listed(asked), store, lambda: 2)
-        plan._waiting = {key: 1 for key, *_ in asked}
-        for last, chunks in (
-            (False, ({**common, "points": asked[k : k + 4]} for k in range(0, len(asked), 4))),
-            (True, plan.lost()),
-        ):
-            for payload, found in engine.run(chunks):
-                plan.answered(payload, found, last=last)
-    base = sqlite3.connect(tmp_path / "out" / FILE)
-    statuses = dict(base.execute("SELECT key, status FROM results").fetchall())
-    base.close()
-    lost = {key for key, status in statuses.items() if status == "WORKER_LOST"}
-    assert len(statuses) == len(asked)
-    assert lost == {"2", "5", "7"}
-    assert set(statuses.values()) == {"WORKER_LOST", "SOLVED"}
-    assert plan.made == len(asked)
-    assert "noise" not in capfd.readouterr().err
+    with workers("joblib", jobs, None, limit=1.0, work=fragile, loaded=nothing) as answers:
+        found = {own["key"]: own for own in answers(fragiles(NAMES, tmp_path / "mark"))}
+    assert len(found) == len(NAMES)
+    assert {key for key, own in found.items() if own["status"] == "WORKER_LOST"} == {"2", "5", "7"}
+    assert {own["status"] for own in found.values()} == {"WORKER_LOST", "SOLVED"}
+    assert "twice: a crash, or no memory left, or more than 1 s" in found["7"]["message"]
+    assert capfd.readouterr() == ("", "")  # what libraries print leads nowhere
 
 
-def test_no_more_processes_are_started_than_there_are_chunks() -> None:
-    point = ["key", "scene", {}]
-    with LocalEngine(9, work=fragile, load=nothing) as engine:
-        found = list(engine.run({"time_limit": None, "points": [point]} for _ in range(2)))
-        assert len(engine._pool) == 2
-        found += engine.run(iter(()))
-    assert [[own["key"] for own in rows] for _, rows in found] == [["key"], ["key"]]
+def test_no_more_processes_are_started_than_there_are_points(tmp_path: Path) -> None:
+    with workers("joblib", 9, None, limit=None, work=fragile, loaded=nothing) as answers:
+        found = list(answers(fragiles(["", ""], tmp_path)))
+        assert list(answers([])) == []
+    assert sorted(own["key"] for own in found) == ["0", "1"]
+    assert all(own["process"] != os.getpid() for own in found)
 
 
-class _Listed:
-    """A study of points that are no questions."""
+def test_points_are_taken_as_workers_become_free(tmp_path: Path) -> None:
+    taken = 0
 
-    certify, effort, time_limit = False, "proved", None
+    def source() -> Iterator[Asked]:
+        nonlocal taken
+        for point in fragiles(["nap"] * 60, tmp_path):
+            taken += 1
+            yield point
 
-    def __init__(self, points: list[Any]) -> None:
-        self._points = points
-
-    def __len__(self) -> int:
-        return len(self._points)
-
-    def points(self) -> Iterator[Any]:
-        return iter(self._points)
+    with workers("joblib", 2, None, limit=None, work=fragile, loaded=nothing) as answers:
+        for done, _ in enumerate(answers(source())):
+            assert taken <= done + 9
+    assert taken == 60
 
 
-def test_a_time_limit_takes_a_process_of_its_own() -> None:
-    assert isinstance(chosen("joblib", 1, None, time_limit=None), OwnProcess)
-    assert isinstance(chosen("joblib", 1, None, time_limit=5.0), LocalEngine)
-    assert chosen("joblib", 3, None, time_limit=None).workers == 3
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_interrupted_or_failing_run_leaves_no_process(tmp_path: Path, jobs: int) -> None:
+    def run(name: str) -> None:
+        with workers("joblib", jobs, None, limit=60.0, work=fragile, loaded=nothing) as answers:
+            for _ in answers(fragiles(["", "", name, name], tmp_path)):
+                if name == "endless":
+                    raise KeyboardInterrupt
+
+    for name, error in (("wrong", ZeroDivisionError), ("endless", KeyboardInterrupt)):
+        before = children()
+        with pytest.raises(error):
+            run(name)
+        assert children() <= before
+
+
+def test_processes_that_do_not_start_are_told() -> None:
+    with Processes(load=partial(os._exit, 1)) as processes, pytest.raises(FcdmError, match="do not start"):
+        processes.answer(fragile, None, fragiles([""], Path())[0])
+
+
+def test_a_time_limit_takes_a_process_of_its_own(tmp_path: Path) -> None:
+    for limit, apart in ((None, False), (5.0, True)):
+        with workers("joblib", 1, None, limit=limit, work=fragile, loaded=nothing) as answers:
+            (found,) = answers(fragiles([""], tmp_path))
+        assert (found["process"] != os.getpid()) is apart
 
 
 @pytest.mark.parametrize(
@@ -299,48 +308,8 @@ def test_a_time_limit_takes_a_process_of_its_own() -> None:
 )
 def test_arguments_that_fit_no_engine_are_refused(arguments: Any, key: str) -> None:
     with pytest.raises(InputError) as caught:
-        chosen(*arguments, time_limit=None)
+        check_engine(*arguments)
     assert caught.value.key == key
-
-
-# -------------------------------------------------------------------------------------------------------------- chunks
-
-
-class _Costing:
-    """An engine whose points cost what they are said to, with so many workers; it solves nothing."""
-
-    def __init__(self, seconds: float, workers: int) -> None:
-        self.workers, self._seconds = workers, seconds
-        self.sizes: list[int] = []
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *reason: object) -> None:
-        pass
-
-    def run(self, chunks: Iterable[Payload]) -> Iterator[Outcome]:
-        for payload in chunks:
-            self.sizes.append(len(payload["points"]))
-            yield payload, [row(key, "SOLVED", seconds=self._seconds) for key, *_ in payload["points"]]
-
-
-@pytest.mark.parametrize(("cost", "workers"), [(0.002, 2), (0.002, 16), (0.05, 4), (3.0, 2)])
-def test_chunks_follow_the_cost_of_a_point_and_shrink_at_the_end(tmp_path: Path, cost: float, workers: int) -> None:
-    engine = _Costing(cost, workers)
-    asked = Study(EXAMPLE, {"tolerance": np.linspace(0.001, 0.05, 1500).tolist()}, cases=["B"])
-    run_study(asked, tmp_path, engine=engine)
-    sizes = engine.sizes
-    assert sum(sizes) == 1500
-    assert sizes[0] == 1
-    assert max(sizes) <= max(1, np.ceil(plans.CHUNK / cost))
-    assert all(after <= plans.GROWTH * max(sizes[: k + 1]) for k, after in enumerate(sizes[1:]))
-    left = 1500 - np.cumsum(sizes)
-    least = max(1.0, np.ceil(plans.LEAST / cost))
-    most = np.maximum(least, np.ceil((left + sizes) / plans.SHARE / workers))
-    assert (sizes <= most).all()
-    if cost * 1500 > plans.CHUNK * workers * 4:
-        assert max(sizes) >= min(1500, plans.CHUNK / cost) * 0.9
 
 
 # --------------------------------------------------------------------------------------------------------------- store
@@ -489,16 +458,15 @@ def test_what_listens_there_and_is_no_scheduler_is_refused() -> None:
     thread.start()
     address = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
     with listener, pytest.raises(InputError, match="no Dask scheduler answers there"):
-        chosen("dask", None, address, time_limit=None).__enter__()
+        workers("dask", None, address, limit=None).__enter__()
     thread.join(5.0)
 
 
-def test_another_title_or_budget_is_taken_on_and_nothing_solved_again(tmp_path: Path) -> None:
+def test_another_title_or_budget_is_taken_on_and_nothing_solved_again(tmp_path: Path, watched: Any) -> None:
     values = {"tolerance": [0.004]}
-    run_study(Study(EXAMPLE, values, cases=["A"]), tmp_path, engine=Watched())
-    engine = Watched()
-    found = run_study(Study(EXAMPLE, values, cases=["A"], title="Later", budget=1.0), tmp_path, engine=engine)
-    assert engine.asked == []
+    run_study(Study(EXAMPLE, values, cases=["A"]), tmp_path, jobs=1)
+    asked, found = watched(Study(EXAMPLE, values, cases=["A"], title="Later", budget=1.0), tmp_path)
+    assert asked == []
     assert found.definition["title"] == "Later"
     assert found.assembly_yield.of == 1
 

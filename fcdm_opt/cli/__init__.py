@@ -121,9 +121,9 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        import fcdm_opt
+        from fcdm_opt.version import __version__
 
-        typer.echo(f"fcdm-opt {fcdm_opt.__version__}")
+        typer.echo(f"fcdm-opt {__version__}")
         raise typer.Exit
 
 

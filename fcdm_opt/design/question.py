@@ -90,7 +90,7 @@ def excluded(key: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class BodyTable:
     """A body or keep-out as a plain table; never changed, so that what follows from it is worked out once.
 
     Attributes
@@ -114,7 +114,7 @@ class Table:
         return checked(BodyEntry if self.role in ROLES else KeepOutEntry, self.data)
 
     @cached_property
-    def drawn(self) -> Table:
+    def drawn(self) -> BodyTable:
         """The table without a mesh file, with the body as read from it; itself where it names none."""
         if "file" not in self.data:
             return self
@@ -132,33 +132,33 @@ class Table:
         return _built(self.bare.text if len(own) == len(self.bare.data) else canonical(own), self.role)
 
     @cached_property
-    def bare(self) -> Table:
+    def bare(self) -> BodyTable:
         """The table without the unit of its vertices, which is only shown; itself where it names none, or a file."""
         if "file" in self.data or "unit" not in self.data:
             return self
-        return Table({key: item for key, item in self.data.items() if key != "unit"}, self.role)
+        return BodyTable({key: item for key, item in self.data.items() if key != "unit"}, self.role)
 
-    def with_value(self, place: Place, value: Any) -> Table:
+    def with_value(self, place: Place, value: Any) -> BodyTable:
         """Return the table with a value at a place in it, or in whole.
 
         What a mesh file says is read where a place in it is changed, and forgotten where all vertices are.
         """
         if not place:
-            return Table(value, self.role)
+            return BodyTable(value, self.role)
         data: Mapping[str, Any] = self.data
         if "file" in data and place == ("vertices",):
             data = {key: item for key, item in data.items() if key == "unit" or key not in _MESH}
         elif "file" in data and place[0] not in (*_MESH, *_BESIDE_MESH):
             data = self.drawn.data
-        return Table(put(data, place, value, dropped=excluded), self.role)
+        return BodyTable(put(data, place, value, dropped=excluded), self.role)
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _read(text: str, role: str, stamp: tuple[int, ...]) -> Table:
+def _read(text: str, role: str, stamp: tuple[int, ...]) -> BodyTable:
     """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
-    table = Table(json.loads(text), role)
+    table = BodyTable(json.loads(text), role)
     own = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
-    return Table({**plain_body(table.checked.body(role, None)), **own}, role)
+    return BodyTable({**plain_body(table.checked.body(role, None)), **own}, role)
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -172,23 +172,23 @@ class SceneTables:
 
     Attributes
     ----------
-    movable, static : Table
-    keep_out : tuple of Table
+    movable, static : BodyTable
+    keep_out : tuple of BodyTable
     latest : list
         The last case asked about it, with its problem, which holds on to the curve; or empty.
     """
 
-    movable: Table
-    static: Table
-    keep_out: tuple[Table, ...] = ()
+    movable: BodyTable
+    static: BodyTable
+    keep_out: tuple[BodyTable, ...] = ()
     latest: list[tuple[Mapping[str, Any], Problem]] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> SceneTables:
         """Return the scene of plain data with the keys bodies and keep_out."""
         others = enumerate(data.get("keep_out", ()), 1)
-        movable, static = (Table(data["bodies"][role], role) for role in ROLES)
-        return cls(movable, static, tuple(Table(table, f"keep-out {k}") for k, table in others))
+        movable, static = (BodyTable(data["bodies"][role], role) for role in ROLES)
+        return cls(movable, static, tuple(BodyTable(table, f"keep-out {k}") for k, table in others))
 
     @classmethod
     def from_text(cls, text: str) -> SceneTables:
@@ -210,7 +210,7 @@ class SceneTables:
         return digest(SceneTables(movable, static, tuple(others)).text if named else self.text)
 
     @cached_property
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> dict[str, BodyTable]:
         """All tables by their places."""
         others = {f"keep_out[{k}]": table for k, table in enumerate(self.keep_out, 1)}
         return {"bodies.movable": self.movable, "bodies.static": self.static, **others}
@@ -243,7 +243,7 @@ class SceneTables:
         """Refuse tables that are no bodies; reads and builds nothing."""
         self._each(lambda table: table.checked)
 
-    def _each(self, made: Callable[[Table], Any]) -> list[Any]:
+    def _each(self, made: Callable[[BodyTable], Any]) -> list[Any]:
         """Return what is made of each table; an error says of which one."""
         results = []
         for place, table in self.tables.items():

@@ -7,9 +7,10 @@ derivation   keys that follow from parameters, by expressions
 sampling     grids and draws
 schema       what a study file may hold
 checking     what a study refuses before anything is solved
-point        what a worker does: chunks of points become rows
-plan         which points are still to be worked out, in chunks
-engines      workers on this machine; dask_engine: on many
+point        what a worker does: a point becomes a row
+engines      joblib hands points out, here or to Dask
+processes    where points are worked out; one that is lost costs its point
+cluster      Dask as joblib's backend
 store        the SQLite file of a study
 results      what came out: tables, exports, yield
 """

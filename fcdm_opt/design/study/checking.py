@@ -2,65 +2,27 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from fcdm_opt.design.places import Place, overlap, parse
-from fcdm_opt.design.question import canonical, excluded
-from fcdm_opt.design.study import sampling
-from fcdm_opt.design.study.variables import PARAMETERS
+from fcdm_opt.design.question import Question, canonical, excluded
+from fcdm_opt.design.study.variables import PARAMETERS, Variable
 from fcdm_opt.errors import InputError
-from fcdm_opt.problem.arguments import LARGEST, is_real, positive
 from fcdm_opt.problem.keys import Defaults
-from fcdm_opt.problem.solution import EFFORTS
 
-if TYPE_CHECKING:
-    from fcdm_opt.design.study.study import Study
+Ask = Callable[[Question, Mapping[Variable, int]], Question]
 
-OWN_LABELS = ("case", "draw", "number", "key")  # columns that every table of results may have
+RESERVED = ("case", "draw", "number", "key")  # columns that every table of results may have
 MOST_POINTS = 10**12  # more than any run will see the end of
 _NO_DEFAULTS = Defaults()
 
 
-def check_arguments(study: Study) -> None:
-    """Refuse arguments of the wrong kind, each for itself."""
-    if study.sampling not in sampling.SAMPLINGS:
-        raise InputError(
-            "no such sampling", key="sampling", found=study.sampling, allowed=" or ".join(sampling.SAMPLINGS)
-        )
-    for key, least in (("count", 1), ("seed", 0)):
-        value = getattr(study, key)
-        if not (key == "count" and value is None) and not (_is_whole(value) and value >= least):
-            raise InputError("wrong value", key=key, found=value, allowed=f"a whole number >= {least}")
-    if study.count is not None and study.count > sampling.MOST:
-        raise InputError("too many draws", key="count", found=study.count, allowed=f"at most {sampling.MOST}")
-    if not isinstance(study.certify, bool):
-        raise InputError("wrong value", key="certify", found=study.certify, allowed="true or false")
-    if study.effort not in EFFORTS:
-        raise InputError("no such effort", key="effort", found=study.effort, allowed=" or ".join(EFFORTS))
-    if study.certify and study.effort == "quick":
-        raise InputError("a quick search proves nothing", key="effort", found="quick", allowed="proved, with certify")
-    if study.time_limit is not None:
-        positive(study.time_limit, "time_limit")
-    if study.budget is not None and not (is_real(study.budget) and 0 <= study.budget <= LARGEST):
-        raise InputError("wrong value", key="budget", found=study.budget, allowed="a finite amount >= 0")
-    for key in ("title", "note"):
-        if not isinstance(getattr(study, key), str):
-            raise InputError("not a text", key=key, found=getattr(study, key), allowed="a text")
-    for key in ("parameters", "derive"):
-        given = getattr(study, key)
-        if given is not None and not (isinstance(given, Mapping) and all(isinstance(name, str) for name in given)):
-            raise InputError("expected a table", key=key, found=given, allowed="names or keys with their values")
-
-
-def check_keys(study: Study) -> None:
+def check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
     """Refuse keys and labels that are given twice, and keys of which one lies inside another."""
-    placed = [(variable.where, key) for variable in study.variables for key in variable.keys]
-    placed += [(f"derive.'{key}'", key) for key in study.derive or {}]
+    placed = _places(variables, derived)
     for where, key in placed:
         try:
             place = parse(key)
@@ -78,9 +40,9 @@ def check_keys(study: Study) -> None:
             what = "a key is given twice" if first == second else "two keys say the same"
             raise InputError(what, key=two, found=f"{second}, and {first} in {one}", allowed="each key once")
     names: dict[str, str] = {}
-    for variable in study.variables:
+    for variable in variables:
         label, where = variable.label, f"{variable.where}.label"
-        if label in OWN_LABELS:
+        if label in RESERVED:
             raise InputError("this label has a meaning in tables", key=where, found=label, allowed="another label")
         if names.setdefault(label, variable.where) != variable.where:
             raise InputError(
@@ -88,60 +50,70 @@ def check_keys(study: Study) -> None:
             )
 
 
-def check_draws(study: Study) -> None:
+def check_draws(variables: Sequence[Variable], count: int | None, points: int) -> None:
     """Refuse distributions without a number of draws and the other way round, and points without end."""
-    drawn = [variable for variable in study.variables if variable.drawn]
-    if drawn and study.count is None:
+    drawn = [variable for variable in variables if variable.drawn]
+    if drawn and count is None:
         raise InputError(
             "how many numbers to draw?", key="count", found=f"none, with a distribution in {drawn[0].where}",
             allowed="a whole number >= 1",
         )  # fmt: skip
-    if study.count is not None and not drawn:
-        raise InputError(
-            "nothing is drawn", key="count", found=study.count, allowed="no count, or a variable with a distribution"
-        )
-    points = math.prod(map(len, study.axes.values()))
+    if count is not None and not drawn:
+        allowed = "no count, or a variable with a distribution"
+        raise InputError("nothing is drawn", key="count", found=count, allowed=allowed)
     if points > MOST_POINTS:
         raise InputError("too many points", key="vary", found=points, allowed=f"at most {MOST_POINTS}")
 
 
-def check_values(study: Study) -> None:
-    """Refuse keys and listed values that make no question, whatever the others are."""
-    for base in study.questions:
-        first = dict.fromkeys(study.variables, 0)
-        try:
-            question = study.question_at(base, first)
-            question.check().arguments(_NO_DEFAULTS)
-            question.drawn()
-        except InputError as reason:
-            raise _placed(study, reason) from reason
-        _check_target(question.case)
-        for variable in study.variables:
-            for k in [] if variable.drawn else _telling(variable.values):
-                try:
-                    study.question_at(base, {**first, variable: k}).check()
-                except InputError as reason:
-                    if not _of_derivation(reason):
-                        raise _wrong(reason, f"{variable.listed}[{k + 1}]") from reason
+def check_values(variables: Sequence[Variable], derived: Iterable[str], asked: Ask, base: Question) -> None:
+    """Refuse keys and listed values that make no question, whatever the others are.
+
+    Parameters
+    ----------
+    variables : sequence of Variable
+    derived : iterable of str
+        Keys that follow from parameters.
+    asked : callable
+        The question where each variable takes its k-th value.
+    base : Question
+        What it starts from.
+    """
+    first = dict.fromkeys(variables, 0)
+    try:
+        question = asked(base, first)
+        question.check().arguments(_NO_DEFAULTS)
+        question.drawn()
+    except InputError as reason:
+        raise _placed(reason, _places(variables, derived)) from reason
+    given = [key for key in ("target", "requirement", "tolerance") if key in question.case]
+    if given[:1] == ["target"] and len(given) > 1:
+        allowed = "target, or requirement and tolerance"
+        raise InputError("these keys exclude each other", key="vary", found=" and ".join(given), allowed=allowed)
+    for variable in variables:
+        for k in [] if variable.drawn else _telling(variable.values):
+            try:
+                asked(base, {**first, variable: k}).check()
+            except InputError as reason:
+                if not _of_derivation(reason):
+                    raise _wrong(reason, f"{variable.listed}[{k + 1}]") from reason
 
 
-def _placed(study: Study, reason: InputError) -> InputError:
+def _places(variables: Sequence[Variable], derived: Iterable[str]) -> list[tuple[str, str]]:
+    """Return where each key is given, and the key."""
+    varied = [(variable.where, key) for variable in variables for key in variable.keys]
+    return varied + [(f"derive.'{key}'", key) for key in derived]
+
+
+def _placed(reason: InputError, places: list[tuple[str, str]]) -> InputError:
     """Return what is wrong with the first point as an error of the variable or derived key that it comes from."""
-    if reason.key is None or _of_derivation(reason):
+    if reason.key is None or _of_derivation(reason) or not places:
         return reason
-    where = {key: variable.where for variable in study.variables for key in variable.keys}
-    where |= {key: f"derive.'{key}'" for key in study.derive or {}}
-    for key, own in where.items():
-        if _reaches(reason.key, key):
-            return _wrong(reason, own)
-    if not where:
-        return reason
+    for where, key in places:
+        with suppress(InputError):  # some keys of errors are no places
+            if overlap(parse(reason.key), parse(key)):
+                return _wrong(reason, where)
     what = f"the first point makes no question: {reason.key}: {reason.what}"
     return InputError(what, key="vary", found=reason.found, allowed=reason.allowed, file=reason.file)
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def _without_units(place: Place) -> Place:
@@ -168,22 +140,6 @@ def _shape(value: Any) -> Any:
     if isinstance(value, float):
         return float
     return tuple(map(_shape, value)) if isinstance(value, list) else canonical(value)
-
-
-def _check_target(case: Mapping[str, Any]) -> None:
-    """Refuse a target together with what it replaces."""
-    given = [key for key in ("target", "requirement", "tolerance") if key in case]
-    if given[:1] == ["target"] and len(given) > 1:
-        allowed = "target, or requirement and tolerance"
-        raise InputError("these keys exclude each other", key="vary", found=" and ".join(given), allowed=allowed)
-
-
-def _reaches(found: str, key: str) -> bool:
-    """Tell whether what is wrong at a place comes from a key."""
-    try:
-        return overlap(parse(found), parse(key))
-    except InputError:
-        return False
 
 
 def _wrong(reason: InputError, where: str) -> InputError:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from keyword import iskeyword
 from typing import Any
 
-from fcdm_opt.design.places import written
-from fcdm_opt.design.study.expressions import CONSTANTS, FUNCTIONS, Expression
+from fcdm_opt.design.places import Place, written
+from fcdm_opt.design.study.expressions import CONSTANTS, FUNCTIONS, Formula
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.arguments import LARGEST, is_real
 from fcdm_opt.problem.schema import closest
@@ -23,14 +23,14 @@ class Derivation:
     ----------
     numbers : mapping
         The parameters that are numbers; a point may have others.
-    steps : tuple of (name, Expression)
+    steps : tuple of (name, Formula)
         The parameters that are expressions, in an order in which each can be worked out.
     values : mapping of place to tree
-        What is derived: lists and tables, with an `Expression` for each text.
+        What is derived: lists and tables, with an `Formula` for each text.
     """
 
     numbers: Mapping[str, float]
-    steps: tuple[tuple[str, Expression], ...]
+    steps: tuple[tuple[str, Formula], ...]
     values: Mapping[str, Any]
 
     @classmethod
@@ -46,7 +46,7 @@ class Derivation:
             Names of the parameters that points have values for.
         """
         numbers: dict[str, float] = {}
-        formulas: dict[str, Expression] = {}
+        formulas: dict[str, Formula] = {}
         for name, value in parameters.items():
             key = f"parameters.{name}"
             _check_name(name, key)
@@ -56,9 +56,15 @@ class Derivation:
                 raise InputError("wrong value", key=key, found=value, allowed="a finite number or an expression")
             else:
                 numbers[name] = float(value)
-        values = {place: _tree(value, (f"derive.'{place}'",)) for place, value in derive.items()}
         used = [(f"parameters.{name}", formula) for name, formula in formulas.items()]
-        used += [leaf for place, tree in values.items() for leaf in _leaves(tree, (f"derive.'{place}'",))]
+
+        def kept(value: Any, place: Place) -> Any:
+            if not isinstance(value, str):
+                return value
+            used.append((written(place), _expression(value, written(place))))
+            return used[-1][1]
+
+        values = {place: _each_leaf(value, (f"derive.'{place}'",), kept) for place, value in derive.items()}
         for key, formula in used:
             for name in sorted(formula.names - parameters.keys()):
                 what = f"no such parameter '{name}'{closest(name, [*parameters, *FUNCTIONS])}"
@@ -84,9 +90,18 @@ class Derivation:
     def at(self, given: Mapping[str, float]) -> dict[str, Any]:
         """Return the derived values by place; raises `InputError` where an expression has none."""
         known = {**self.numbers, **given}
+
+        def worked_out(leaf: Any, place: Place) -> Any:
+            if not isinstance(leaf, Formula):
+                return leaf
+            try:
+                return leaf(known)
+            except InputError as reason:
+                raise reason.within(key=written(place)) from reason
+
         for name, formula in self.steps:
-            known[name] = _worked_out(formula, known, (f"parameters.{name}",))
-        return {place: _worked_out(tree, known, (f"derive.'{place}'",)) for place, tree in self.values.items()}
+            known[name] = worked_out(formula, ("parameters", name))
+        return {place: _each_leaf(tree, (f"derive.'{place}'",), worked_out) for place, tree in self.values.items()}
 
 
 def _check_name(name: str, key: str) -> None:
@@ -96,43 +111,19 @@ def _check_name(name: str, key: str) -> None:
         raise InputError("this name has a meaning in expressions", key=key, found=name, allowed="another name")
 
 
-def _expression(text: str, key: str) -> Expression:
+def _expression(text: str, key: str) -> Formula:
     try:
-        return Expression.of(text)
+        return Formula.of(text)
     except InputError as reason:
         raise reason.within(key=key) from reason
 
 
-def _tree(value: Any, place: tuple[Any, ...]) -> Any:
-    """Return a derived value with an expression for each text in it."""
-    if isinstance(value, str):
-        return _expression(value, written(place))
-    if isinstance(value, Mapping):
-        if list(value) == ["text"] and isinstance(value["text"], str):
-            return value["text"]
-        return {key: _tree(item, (*place, key)) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_tree(item, (*place, k)) for k, item in enumerate(value)]
-    return value
-
-
-def _leaves(tree: Any, place: tuple[Any, ...]) -> list[tuple[str, Expression]]:
-    """Return all expressions in a tree with their places."""
-    if isinstance(tree, Expression):
-        return [(written(place), tree)]
-    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
-    return [leaf for key, item in items for leaf in _leaves(item, (*place, key))]
-
-
-def _worked_out(tree: Any, known: Mapping[str, float], place: tuple[Any, ...]) -> Any:
-    """Return a tree with the values of its expressions."""
-    if isinstance(tree, Expression):
-        try:
-            return tree(known)
-        except InputError as reason:
-            raise reason.within(key=written(place)) from reason
-    if isinstance(tree, dict):
-        return {key: _worked_out(item, known, (*place, key)) for key, item in tree.items()}
-    if isinstance(tree, list):
-        return [_worked_out(item, known, (*place, k)) for k, item in enumerate(tree)]
-    return tree
+def _each_leaf(tree: Any, place: Place, made: Callable[[Any, Place], Any]) -> Any:
+    """Return lists and tables with something else in place of each leaf, which is given with its place."""
+    if isinstance(tree, Mapping):
+        if list(tree) == ["text"] and isinstance(tree["text"], str):
+            return tree["text"]
+        return {key: _each_leaf(item, (*place, key), made) for key, item in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_each_leaf(item, (*place, k), made) for k, item in enumerate(tree)]
+    return made(tree, place)

@@ -40,7 +40,7 @@ ALLOWED = f"numbers, parameters, + - * / **, brackets, pi, {', '.join(FUNCTIONS)
 
 
 @dataclass(frozen=True)
-class Expression:
+class Formula:
     """A parsed expression; call it with the values of all names.
 
     Attributes
@@ -55,7 +55,7 @@ class Expression:
     tree: ast.expr = field(repr=False, compare=False)
 
     @classmethod
-    def of(cls, text: str) -> Expression:
+    def of(cls, text: str) -> Formula:
         """Return the expression of a text; raises `InputError` for anything but arithmetic."""
         if len(text) > LONGEST:
             raise InputError("the expression is too long", found=text, allowed=f"{LONGEST} characters")

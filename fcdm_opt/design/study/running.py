@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import os
+import threading
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from fcdm_opt.design.study.engines import Engine, LocalEngine, OwnProcess
-from fcdm_opt.design.study.plan import Plan
+from fcdm_opt.design.study.engines import check_engine, workers
+from fcdm_opt.design.study.point import BAD_INPUT, Asked, Row, row
 from fcdm_opt.design.study.progress import Say, shown
-from fcdm_opt.design.study.store import Belonging, Store
-from fcdm_opt.errors import InputError
+from fcdm_opt.design.study.results import StudyResult
+from fcdm_opt.design.study.store import Belonging, Met, Store
+from fcdm_opt.design.study.study import Study, StudyPoint
 
-if TYPE_CHECKING:
-    from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.design.study.study import Study
+BACKLOG = 1000  # points met that are kept in memory before they are written
 
 
 def run_study(
     study: Study | str | os.PathLike[str],
     out: str | os.PathLike[str],
     *,
-    engine: str | Engine = "joblib",
+    engine: str = "joblib",
     jobs: int | None = None,
     scheduler: str | None = None,
     progress: bool = False,
@@ -38,7 +39,7 @@ def run_study(
         A study, or its file.
     out : path
         Folder of the store; made where it does not exist.
-    engine : "joblib", "dask" or Engine
+    engine : "joblib" or "dask"
         Processes of this machine, or workers of a Dask scheduler.
     jobs : int, optional
         How many processes; default: one a core. With 1 "joblib" stays in this process, unless points have a time limit.
@@ -54,39 +55,82 @@ def run_study(
     InputError
         For a study, folder, store or engine that cannot be used; what is stored by then stays.
     """
-    from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.design.study.study import Study
-
     study = study if isinstance(study, Study) else Study.read(study)
-    chosen_engine = chosen(engine, jobs, scheduler, time_limit=study.time_limit)
+    check_engine(engine, jobs, scheduler)
     with (
         Store(Path(out), Belonging(study.key, study.version, study.to_dict())) as store,
         shown(len(study), progress=progress, say=say) as tell,
-        chosen_engine as workers,
+        workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
-        plan = Plan(study, store, lambda: workers.workers)
-        for again, chunks in ((False, plan.chunks), (True, plan.lost)):
-            for payload, rows in workers.run(chunks()):
-                plan.answered(payload, rows, last=again)
-                tell(plan.done, plan.made)
+        run = StudyRun(study, store)
+        with closing(answers(run.asked())) as rows:
+            for answer in rows:
+                run.answered(answer)
+                tell(run.done, run.made)
     return StudyResult.read(out)
 
 
-def chosen(engine: str | Engine, jobs: int | None, scheduler: str | None, *, time_limit: float | None) -> Engine:
-    """Return the engine that arguments of `run_study` ask for; with one job and no time limit this process."""
-    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
-        raise InputError("not a number of processes", key="jobs", found=jobs, allowed="1, 2, ...")
-    if engine == "dask":
-        from fcdm_opt.design.study.dask_engine import DaskEngine
+class StudyRun:
+    """The way through a study: points are taken from it, in any thread, and it is told what came back.
 
-        return DaskEngine(scheduler, jobs=jobs)
-    if scheduler is not None:
-        raise InputError("only Dask has a scheduler", key="scheduler", found=scheduler, allowed='engine = "dask"')
-    if engine == "joblib":
-        from joblib import cpu_count
+    Equal points are asked for once, points with a row in the store not at all.
 
-        count = jobs or cpu_count()
-        return LocalEngine(count) if count > 1 or time_limit is not None else OwnProcess()
-    if isinstance(engine, str) or not hasattr(engine, "run"):
-        raise InputError("no such engine", key="engine", found=engine, allowed='"joblib", "dask" or an engine')
-    return engine
+    Parameters
+    ----------
+    study : Study
+    store : Store
+        Where rows go.
+
+    Attributes
+    ----------
+    done : int
+        Points of the study that have a row.
+    made : int
+        Those of them that this run worked out.
+    """
+
+    def __init__(self, study: Study, store: Store) -> None:
+        self._study, self._store = study, store
+        self.done = self.made = 0
+        self._met: list[Met] = []
+        self._waiting: dict[str, int] = {}  # keys without a row yet, and how many points have them
+        self._lock = threading.Lock()
+
+    def asked(self) -> Iterator[Asked]:
+        """Yield all points without a row."""
+        for point in self._study.points():
+            with self._lock:
+                wanted = self._meet(point)
+            if wanted and point.question is not None:
+                question = point.question
+                yield point.key, question.scene.text, question.case, self._study.certify, self._study.effort
+        with self._lock:
+            self._write()
+
+    def answered(self, answer: Row) -> None:
+        """Take the row of a point that was asked for."""
+        with self._lock:
+            self._write(answer)
+
+    def _meet(self, point: StudyPoint) -> bool:
+        """Take note of a point; tell whether it is to be worked out."""
+        self._met.append(Met(point.number, point.key, point.values))
+        if len(self._met) >= BACKLOG:
+            self._write()
+        if point.key in self._waiting:
+            self._waiting[point.key] += 1
+            return False
+        if self._store.has(point.key):
+            self.done += 1
+            return False
+        self._waiting[point.key] = 1
+        if point.question is None:
+            self._write(row(point.key, BAD_INPUT, point.error))
+        return point.question is not None
+
+    def _write(self, *rows: Row) -> None:
+        self._store.write(self._met, rows)
+        self._met = []
+        made = sum(self._waiting.pop(own["key"]) for own in rows)
+        self.done += made
+        self.made += made

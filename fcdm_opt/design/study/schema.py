@@ -1,4 +1,4 @@
-"""What a study file may hold; the descriptions of the fields are the format's documentation."""
+"""What a study file, or `Study`, may hold; the descriptions of the fields are the format's documentation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Key = Annotated[str, Field(min_length=1)]
 WAYS = ("values", "grid", "uniform", "normal", "csv")
 
 # "from" and "yield" are words of Python, so that no class body can name such a field
-Grid = create_model(
+GridEntry = create_model(
     "Grid",
     __base__=Entry,
     __doc__="Evenly spaced numbers, both ends among them.",
@@ -111,7 +111,7 @@ class VaryEntry(Entry):
         description='names of the listed values in the results, all different: ["TX", "TZ + RZ"]',
         examples=[["fine", "coarse"]],
     )
-    grid: Grid | None = Field(  # type: ignore[valid-type]
+    grid: GridEntry | None = Field(  # type: ignore[valid-type]
         default=None,
         description='{ from = 0.001, to = 0.05, count = 50, spacing = "linear" or "log" }',
         examples=[{"from": 0.001, "to": 0.05, "count": 50, "spacing": "log"}],
@@ -216,5 +216,15 @@ StudyFile = create_model(
                 examples=[{"budget": 0.25}],
             ),
         )
+    },  # type: ignore[call-overload]
+)
+
+StudyArguments = create_model(
+    "StudyArguments",
+    __base__=Entry,
+    __doc__="What `Study` takes in Python as it stands in a file.",
+    **{
+        key: (StudyFile.model_fields[key].annotation, StudyFile.model_fields[key])
+        for key in ("title", "note", "cases", "seed", "certify", "effort", "time_limit", "sampling", "count")
     },  # type: ignore[call-overload]
 )

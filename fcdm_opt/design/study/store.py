@@ -1,4 +1,4 @@
-"""The rows of a study on disk: SQLite in the output folder, written chunk by chunk, so that a killed run goes on.
+"""The rows of a study on disk: SQLite in the output folder, written as they come, so that a killed run goes on.
 
     meta      name, value       schema, version (of fcdm_opt), study (its key), definition (JSON)
     points    number, key, values (JSON)
@@ -70,7 +70,7 @@ class Met(NamedTuple):
 
 
 class Store:
-    """The rows of a study, open for one run; used in a `with` block.
+    """The rows of a study, open for one run; used in a `with` block, by any thread, one at a time.
 
     Parameters
     ----------
@@ -96,13 +96,11 @@ class Store:
                 for rest in ("-wal", "-shm"):
                     self.path.with_name(FILE + rest).unlink(missing_ok=True)
             self._writing = False
-            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
             self._own[self.path] = _identity(self.path)
             stack.callback(self._base.close)
             self._prepare(owner)
             stack.callback(self._put_away)
-            self._fresh = self._base.execute("SELECT 1 FROM results LIMIT 1").fetchone() is None
-            self._written: set[int] = set()
             self._open = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -114,9 +112,7 @@ class Store:
         self._open.close()
 
     def has(self, key: str) -> bool:
-        """Tell whether there is a row of this key; what this run did not write into a new store is not asked for."""
-        if self._fresh and hash(key) not in self._written:
-            return False
+        """Tell whether there is a row of this key."""
         return self._base.execute("SELECT 1 FROM results WHERE key = ?", (key,)).fetchone() is not None
 
     def write(self, points: Iterable[Met], rows: Iterable[Row]) -> None:
@@ -129,7 +125,7 @@ class Store:
         rows : iterable of dict
             Of keys that have no row yet.
         """
-        met = [(number, key, _encoded(values)) for number, key, values in points if self._fresh or self._is_new(number)]
+        met = [(number, key, _encoded(values)) for number, key, values in points if self._is_new(number)]
         made = [(row["key"], row["status"], row["usable"], row["amount"], _encoded(row)) for row in rows]
         if not (met or made):
             return
@@ -142,7 +138,6 @@ class Store:
             self._check_place()
             self._base.executemany("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", met)
             self._base.executemany("INSERT INTO results VALUES (?, ?, ?, ?, ?)", made)
-        self._written.update(hash(key) for key, *_ in made)
 
     def _is_new(self, number: int) -> bool:
         return self._base.execute("SELECT 1 FROM points WHERE number = ?", (number,)).fetchone() is None

@@ -11,22 +11,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import fcdm_opt
 from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import Question, canonical, digest, located, plain_value
-from fcdm_opt.design.study.checking import check_arguments, check_draws, check_keys, check_values
+from fcdm_opt.design.study.checking import check_draws, check_keys, check_values
 from fcdm_opt.design.study.derivation import Derivation
-from fcdm_opt.design.study.sampling import draws
+from fcdm_opt.design.study.sampling import MOST, draws
+from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import PARAMETERS, Variable, variable_of
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import closest, read_entry
+from fcdm_opt.problem.schema import checked, closest, read_entry
+from fcdm_opt.version import __version__
 
 _REFERENCES = ("published", "published_text")  # of a case: never used in solving, and of one motion only
 
 
-class Point(NamedTuple):
+class StudyPoint(NamedTuple):
     """One point of a study.
 
     Attributes
@@ -112,10 +113,31 @@ class Study:
     folder: Any = None
 
     def __post_init__(self) -> None:
-        check_arguments(self)
-        check_keys(self)
-        check_draws(self)
-        check_values(self)
+        self._check_arguments()
+        derived = self.derive or {}
+        check_keys(self.variables, derived)
+        check_draws(self.variables, self.count, len(self))
+        for base in self.questions:
+            check_values(self.variables, derived, self.question_at, base)
+
+    def _check_arguments(self) -> None:
+        """Refuse arguments of the wrong kind, in the words of a study file; keep plain values."""
+        given = {key: plain_value(getattr(self, key)) for key in StudyArguments.model_fields}
+        plain = dict(checked(StudyArguments, given))
+        if self.budget is not None:
+            plain |= dict(checked(YieldEntry, {"budget": plain_value(self.budget)}))
+        for key, value in plain.items():
+            object.__setattr__(self, key, value)
+        if self.count is not None and self.count > MOST:
+            raise InputError("too many draws", key="count", found=self.count, allowed=f"at most {MOST}")
+        if self.certify and self.effort == "quick":
+            raise InputError(
+                "a quick search proves nothing", key="effort", found="quick", allowed="proved, with certify"
+            )
+        for key in ("parameters", "derive"):
+            table = getattr(self, key)
+            if table is not None and not (isinstance(table, Mapping) and all(isinstance(name, str) for name in table)):
+                raise InputError("expected a table", key=key, found=table, allowed="names or keys with their values")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Study:
@@ -126,8 +148,6 @@ class Study:
         InputError
             Names the file, the key, what was found and what is allowed.
         """
-        from fcdm_opt.design.study.schema import StudyFile
-
         path = Path(path)
         file: Any = read_entry(StudyFile, path, "study file", "problem and [[vary]]")
         budget = getattr(file, "yield")
@@ -218,7 +238,7 @@ class Study:
     @cached_property
     def version(self) -> str:
         """Version of the package, a part of all keys."""
-        return str(fcdm_opt.__version__)
+        return __version__
 
     @cached_property
     def key(self) -> str:
@@ -290,11 +310,11 @@ class Study:
 
     # ----------------------------------------------------------------------------------------------------- points
 
-    def points(self) -> Iterator[Point]:
+    def points(self) -> Iterator[StudyPoint]:
         """Return all points in order; each is made when it is asked for."""
         return map(self.point, range(len(self)))
 
-    def point(self, number: int) -> Point:
+    def point(self, number: int) -> StudyPoint:
         """Return one point."""
         base, chosen = self._chosen(number)
         values = {
@@ -309,11 +329,11 @@ class Study:
             scene = question.scene.key
         except InputError as reason:
             told = canonical({"version": self.version, "study": self.key, "values": values})
-            return Point(number, digest(told), values, None, str(reason))
+            return StudyPoint(number, digest(told), values, None, str(reason))
         certify = "true" if self.certify else "false"
         how = f'"certify":{certify},"effort":"{self.effort}"'
         told = f'{{"case":{case},{how},"scene":"{scene}","version":"{self.version}"}}'
-        return Point(number, digest(told), values, question)
+        return StudyPoint(number, digest(told), values, question)
 
     def _chosen(self, number: int) -> tuple[Question, dict[Variable, int]]:
         """Return the case of a point, and which value each variable takes there."""
