@@ -12,6 +12,7 @@ from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
@@ -22,7 +23,7 @@ DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resoluti
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prediction:
+class Prediction(Plain):
     """What the derivatives of a solved problem foretell.
 
     Attributes
@@ -38,11 +39,6 @@ class Prediction:
     amount: float
     terms: Mapping[str, float] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None."""
-        shown = {name: None if np.isnan(term) else term for name, term in self.terms.items()}
-        return {"amount": None if np.isnan(self.amount) else self.amount, "terms": shown, "reasons": list(self.reasons)}
 
 
 Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason where it is nan or doubtful

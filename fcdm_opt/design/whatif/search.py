@@ -15,8 +15,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, product
 
-from fcdm_opt.design.whatif.clashes import Clash, Relaxation, Trial
+from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
+from fcdm_opt.design.whatif.fitting import deviating
+from fcdm_opt.design.whatif.narrowing import narrowed
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -38,7 +40,7 @@ COARSER = 100.0  # how fast the width of a bracket grows that is enough, where a
 SHARES = 8  # of the deviation from nominal that are tried before the largest that can be made good is narrowed in
 
 
-class Search:
+class ClashSearch:
     """Everything that is asked about one problem, and what is known from the answers.
 
     Sets of constraints are closed: with a constraint they have the weaker one that it includes.
@@ -52,18 +54,15 @@ class Search:
         self.kept: list[Names] = []  # of each motion found, what it keeps
         self._asked: dict[Names, Solution] = {}
         included = {own.includes for own in self.constraints}
-        by_name = {own.name: own for own in self.constraints}
+        weaker = {own.name: own.includes for own in self.constraints}
         self.chains: list[list[Names]] = []  # of each strongest constraint, closed sets from the weakest on
         self.chosen: dict[Names, str] = {}  # the strongest constraint of each such set
-        for own in self.constraints:
-            if own.name in included:
-                continue
-            chain = [own.name]
-            while by_name[chain[-1]].includes:
-                chain.append(by_name[chain[-1]].includes)
-            levels = [frozenset(chain[k:]) for k in reversed(range(len(chain)))]
-            self.chains.append(levels)
-            self.chosen.update(zip(levels, reversed(chain), strict=True))
+        for name in (own.name for own in self.constraints if own.name not in included):
+            chain = [name]
+            while weaker[chain[0]]:
+                chain.insert(0, weaker[chain[0]])
+            self.chains.append([frozenset(chain[: k + 1]) for k in range(len(chain))])
+            self.chosen.update(zip(self.chains[-1], chain, strict=True))
 
     def solved(self, problem: Problem, *, certify: bool = False) -> Solution:
         """Return the answer to a problem; what a motion keeps is remembered."""
@@ -146,21 +145,21 @@ class Search:
 
     # ------------------------------------------------------------------------------------------------- relaxations
 
-    def least_relaxation(self, own: Constraint) -> Relaxation:
+    def least_relaxation(self, own: Constraint) -> LeastRelaxation:
         """Return the least relaxation of a constraint, all others kept."""
         others = self.names - {own.name} - {one.name for one in self.constraints if one.includes == own.name}
         dropped = self.alone(others)
-        common = Relaxation(name=own.name, cures=dropped.verified, unit=own.unit)
+        common = LeastRelaxation(name=own.name, cures=dropped.verified, unit=own.unit)
         if not dropped.verified:
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
             return replace(common, failing=math.inf, impossible=impossible, note=f"without it: {dropped.status.name}")
         if own.unit == "halvings":
             return self._finer_steps(own, common, dropped)
-        if math.isnan(own.most):
+        if not own.unit:
             return replace(common, by=math.inf, failing=math.nan, solution=dropped)
         return self._bracketed(own, common, dropped)
 
-    def _finer_steps(self, own: Constraint, common: Relaxation, dropped: Solution) -> Relaxation:
+    def _finer_steps(self, own: Constraint, common: LeastRelaxation, dropped: Solution) -> LeastRelaxation:
         """Halve the steps: what coarser steps reach finer ones reach too; which are tried is sampled."""
         for count in range(1, MOST_HALVINGS + 1):
             solution = self.solved(own.relaxed(self.problem, count))
@@ -168,7 +167,7 @@ class Search:
                 return replace(common, by=float(count), failing=count - 1.0, solution=solution)
         return replace(common, by=math.inf, failing=float(MOST_HALVINGS), solution=dropped)
 
-    def _bracketed(self, own: Constraint, common: Relaxation, dropped: Solution) -> Relaxation:
+    def _bracketed(self, own: Constraint, common: LeastRelaxation, dropped: Solution) -> LeastRelaxation:
         """Narrow in the least relaxation between one that does and one that does not.
 
         Every motion that is found shows a relaxation that does: that by which it passes the constraint. Where that is
@@ -245,39 +244,27 @@ class Search:
         solution = self.solved(easier)
         return solution if solution.verified else None
 
-    def largest_deviation(self) -> Relaxation | None:
+    def largest_deviation(self) -> LeastRelaxation | None:
         """Return the largest share found of the deviation from nominal that can be made good; None without deviation.
 
         Whether it can is not monotone: some shares are tried, and from the largest that can the next are narrowed in.
         """
         if not self.problem.signs.any():
             return None
-        low, high, best = 0.0, 1.0, None
-        for k in range(SHARES - 1, 0, -1):
-            solution = self.solved(self._deviating(k / SHARES))
-            if solution.verified:
-                low, best = k / SHARES, solution
-                break
-            high = k / SHARES
-        name, note = "deviation from nominal", "sampled"
-        if best is None:
-            return Relaxation(name=name, cures=False, note=note)
-        while high - low > FINE:
-            share = (low + high) / 2.0
-            solution = self.solved(self._deviating(share))
-            if solution.verified:
-                low, best = share, solution
-            else:
-                high = share
-        return Relaxation(name=name, cures=True, by=1.0 - low, value=low, failing=1.0 - high, solution=best, note=note)
+        solutions: dict[float, Solution] = {}
 
-    def _deviating(self, share: float) -> Problem:
-        """Return the problem with a share of the deviation from nominal."""
-        problem = self.problem
-        if problem.tolerance is not None:
-            return problem.changed(tolerance=(share * problem.tolerance).tolist())
-        nominal = problem.nominal_pair
-        return problem.changed(target=(nominal + share * (problem.target - nominal)).tolist())
+        def can(share: float) -> bool:
+            solutions[share] = self.solved(deviating(self.problem, share))
+            return solutions[share].verified
+
+        name, note = "deviation from nominal", "sampled"
+        tried = next((k for k in range(SHARES - 1, 0, -1) if can(k / SHARES)), 0)
+        if not tried:
+            return LeastRelaxation(name=name, cures=False, note=note)
+        low, high = narrowed(can, tried / SHARES, (tried + 1) / SHARES, lambda low, high: high - low <= FINE)
+        return LeastRelaxation(
+            name=name, cures=True, by=1.0 - low, value=low, failing=1.0 - high, solution=solutions[low], note=note
+        )
 
     def trials(self) -> Iterator[Trial]:
         """Ask, with all constraints dropped, whether any motion can do it, and whether another goal can be met."""
