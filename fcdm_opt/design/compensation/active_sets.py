@@ -84,12 +84,11 @@ def _nearest(task: Task, q: Array) -> list[str]:
     """Return the features of the part pairs that are just as far apart as they must be."""
     slack = DEFAULT.touch * task.size
     near = task.pair_gaps(q) - task.needs <= slack
-    found: dict[str, None] = {}
+    labels = []
     for i, j in np.argwhere(near).tolist():
-        keep_out = task.opponents[j].keep_out
-        prefix = "" if keep_out < 0 else f"{task.named((i, j))} "
-        found[f"{prefix}{_feature(task, q, (i, j), slack).label}"] = None
-    return list(found)
+        prefix = "" if task.opponents[j].keep_out < 0 else f"{task.named((i, j))} "
+        labels.append(f"{prefix}{_feature(task, q, (i, j), slack).label}")
+    return list(dict.fromkeys(labels))
 
 
 def _feature(task: Task, q: Array, parts: Parts, slack: float) -> Feature:

@@ -98,8 +98,8 @@ class Locator:
                 full = place < end
                 left, place, end = left[full], place[full], end[full]
                 member = self._members[place]
-                found = self._weights(member, points[inside[left]])
-                hit = found.min(axis=1) >= -slack[member]
-                triangles[inside[left[hit]]], weights[inside[left[hit]]] = member[hit], found[hit]
+                there = self._weights(member, points[inside[left]])
+                hit = there.min(axis=1) >= -slack[member]
+                triangles[inside[left[hit]]], weights[inside[left[hit]]] = member[hit], there[hit]
                 left, place, end = left[~hit], place[~hit] + 1, end[~hit]
         return triangles, weights

@@ -105,10 +105,10 @@ def _near_by(task: Task, wanted: Wanted) -> Answer | None:
         return best
     least = task.amount(best.q) if best is not None and best.q is not None else np.inf
     for hint in wanted.hints:
-        found = near(task, np.array(hint))
-        if found is not None and found.amount < least:
-            least = found.amount
-            best = Answer(Status.SOLVED, found.q, CONTINUED, 0.0, found.active, found.modelled)
+        descended = near(task, np.array(hint))
+        if descended is not None and descended.amount < least:
+            least = descended.amount
+            best = Answer(Status.SOLVED, descended.q, CONTINUED, 0.0, descended.active, descended.modelled)
     return best
 
 

@@ -93,10 +93,11 @@ class FamilyRow(PlainMotion):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"."""
-        found, motion = self.solution, None
-        if found is not None and found.parameters:
-            motion = found.problem.motion.describe(list(found.parameters.values()), unit=found.problem.unit)
-        bound, state = (None, "") if found is None else (plain(found.lower_bound), found.pair_state)
+        solution, motion = self.solution, None
+        if solution is not None and solution.parameters:
+            q, unit = list(solution.parameters.values()), solution.problem.unit
+            motion = solution.problem.motion.describe(q, unit=unit)
+        bound, state = (None, "") if solution is None else (plain(solution.lower_bound), solution.pair_state)
         return {"family": self.name, **super().to_dict(), "motion": motion, "lower_bound": bound, "pair_state": state}
 
 
