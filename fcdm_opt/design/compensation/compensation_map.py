@@ -150,41 +150,7 @@ class CompensationMap(Plain, Shown):
         """Rebuild a map from `to_dict`; raises `InputError` for anything else."""
         if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
             raise InputError("not a compensation map", allowed=f"format = {_FORMAT!r}")
-        try:
-            return cls(
-                problem=data["problem"],
-                box=frozen(data["box"]),
-                nominal=frozen(data["nominal"]),
-                table=Table.from_dict(data["table"]),
-                regions=tuple(
-                    MapRegion(
-                        kind=told["kind"],
-                        features=tuple(told["features"]),
-                        active=tuple(told["active"]),
-                        share=float(told["share"]),
-                        place=frozen(told["place"]),
-                        amounts=(float(amounts[0]), float(amounts[1])),
-                    )
-                    for told in data["regions"]
-                    for amounts in [frozen(told["amounts"])]
-                ),
-                boundaries=tuple(
-                    Boundary(
-                        regions=(int(told["regions"][0]), int(told["regions"][1])),
-                        points=frozen(told["points"]),
-                        jumps=bool(told["jumps"]),
-                    )
-                    for told in data["boundaries"]
-                ),
-                error=float(data["error"]),
-                reached=float(data["reached"]),
-                solved=int(data["solved"]),
-                seconds=float(data["seconds"]),
-            )
-        except (KeyError, TypeError, ValueError, IndexError) as reason:
-            if isinstance(reason, InputError):
-                raise
-            raise InputError("not the plain data of a map", key="CompensationMap", found=str(reason)) from reason
+        return super().from_dict(data)
 
     def to_json(self, path: str | Path) -> None:
         """Write the whole map as JSON; the file is there as a whole or not at all."""
