@@ -36,9 +36,8 @@ class Locator:
         twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
         longest = np.sqrt(np.max([(p**2).sum(1), (q**2).sum(1), ((q - p) ** 2).sum(1)], axis=0))
         height = np.abs(twice) / longest
-        # first corner, and the gradients of the second and third barycentric coordinate
-        slopes = np.column_stack([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]]) / twice[:, None]
-        self._frames = np.column_stack([first, slopes])
+        # first corner, and the slopes of the second and third barycentric coordinate along both sizes; by columns
+        self._frames = *first.T.copy(), *np.array([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]]) / twice
         # how far below zero a coordinate may be for a point that is in the triangle but for rounding, and on a seam
         self.seam = float(DEFAULT.line * corners.max())
         self._slack = self.rounding / height, self.seam / height
@@ -57,49 +56,55 @@ class Locator:
         triangle = np.repeat(np.arange(len(corners)), counts)
         place = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
         row, column = first[triangle, 0] + place // spans[triangle, 1], first[triangle, 1] + place % spans[triangle, 1]
-        weights = self._weights(triangle, self._low + (np.column_stack([row, column]) + 0.5) * width)
-        second, third = np.moveaxis(self._frames[:, 2:].reshape(-1, 2, 2), 1, 0)
-        reach = np.stack([np.abs(own) @ width / 2.0 for own in (second + third, second, third)], axis=1)
-        meets = (weights + reach[triangle] >= -2.0 * self._slack[1][triangle, None]).all(axis=1)
+        middle = (np.stack([row, column]) + 0.5) * width[:, None] + self._low[:, None]
+        half, slopes = width / 2.0, np.reshape(self._frames[2:], (2, 2, -1))
+        meets = np.ones(len(triangle), dtype=bool)
+        for weight, slope in zip(self._weights(triangle, *middle), (slopes.sum(axis=0), *slopes), strict=True):
+            reach = half @ np.abs(slope) + 2.0 * self._slack[1]
+            meets &= weight + reach[triangle] >= 0.0
         bucket, triangle = (row * self._side + column)[meets], triangle[meets]
         self._members = triangle[np.argsort(bucket, kind="stable")]
         self._starts = np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=self._side**2))])
 
-    def _weights(self, triangle: Ints, points: Array) -> Array:
-        """Return barycentric coordinates of points in triangles, (n, 3)."""
-        frames = self._frames[triangle]
-        dx, dy = points[:, 0] - frames[:, 0], points[:, 1] - frames[:, 1]
-        s, t = frames[:, 2] * dx + frames[:, 3] * dy, frames[:, 4] * dx + frames[:, 5] * dy
-        return np.stack([1.0 - s - t, s, t], axis=1)
+    def _weights(self, triangle: Ints, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return the barycentric coordinates of size pairs in triangles."""
+        first_x, first_y, second_x, second_y, third_x, third_y = (column.take(triangle) for column in self._frames)
+        x, y = x - first_x, y - first_y
+        s, t = second_x * x + second_y * y, third_x * x + third_y * y
+        return 1.0 - s - t, s, t
 
-    def locate(self, points: Array) -> tuple[Ints, Array]:
-        """Return the first triangle that holds each point, and the point's barycentric coordinates there.
+    def locate(self, x: Array, y: Array) -> tuple[Ints, Array]:
+        """Return the first triangle that holds each size pair, and the pair's barycentric coordinates there.
 
         Parameters
         ----------
-        points : array (n, 2)
+        x, y : array (n,)
 
         Returns
         -------
-        array of int (n,), array (n, 3)
+        array of int (n,), array (3, n)
             -1 and nan for what is in no triangle.
         """
-        triangles, weights = np.full(len(points), -1), np.full((len(points), 3), np.nan)
-        near = (points >= self._low - self.rounding) & (points <= self._high + self.rounding)  # nan is not
-        inside = np.flatnonzero(near.all(axis=1))
-        points = np.clip(points, self._low, self._high)
-        cells = ((points[inside] - self._low) * (self._side / (self._high - self._low))).astype(np.int64)
-        cells = np.minimum(cells, self._side - 1)
-        bucket = cells[:, 0] * self._side + cells[:, 1]
+        low, high = self._low - self.rounding, self._high + self.rounding
+        inside = np.flatnonzero((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))  # nan is not
+        triangles, weights = np.full(len(x), -1), np.full((3, len(x)), np.nan)
+        x, y = np.clip([x[inside], y[inside]], self._low[:, None], self._high[:, None])
+        scale = self._side / (self._high - self._low)
+        row, column = ((x - self._low[0]) * scale[0]).astype(np.int64), ((y - self._low[1]) * scale[1]).astype(np.int64)
+        bucket = np.minimum(row, self._side - 1) * self._side + np.minimum(column, self._side - 1)
         for slack in self._slack:
-            left = np.flatnonzero(triangles[inside] < 0)
+            left = np.arange(len(x)) if slack is self._slack[0] else np.flatnonzero(triangles[inside] < 0)
             place, end = self._starts[bucket[left]], self._starts[bucket[left] + 1]
             while len(left):
                 full = place < end
-                left, place, end = left[full], place[full], end[full]
+                if not full.all():
+                    left, place, end = left[full], place[full], end[full]
                 member = self._members[place]
-                there = self._weights(member, points[inside[left]])
-                hit = there.min(axis=1) >= -slack[member]
-                triangles[inside[left[hit]]], weights[inside[left[hit]]] = member[hit], there[hit]
+                there = self._weights(member, x[left], y[left])
+                hit = np.minimum(np.minimum(*there[:2]), there[2]) >= -slack[member]
+                where = inside[left[hit]]
+                triangles[where] = member[hit]
+                for coordinate, weight in zip(weights, there, strict=True):
+                    coordinate[where] = weight[hit]
                 left, place, end = left[~hit], place[~hit] + 1, end[~hit]
         return triangles, weights

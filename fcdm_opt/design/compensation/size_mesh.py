@@ -221,7 +221,7 @@ class SizeMesh:
 def _part(corners: Array, values: Array, shares: Array) -> tuple[Array, Array]:
     """Return corners and values of a triangle in another, given its corners' barycentric coordinates, row by row."""
     nodes = np.vstack([shares, (shares + np.roll(shares, -1, axis=0)) / 2])
-    return shares @ corners, quadratic_basis(nodes) @ values
+    return shares @ corners, quadratic_basis(nodes.T).T @ values
 
 
 def _grid(count: int) -> list[tuple[int, int, int]]:

@@ -37,9 +37,9 @@ _NUMBERS = {
 
 
 def quadratic_basis(weights: Array) -> Array:
-    """Return the six functions that are 1 at one node and 0 at the others, (..., 6), of barycentric coordinates."""
-    r, s, t = np.moveaxis(weights, -1, 0)
-    return np.stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r], axis=-1)
+    """Return the functions that are 1 at one node and 0 at the others, (6, n), of barycentric coordinates, (3, n)."""
+    r, s, t = weights
+    return np.stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,7 +141,7 @@ class Table(Plain):
         # points well inside a triangle that are in another: what is there twice lacks elsewhere; points nearer to the
         # rim of their triangle than seams may be wide tell nothing
         points = np.einsum("kc,mcx->mkx", _INNER, self.corners).reshape(-1, 2)
-        found, own = self._locator.locate(points)[0], np.repeat(np.arange(len(self)), len(_INNER))
+        found, own = self._locator.locate(*points.T)[0], np.repeat(np.arange(len(self)), len(_INNER))
         told = _INNER.min() * 2.0 * areas / lengths.max(axis=1) > 2.0 * self._locator.seam
         wrong = np.flatnonzero(told[own] & (found != own))
         if wrong.size:
@@ -159,6 +159,11 @@ class Table(Plain):
     @cached_property
     def _locator(self) -> Locator:
         return Locator(self.corners)
+
+    @cached_property
+    def _columns(self) -> Array:
+        """The values by parameter and node, (1 + k, 6, m)."""
+        return np.ascontiguousarray(self.values.T)
 
     def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
         """Return the motion for size pairs, with bounds of its error.
@@ -182,18 +187,18 @@ class Table(Plain):
             first, second = np.broadcast_arrays(numbers(rho1, "rho1"), numbers(rho2, "rho2"))
         except ValueError as reason:  # InputError, too
             raise InputError(f"not two arrays of sizes: {reason}", key="rho1, rho2") from reason
-        triangle, weights = self._locator.locate(np.column_stack([first.ravel(), second.ravel()]))
+        triangle, weights = self._locator.locate(first.ravel(), second.ravel())
         basis, inside, shape = quadratic_basis(weights), triangle >= 0, first.shape
-        values = np.zeros((len(triangle), 1 + len(self.names)))
-        for node in range(NODES):  # added one by one, so that a pair's values do not hang on how many are asked for
-            values += basis[:, node, None] * self.values[triangle, node]
-        errors = np.where(inside[:, None], self.errors[triangle], np.nan)
+        values = np.empty((1 + len(self.names), len(triangle)))
+        for value, columns in zip(values, self._columns, strict=True):  # each pair by itself: how many is no matter
+            value[:] = sum(share * column.take(triangle) for share, column in zip(basis, columns, strict=True))
+        errors = np.where(inside, self.errors.T.take(triangle, axis=1), np.nan)
         return MapPoints(
-            parameters=values[:, 1:].reshape(*shape, len(self.names)),
-            amount=values[:, 0].reshape(shape),
-            error=errors[:, 0].reshape(shape),
-            displacement_error=errors[:, 1].reshape(shape),
-            region=np.where(inside, self.regions[triangle], -1).reshape(shape),
+            parameters=values[1:].T.reshape(*shape, len(self.names)),
+            amount=values[0].reshape(shape),
+            error=errors[0].reshape(shape),
+            displacement_error=errors[1].reshape(shape),
+            region=np.where(inside, self.regions.take(triangle), -1).reshape(shape),
         )
 
     def __len__(self) -> int:
