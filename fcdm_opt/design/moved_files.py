@@ -65,7 +65,7 @@ def read(path: str | os.PathLike[str], made: Callable[[str], Made]) -> Made:
     try:
         return made(text)
     except InputError as wrong:
-        raise wrong.within(file=path) from wrong
+        raise wrong.within(file=Path(path)) from wrong
 
 
 def of_json(text: str) -> Any:

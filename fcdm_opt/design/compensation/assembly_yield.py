@@ -196,8 +196,9 @@ def assembly_yield(
     pairs, points = (drawn, scattered) if measured is None else (measured, _looked_up(sizes_map, rule, *measured.T))
     even = len(drawn) // 2 * 2
     (x, y), (x_other, y_other) = drawn[0:even:2].T, drawn[1:even:2].T
-    swapped = [_looked_up(sizes_map, rule, *own).amount for own in ((x_other, y), (x, y_other))]
-    indices, deviations = sobol_indices(scattered.amount[0:even:2], *swapped, scattered.amount[1:even:2])
+    here, there = scattered.amount[0:even:2], scattered.amount[1:even:2]
+    one, other = (_looked_up(sizes_map, rule, *swapped).amount for swapped in ((x_other, y), (x, y_other)))
+    indices, deviations = sobol_indices(here, one, other, there)
     held = (np.full(len(pairs), medians[0]), pairs[:, 1]), (pairs[:, 0], np.full(len(pairs), medians[1]))
     amounts, of = points.amount[~np.isnan(points.amount)], len(pairs)
     quantiles = np.quantile(amounts, SHARES, method="inverted_cdf") if len(amounts) else np.full(len(SHARES), np.nan)
