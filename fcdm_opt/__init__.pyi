@@ -50,5 +50,4 @@ from fcdm_opt.problem.solution import Certificate as Certificate
 from fcdm_opt.problem.solution import Solution as Solution
 from fcdm_opt.problem.solution import Status as Status
 from fcdm_opt.solver import solve as solve
-
 from fcdm_opt.version import __version__ as __version__

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fcdm_opt.design.whatif.compare import Comparison, Row, _checked, compare, contained, families
+from fcdm_opt.design.whatif.compare import Comparison, FamilyRow, _checked, compare, contained, families
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Rotation, Translation
@@ -141,7 +141,9 @@ def test_a_family_found_dearer_than_its_part_is_told() -> None:
     table = compare(boxes()).table
     cheap = next(row for row in table if row.name == "translation x")
     dear = next(row for row in table if row.name == "translation y")
-    planted = [row if row.name != "free" else Row(name="free", motion=Free(), solution=dear.solution) for row in table]
+    planted = [
+        row if row.name != "free" else FamilyRow(name="free", motion=Free(), solution=dear.solution) for row in table
+    ]
     notes = _checked(planted)
     assert set(notes) == {"free"}
     assert f"{cheap.amount:.6g}" in notes["free"]

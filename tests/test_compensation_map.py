@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.design.compensation.answers import asked
 from fcdm_opt.design.compensation.compensation_map import CompensationMap, compensation_map
+from fcdm_opt.design.compensation.sampling import asked
 from fcdm_opt.errors import InputError
 from fcdm_opt.model.task import Task
 

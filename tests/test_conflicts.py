@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fcdm_opt.design.whatif.clashes import Relaxation
+from fcdm_opt.design.whatif.clashes import LeastRelaxation
 from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import constraints, excesses, named, relaxed, without
-from fcdm_opt.design.whatif.search import Search
+from fcdm_opt.design.whatif.search import ClashSearch
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation
@@ -65,11 +65,11 @@ def sets(found: Conflicts) -> set[frozenset[str]]:
     return {frozenset(clash.names) for clash in found.clashes}
 
 
-def relaxations(found: Conflicts) -> dict[str, Relaxation]:
+def relaxations(found: Conflicts) -> dict[str, LeastRelaxation]:
     return {own.name: own for own in found.relaxations}
 
 
-def assert_least(own: Relaxation, by: float, problem: Problem) -> None:
+def assert_least(own: LeastRelaxation, by: float, problem: Problem) -> None:
     """The relaxation is this one: it does, verified, and a little less does not."""
     assert own.cures
     assert own.by == pytest.approx(by, abs=4e-9 * problem.size)
@@ -269,7 +269,7 @@ def test_where_answers_near_the_least_relaxation_tell_nothing_few_are_asked_for(
         return solution
 
     monkeypatch.setattr("fcdm_opt.design.whatif.search.solve", solved)
-    search = Search(asked)
+    search = ClashSearch(asked)
     own = next(own for own in search.constraints if own.name == "keep-out 'A': clearance")
     search.alone(search.names)
     least = search.least_relaxation(own)
@@ -370,7 +370,7 @@ def test_the_bracket_that_is_too_wide_clashes_with_the_clearance_not_with_the_ri
     asked = load_problems(PROBLEMS / "bracket_stuck.toml")[0]
     # up is free, and below the plate the bracket touches too, from TZ = -39.32 on
     sought = {"lower limit of TX", "upper limit of TX", "lower limit of TZ", "keep-out 'ribs': clearance"}
-    search = Search(asked)
+    search = ClashSearch(asked)
     (clash,), complete = search.smallest(search.solved(asked))
     assert set(clash.names) == sought
     assert clash.proved

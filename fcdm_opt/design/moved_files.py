@@ -1,13 +1,19 @@
-"""Files that are there as a whole or not at all."""
+"""Files that are there as a whole or not at all, and what is read from them."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, TypeVar
 
 from fcdm_opt.errors import InputError
+
+Made = TypeVar("Made")
 
 
 @contextmanager
@@ -47,3 +53,36 @@ def write(path: str | os.PathLike[str], text: str) -> None:
     """Write a text file as a whole or not at all; raises as `moved`."""
     with moved(path) as other:
         other.write_text(text, encoding="utf-8", newline="")
+
+
+def read(path: str | os.PathLike[str], made: Callable[[str], Made]) -> Made:
+    """Return what is made of a file's text; raises `InputError` naming the file."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, TypeError, ValueError) as reason:
+        what = getattr(reason, "strerror", None) or str(reason)
+        raise InputError(f"the file cannot be read: {what}", file=repr(str(path))) from reason
+    try:
+        return made(text)
+    except InputError as wrong:
+        raise wrong.within(file=Path(path)) from wrong
+
+
+def of_json(text: str) -> Any:
+    """Return what a JSON text holds; raises `InputError`."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as reason:
+        raise InputError(f"not JSON: {str(reason)[:100]}") from reason
+
+
+def to_json(path: str | os.PathLike[str], data: Any) -> None:
+    """Write plain data as JSON; raises as `moved`."""
+    write(path, json.dumps(data, allow_nan=False))
+
+
+def to_csv(path: str | os.PathLike[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write rows as CSV, numbers with all their digits; raises as `moved`."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    write(path, text.getvalue())

@@ -14,16 +14,9 @@ def proportion_interval(passed: int | tuple[int, int], count: int, confidence: f
         Draws, at least one.
     confidence : float
         Between 0 and 1.
-
-    Notes
-    -----
-    Source: C. J. Clopper, E. S. Pearson, The use of confidence or fiducial limits illustrated in the case of the
-    binomial, Biometrika 26 (1934). Its ends are quantiles of beta distributions.
     """
-    from scipy.special import betainccinv, betaincinv
+    from scipy.stats import binomtest
 
     least, most = passed if isinstance(passed, tuple) else (passed, passed)
-    tail = (1.0 - confidence) / 2.0
-    low = float(betaincinv(least, count - least + 1, tail)) if least > 0 else 0.0
-    high = float(betainccinv(most + 1, count - most, tail)) if most < count else 1.0
-    return low, high
+    low, high = (binomtest(some, count).proportion_ci(confidence, method="exact") for some in (least, most))
+    return float(low.low), float(high.high)

@@ -98,7 +98,7 @@ def size_box(value: Any, key: str) -> Array:
 def measured_pairs(value: Any) -> Array:
     """Return a list of size pairs, (n, 2), n > 0, all finite and > 0."""
     pairs = numbers(value, "sizes")
-    allowed = "an (n, 2) array of sizes (rho_1, rho_2) > 0, or a distribution for each body"
+    allowed = "an (n, 2) array of measured pairs (rho_1, rho_2) > 0, or a distribution for each body"
     if pairs.size == 0:
         raise InputError("no sizes", key="sizes", found=value, allowed=allowed)
     if pairs.ndim != 2 or pairs.shape[1] != 2:

@@ -1,12 +1,13 @@
 """The smallest motion as a function of the actual sizes, over a whole tolerance box.
 
 compensation_map the map, and how it is asked for: start reading here
-building         triangles over the box, refined until the motion is known everywhere
-crossing         where, along a line, one way of holding the motion gives way to another
-nodes            least motions at single pairs of sizes, and what holds them
+active_sets      what holds a least motion: it tells the regions apart
+sampling         least motions at single pairs of sizes
+changeover       where, along a line, one active set gives way to another
+size_mesh        triangles over the box, and how they are split
+refined_mesh     the same, refined until the motion is known everywhere
 table            triangles that interpolate it, for programs on the shop floor
-lookup           compiled: which triangle a size pair is in, and the value there
+lookup           which triangle a size pair is in
 assembly_yield   the share of part pairs whose motion stays within a budget
-histogram        how many amounts there are of each size, in bounded memory
 indices          which share of the amount's variance is due to which size
 """

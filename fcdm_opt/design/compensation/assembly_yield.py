@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.histogram import Amounts
-from fcdm_opt.design.compensation.indices import SizeMap, SwappedPairs
+from fcdm_opt.design.compensation.indices import sobol_indices
 from fcdm_opt.design.compensation.table import MapPoints
-from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
+from fcdm_opt.design.distributions import Distribution, Measured
 from fcdm_opt.design.proportion import proportion_interval
+from fcdm_opt.design.sizes import DISTRIBUTIONS, are_distributions, drawn_pairs, measured_pairs
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Flags, Ints, numbers
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import by_parameter, interval, is_real, length
+from fcdm_opt.tolerances import DEFAULT
 
 BLOCK = 2**14
-"""Pairs looked up at once, an even number: few enough to stay in the processor's cache."""
+"""Pairs looked up at once: few enough to stay in the processor's cache."""
 
-MOST = 10**10
-"""Pairs at most: more tell nothing new."""
+BINS = 128
+"""Of the histogram of amounts."""
 
 SHARES = (0.5, 0.9, 0.99, 0.999)
 """Shares of the pairs that quantiles are told for."""
@@ -32,8 +35,15 @@ BODIES = ("movable", "static")
 OTHERS = ("outside", "impossible", "undecided")
 
 
+class SizeMap(Protocol):
+    """What a yield is worked out from: a `Table`, a `CompensationMap`, or anything else that answers alike."""
+
+    def at(self, rho1: ArrayLike, rho2: ArrayLike, /) -> MapPoints:
+        """Return the motions for size pairs."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class Contribution:
+class Contribution(Plain):
     """How much of the amount's variance, and of the failures, is due to one body's tolerance.
 
     Attributes
@@ -59,7 +69,7 @@ class Contribution:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssemblyYield(Shown):
+class AssemblyYield(Plain, Shown):
     """The share of part pairs whose motion stays within a budget.
 
     Attributes
@@ -84,8 +94,7 @@ class AssemblyYield(Shown):
     limits : mapping of str to (lower, upper)
         Of parameters: lengths, radians.
     quantiles : mapping of float to float
-        Amounts that the given shares of the pairs with a motion do not exceed; above the exact ones by at most 2^-15 of
-        the largest amount. nan where no pair has a motion.
+        Amounts that the given shares of the pairs with a motion do not exceed. nan where no pair has a motion.
     contributions : tuple of two `Contribution`
         Of the movable and of the static body; for measured pairs as if each size were drawn by itself.
     amounts : array (n + 1,)
@@ -114,17 +123,9 @@ class AssemblyYield(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan is None, and so is an end of a range that is open."""
-        plain = {own.name: getattr(self, own.name) for own in fields(self)}
-        plain["interval"] = list(self.interval)
-        plain["budget"] = _finite(self.budget)
-        plain["limits"] = {name: [_finite(end) for end in ends] for name, ends in self.limits.items()}
-        plain["quantiles"] = {str(share): _finite(amount) for share, amount in self.quantiles.items()}
-        plain["contributions"] = [
-            {key: value if key == "body" else _finite(value) for key, value in vars(own).items()}
-            for own in self.contributions
-        ]
-        plain["amounts"], plain["counts"] = self.amounts.tolist(), self.counts.tolist()
-        return plain
+        limits = {name: [end if math.isfinite(end) else None for end in ends] for name, ends in self.limits.items()}
+        budget = self.budget if math.isfinite(self.budget) else None
+        return {**super().to_dict(), "budget": budget, "limits": limits}
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -158,7 +159,7 @@ def assembly_yield(
     limits : mapping of parameter name to (lower, upper), optional
         What parameters of the map's table must keep to as well: lengths, radians.
     count : int
-        Pairs to draw.
+        Pairs to draw, at most 10^7.
     seed : int
         Of the random numbers; the same seed gives the same pairs.
     confidence : float
@@ -185,45 +186,50 @@ def assembly_yield(
         names=names,
         limits={name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()},
     )
-    _whole(count, "count", 1, MOST)
-    _whole(seed, "seed", 0, 2**63 - 1)
     if not is_real(confidence) or not 0.0 < confidence < 1.0:
         raise InputError("unusable confidence", key="confidence", found=confidence, allowed="between 0 and 1")
-    drawn, measured = _sources(sizes)
-    medians = [float(own.quantile(0.5)) for own in drawn]
+    sources, measured = _sources(sizes)
+    drawn, _ = drawn_pairs(sources, np.array([source.range for source in sources]), count, seed)
+    medians = [float(source.quantile(0.5)) for source in sources]
 
-    tally, swapped, passing = _Tally(), SwappedPairs(sizes_map), np.zeros(2, np.int64)
-    for pairs in _blocks(drawn, count, seed) if measured is None else _cut(measured):
-        points = sizes_map.at(pairs[:, 0], pairs[:, 1])
-        tally.add(points, rule)
-        passing += [
-            np.count_nonzero(rule.passed(sizes_map.at(medians[0], pairs[:, 1]))),
-            np.count_nonzero(rule.passed(sizes_map.at(pairs[:, 0], medians[1]))),
-        ]
-        if measured is None:
-            swapped.add(pairs, points.amount)
-    if measured is not None:
-        for pairs in _blocks(drawn, count, seed):
-            swapped.add(pairs, sizes_map.at(pairs[:, 0], pairs[:, 1]).amount)
-
-    of, indices = tally.count, swapped.indices()
+    scattered = _looked_up(sizes_map, rule, *drawn.T)
+    pairs, points = (drawn, scattered) if measured is None else (measured, _looked_up(sizes_map, rule, *measured.T))
+    even = len(drawn) // 2 * 2
+    (x, y), (x_other, y_other) = drawn[0:even:2].T, drawn[1:even:2].T
+    here, there = scattered.amount[0:even:2], scattered.amount[1:even:2]
+    one, other = (_looked_up(sizes_map, rule, *swapped).amount for swapped in ((x_other, y), (x, y_other)))
+    indices, deviations = sobol_indices(here, one, other, there)
+    held = (np.full(len(pairs), medians[0]), pairs[:, 1]), (pairs[:, 0], np.full(len(pairs), medians[1]))
+    amounts, of = points.amount[~np.isnan(points.amount)], len(pairs)
+    quantiles = np.quantile(amounts, SHARES, method="inverted_cdf") if len(amounts) else np.full(len(SHARES), np.nan)
+    counts, edges = _histogram(amounts)
+    surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
+    contributions = [
+        Contribution(
+            body=body,
+            first_order=float(indices[k, 0]),
+            first_order_error=float(deviations[k, 0]),
+            total=float(indices[k, 1]),
+            total_error=float(deviations[k, 1]),
+            share_without=float(_looked_up(sizes_map, rule, *held[k]).passed.mean()),
+        )
+        for k, body in enumerate(BODIES)
+    ]
     return AssemblyYield(
-        share=tally.passed / of,
-        interval=proportion_interval((tally.surely, tally.surely + tally.undecided), of, confidence),
+        share=float(points.passed.mean()),
+        interval=proportion_interval((surely, possibly), of, confidence),
         confidence=float(confidence),
         count=of,
-        passed=tally.passed,
-        outside=tally.outside / of,
-        impossible=tally.impossible / of,
-        undecided=tally.undecided / of,
+        passed=int(points.passed.sum()),
+        outside=float(points.outside.mean()),
+        impossible=float((np.isnan(points.amount) & ~points.outside).mean()),
+        undecided=(possibly - surely) / of,
         budget=rule.most,
         limits=rule.limits,
-        quantiles={share: tally.amounts.quantile(share) for share in SHARES},
-        contributions=(
-            Contribution(body=BODIES[0], share_without=float(passing[0] / of), **indices[0]),
-            Contribution(body=BODIES[1], share_without=float(passing[1] / of), **indices[1]),
-        ),
-        **tally.amounts.shown(),
+        quantiles=dict(zip(SHARES, quantiles.tolist(), strict=True)),
+        contributions=(contributions[0], contributions[1]),
+        amounts=frozen(edges),
+        counts=frozen(counts, np.int64),
         unit=getattr(sizes_map, "unit", ""),
     )
 
@@ -236,80 +242,54 @@ class _Rule:
     names: tuple[str, ...]
     limits: Mapping[str, tuple[float, float]]
 
-    def kept(self, points: MapPoints) -> Flags | bool:
+    def kept(self, points: MapPoints) -> Flags:
         """Tell which motions keep to the limits of their parameters."""
-        kept: Flags | bool = True
+        kept = np.ones(points.amount.shape, dtype=bool)
         for name, (low, high) in self.limits.items():
             value = points.parameters[..., self.names.index(name)]
-            kept = kept & (value >= low) & (value <= high)
+            kept &= (value >= low) & (value <= high)
         return kept
 
-    def passed(self, points: MapPoints) -> Flags:
-        """Tell which pairs pass; one without a motion has amount nan and does not."""
-        return (points.amount <= self.most) & self.kept(points)
+
+class _LookedUp(NamedTuple):
+    """Amounts of pairs, nan without a motion, and which pairs pass, surely or possibly do, and are outside; (n,) each.
+
+    An error of nan decides nothing.
+    """
+
+    amount: Array
+    passed: Flags
+    surely: Flags
+    possibly: Flags
+    outside: Flags
 
 
-class _Tally:
-    """Counts of pairs."""
+def _looked_up(sizes_map: SizeMap, rule: _Rule, x: Array, y: Array) -> _LookedUp:
+    """Return what a map says of size pairs, block by block."""
+    blocks = []
+    for start in range(0, max(len(x), 1), BLOCK):
+        points = sizes_map.at(x[start : start + BLOCK], y[start : start + BLOCK])
+        amount, error, kept = points.amount, points.error, rule.kept(points)
+        surely, possibly = amount + error <= rule.most, ~((amount - error > rule.most) | np.isnan(amount))
+        blocks.append((amount, (amount <= rule.most) & kept, surely & kept, possibly & kept, points.region < 0))
+    return _LookedUp(*(np.concatenate(column) for column in zip(*blocks, strict=True)))
 
-    def __init__(self) -> None:
-        self.count = self.passed = self.surely = self.undecided = self.outside = self.impossible = 0
-        self.amounts = Amounts()
 
-    def add(self, points: MapPoints, rule: _Rule) -> None:
-        """Count pairs."""
-        amount, kept = points.amount, rule.kept(points)
-        known = amount == amount
-        self.count += len(amount)
-        self.passed += int(np.count_nonzero((amount <= rule.most) & kept))
-        # an error of nan decides nothing
-        surely = int(np.count_nonzero((amount + points.error <= rule.most) & kept))
-        self.surely += surely
-        self.undecided += int(np.count_nonzero(known & ~(amount - points.error > rule.most) & kept)) - surely
-        outside = int(np.count_nonzero(points.region < 0))
-        self.outside += outside
-        self.impossible += len(amount) - outside - int(np.count_nonzero(known & (points.region >= 0)))
-        self.amounts.add(amount[known])
+def _histogram(amounts: Array) -> tuple[Ints, Array]:
+    """Return how many amounts there are in equal bins, and the edges of the bins."""
+    low, high = (float(amounts.min()), float(amounts.max())) if len(amounts) else (0.0, 0.0)
+    bins = BINS if high - low > DEFAULT.tie * high else 1  # else the bins were narrower than digits tell apart
+    return np.histogram(amounts, bins, (low, high if high > low else low + 1.0))
 
 
 def _sources(sizes: Any) -> tuple[list[Distribution], Array | None]:
     """Return what both sizes are drawn from, and the measured pairs where there are some."""
-    if isinstance(sizes, list | tuple) and any(isinstance(own, Uniform | Normal | Measured) for own in sizes):
-        if len(sizes) != 2 or not all(isinstance(own, Uniform | Normal | Measured) for own in sizes):
+    if isinstance(sizes, list | tuple) and any(isinstance(source, DISTRIBUTIONS) for source in sizes):
+        if not are_distributions(sizes):
             raise InputError("not two distributions", key="sizes", found=sizes, allowed="one for each body")
-        for own in sizes:
-            if not own.range[0] > 0.0:
-                raise InputError("sizes must be > 0", key="sizes", found=own)
+        for source in sizes:
+            if not source.range[0] > 0.0:
+                raise InputError("sizes must be > 0", key="sizes", found=source)
         return list(sizes), None
-    measured = numbers(sizes, "sizes")
-    if measured.ndim != 2 or measured.shape[1] != 2 or not len(measured):
-        allowed = "two distributions, or an (n, 2) array of measured pairs"
-        raise InputError("unusable sizes", key="sizes", found=f"shape {measured.shape}", allowed=allowed)
-    wrong = np.flatnonzero(~(np.isfinite(measured) & (measured > 0.0)).all(axis=1))
-    if wrong.size:
-        found = measured[wrong[0]].tolist()
-        raise InputError("not a size pair", key=f"sizes[{wrong[0]}]", found=found, allowed="finite numbers > 0")
+    measured = measured_pairs(sizes)
     return [Measured(measured[:, 0]), Measured(measured[:, 1])], measured
-
-
-def _blocks(drawn: list[Distribution], count: int, seed: int) -> Iterator[Array]:
-    """Yield `count` pairs, block by block; how long a block is changes no pair."""
-    random = np.random.default_rng(seed)
-    for start in range(0, count, BLOCK):
-        shares = random.random((min(BLOCK, count - start), 2))
-        yield np.column_stack([own.quantile(shares[:, k]) for k, own in enumerate(drawn)])
-
-
-def _cut(pairs: Array) -> Iterator[Array]:
-    """Yield pairs, block by block."""
-    for start in range(0, len(pairs), BLOCK):
-        yield pairs[start : start + BLOCK]
-
-
-def _whole(value: Any, key: str, least: int, most: int) -> None:
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= most:
-        raise InputError("unusable number", key=key, found=value, allowed=f"a whole number from {least} to {most}")
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

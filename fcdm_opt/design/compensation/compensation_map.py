@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.building import SHORTEST, Building
-from fcdm_opt.design.compensation.mesh import Mesh
-from fcdm_opt.design.compensation.nodes import Nodes, covered
+from fcdm_opt.design.compensation.active_sets import ActiveSet
+from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
+from fcdm_opt.design.compensation.sampling import Sampler, covered
 from fcdm_opt.design.compensation.table import MapPoints, Table
-from fcdm_opt.design.compensation.ways import Way
-from fcdm_opt.design.moved_files import write
+from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.problem import Problem
 
@@ -34,8 +31,8 @@ _FORMAT = "fcdm_opt compensation map 1"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Region:
-    """Pairs of sizes for which the motion is held in one way.
+class MapRegion(Plain):
+    """Pairs of sizes for which the motion is held by the same constraints.
 
     Attributes
     ----------
@@ -63,20 +60,9 @@ class Region:
     def __str__(self) -> str:
         return "; ".join((*self.features, *self.active)) or self.kind
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {
-            "kind": self.kind,
-            "features": list(self.features),
-            "active": list(self.active),
-            "share": self.share,
-            "place": self.place.tolist(),
-            "amounts": [None if math.isnan(amount) else amount for amount in self.amounts],
-        }
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Boundary:
+class Boundary(Plain):
     """Where one region ends and another begins.
 
     Attributes
@@ -93,13 +79,9 @@ class Boundary:
     points: Array
     jumps: bool
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"regions": list(self.regions), "points": self.points.tolist(), "jumps": self.jumps}
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CompensationMap(Shown):
+class CompensationMap(Plain, Shown):
     """The smallest motion as a function of the sizes made, over a box of sizes.
 
     Attributes
@@ -112,7 +94,7 @@ class CompensationMap(Shown):
         Nominal sizes.
     table : Table
         Triangles that interpolate amount and parameters, with bounds of their errors.
-    regions : tuple of Region
+    regions : tuple of MapRegion
         Largest first; `table.regions` counts them from 0.
     boundaries : tuple of Boundary
     error : float
@@ -126,11 +108,17 @@ class CompensationMap(Shown):
         Wall time of building.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "format", "problem", "box", "nominal", "error", "reached", "solved", "seconds", "regions", "boundaries",
+        "table",
+    )  # fmt: skip
+    format: ClassVar[str] = _FORMAT
+
     problem: Mapping[str, Any] | None
     box: Array
     nominal: Array
     table: Table
-    regions: tuple[Region, ...]
+    regions: tuple[MapRegion, ...]
     boundaries: tuple[Boundary, ...]
     error: float
     reached: float
@@ -157,102 +145,32 @@ class CompensationMap(Shown):
             f"{self.solved} solves in {self.seconds:.1f} s"
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which `from_dict` rebuilds the map; nan becomes None."""
-        return {
-            "format": _FORMAT,
-            "problem": self.problem,
-            "box": self.box.tolist(),
-            "nominal": self.nominal.tolist(),
-            "error": self.error,
-            "reached": self.reached,
-            "solved": self.solved,
-            "seconds": self.seconds,
-            "regions": [region.to_dict() for region in self.regions],
-            "boundaries": [boundary.to_dict() for boundary in self.boundaries],
-            "table": self.table.to_dict(),
-        }
-
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> CompensationMap:
         """Rebuild a map from `to_dict`; raises `InputError` for anything else."""
         if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
             raise InputError("not a compensation map", allowed=f"format = {_FORMAT!r}")
-        try:
-            return cls(
-                problem=data["problem"],
-                box=frozen(data["box"]),
-                nominal=frozen(data["nominal"]),
-                table=Table.from_dict(data["table"]),
-                regions=tuple(
-                    Region(
-                        kind=own["kind"],
-                        features=tuple(own["features"]),
-                        active=tuple(own["active"]),
-                        share=float(own["share"]),
-                        place=frozen(own["place"]),
-                        amounts=(_number(own["amounts"][0]), _number(own["amounts"][1])),
-                    )
-                    for own in data["regions"]
-                ),
-                boundaries=tuple(
-                    Boundary(
-                        regions=(int(own["regions"][0]), int(own["regions"][1])),
-                        points=frozen(own["points"]),
-                        jumps=bool(own["jumps"]),
-                    )
-                    for own in data["boundaries"]
-                ),
-                error=float(data["error"]),
-                reached=float(data["reached"]),
-                solved=int(data["solved"]),
-                seconds=float(data["seconds"]),
-            )
-        except (KeyError, TypeError, ValueError, IndexError) as reason:
-            if isinstance(reason, InputError):
-                raise
-            raise InputError("not the plain data of a map", key="CompensationMap", found=str(reason)) from reason
+        return super().from_dict(data)
 
     def to_json(self, path: str | Path) -> None:
         """Write the whole map as JSON; the file is there as a whole or not at all."""
-        write(path, json.dumps(self.to_dict(), allow_nan=False))
+        to_json(path, self.to_dict())
 
     @classmethod
     def read(cls, path: str | Path) -> CompensationMap:
         """Read what `to_json` wrote; raises `InputError` naming the file."""
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, TypeError, ValueError) as reason:
-            what = getattr(reason, "strerror", None) or str(reason)
-            raise InputError(f"the file cannot be read: {what}", file=repr(str(path))) from reason
-        try:
-            data = json.loads(text)
-        except (ValueError, RecursionError) as reason:
-            raise InputError(f"not JSON: {str(reason)[:100]}", file=path) from reason
-        try:
-            return cls.from_dict(data)
-        except InputError as wrong:
-            raise wrong.within(file=path) from wrong
+        return read(path, lambda text: cls.from_dict(of_json(text)))
 
     def to_csv(self, path: str | Path) -> None:
         """Write the table as CSV, see `Table.to_csv`; and beside it the regions, as `<name>-regions.csv`."""
         path = Path(path)
-        text = io.StringIO()
-        rows = csv.writer(text, lineterminator="\n")
-        rows.writerow(["region", "kind", "features", "active", "share", "least_amount", "largest_amount"])
-        for number, own in enumerate(self.regions):
-            rows.writerow(
-                [
-                    number,
-                    own.kind,
-                    "; ".join(own.features),
-                    "; ".join(own.active),
-                    repr(own.share),
-                    *map(repr, own.amounts),
-                ]
-            )
+        rows = [
+            [number, region.kind, "; ".join(region.features), "; ".join(region.active), region.share, *region.amounts]
+            for number, region in enumerate(self.regions)
+        ]
         self.table.to_csv(path)
-        write(path.with_name(f"{path.stem}-regions.csv"), text.getvalue())
+        columns = ["region", "kind", "features", "active", "share", "least_amount", "largest_amount"]
+        to_csv(path.with_name(f"{path.stem}-regions.csv"), [columns, *rows])
 
 
 def compensation_map(
@@ -299,79 +217,80 @@ def compensation_map(
         raise InputError("not a length", key="error", found=error, allowed="a finite number > 0, or None")
     if not (is_real(seconds) and seconds > 0):
         raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
-    nodes = Nodes(problem, made, budget, jobs, seconds)
+    sampler = Sampler(problem, made, budget, jobs, seconds)
     while True:
-        mesh = Building(nodes, error)
+        mesh = RefinedMesh(sampler, error)
         mesh.refine()
-        if nodes.spent or nodes.agree(mesh.checked()):
+        if sampler.spent or sampler.agree(mesh.checked()):
             break
-    table, ways = _table(mesh, problem, nodes)
-    smooth = [own.errors.max() for own in mesh.triangles if mesh.size(own) > 2.0 * SHORTEST]
+    table, sets = _table(mesh)
+    smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
     return CompensationMap(
         problem=_plain(problem),
         box=frozen(made),
         nominal=frozen(problem.nominal_pair),
         table=table,
-        regions=_regions(table, ways),
-        boundaries=tuple(_boundaries(mesh, nodes, ways)),
+        regions=_regions(table, sets),
+        boundaries=tuple(_boundaries(mesh, sets)),
         error=float(mesh.error),
         reached=float(max(smooth, default=math.inf)),
-        solved=nodes.solved_in_all,
+        solved=sampler.solved_in_all,
         seconds=perf_counter() - start,
     )
 
 
-def _table(mesh: Mesh, problem: Problem, nodes: Nodes) -> tuple[Table, list[Way]]:
-    """Return the table and the ways of its regions, the largest first."""
-    parts = list(mesh.finished())
-    corners = nodes.pair(np.array([own[0] for own in parts]))
-    areas: dict[Way, float] = {}
-    for place, _, _, way in parts:
-        areas[way] = areas.get(way, 0.0) + abs(float(np.linalg.det(place[1:] - place[0]))) / 2
-    ways = sorted(areas, key=lambda way: (-areas[way], way))
-    values = np.array([own[1] for own in parts])
-    values[:, :3, 0] = np.maximum(values[:, :3, 0], 0.0)  # rounding where motions begin
+def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
+    """Return the table and the active sets of its regions, the largest first."""
+    places, values, errors, held = zip(*mesh.finished(), strict=True)
+    areas: dict[ActiveSet, float] = {}
+    for size, one in zip(_areas(np.array(places)).tolist(), held, strict=True):
+        areas[one] = areas.get(one, 0.0) + size
+    sets = sorted(areas, key=lambda one: (-areas[one], one))
+    nodes = np.array(values)
+    nodes[:, :3, 0] = np.maximum(nodes[:, :3, 0], 0.0)  # rounding where motions begin
     table = Table(
-        corners=corners,
-        values=values,
-        errors=np.array([own[2] for own in parts]),
-        regions=np.array([ways.index(own[3]) for own in parts]),
-        names=tuple(parameter.name for parameter in problem.motion.parameters),
+        corners=mesh.sampler.pair(places),
+        values=nodes,
+        errors=np.array(errors),
+        regions=np.array([sets.index(one) for one in held]),
+        names=tuple(parameter.name for parameter in mesh.sampler.problem.motion.parameters),
     )
-    return table, ways
+    return table, sets
 
 
-def _regions(table: Table, ways: Sequence[Way]) -> tuple[Region, ...]:
-    sides = table.corners[:, 1:] - table.corners[:, :1]
-    areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
-    made = []
-    for number, way in enumerate(ways):
-        own = np.flatnonzero(table.regions == number)
-        amounts = table.values[own, :, 0]
-        found = amounts[np.isfinite(amounts)]
-        middle = table.corners[own[np.argmax(areas[own])]].mean(axis=0)
-        made.append(
-            Region(
-                kind=way.kind,
-                features=way.features,
-                active=way.active,
-                share=float(areas[own].sum() / areas.sum()),
-                place=frozen(middle),
-                amounts=(max(float(found.min()), 0.0), float(found.max())) if len(found) else (math.nan, math.nan),
+def _areas(corners: Array) -> Array:
+    """Return the areas of triangles, (m,)."""
+    sides = corners[:, 1:] - corners[:, :1]
+    return np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2.0
+
+
+def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
+    areas = _areas(table.corners)
+    regions = []
+    for number, one in enumerate(sets):
+        members = np.flatnonzero(table.regions == number)
+        amounts = table.values[members, :, 0]
+        finite = amounts[np.isfinite(amounts)]
+        regions.append(
+            MapRegion(
+                **one._asdict(),
+                share=float(areas[members].sum() / areas.sum()),
+                place=frozen(table.corners[members[np.argmax(areas[members])]].mean(axis=0)),
+                amounts=(max(float(finite.min()), 0.0), float(finite.max())) if len(finite) else (math.nan, math.nan),
             )
         )
-    return tuple(made)
+    return tuple(regions)
 
 
-def _boundaries(mesh: Mesh, nodes: Nodes, ways: Sequence[Way]) -> list[Boundary]:
-    made = []
+def _boundaries(mesh: RefinedMesh, sets: Sequence[ActiveSet]) -> list[Boundary]:
+    boundaries = []
     for (one, two), edges in mesh.boundaries().items():
-        regions = tuple(sorted((ways.index(one), ways.index(two))))
+        low, high = sorted((sets.index(one), sets.index(two)))
         for jumps in (False, True):
             for chain in _chains([ends for ends in edges if mesh.jumps(ends) == jumps]):
-                points = nodes.pair(np.array([mesh.vertices[k].place for k in chain]))
-                made.append(Boundary(regions=(regions[0], regions[1]), points=frozen(points), jumps=jumps))
-    return sorted(made, key=lambda own: (own.regions, own.points[0].tolist()))
+                points = mesh.sampler.pair([mesh.vertices[k].place for k in chain])
+                boundaries.append(Boundary(regions=(low, high), points=frozen(points), jumps=jumps))
+    return sorted(boundaries, key=lambda boundary: (boundary.regions, boundary.points[0].tolist()))
 
 
 def _chains(edges: Sequence[tuple[int, int]]) -> list[list[int]]:
@@ -399,7 +318,3 @@ def _plain(problem: Problem) -> dict[str, Any] | None:
         return problem.to_dict()
     except InputError:
         return None
-
-
-def _number(x: float | None) -> float:
-    return math.nan if x is None else float(x)

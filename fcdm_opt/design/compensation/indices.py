@@ -2,64 +2,38 @@
 
 from __future__ import annotations
 
-import math
-from typing import Protocol
-
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.geometry.arrays import Array
 
 
-class SizeMap(Protocol):
-    """What a yield is worked out from: a `Table`, a `CompensationMap`, or anything else that answers alike."""
+def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]:
+    """Return both sizes' Sobol indices from the amounts of pairs (x, y), (x', y), (x, y'), (x', y').
 
-    def at(self, rho1: ArrayLike, rho2: ArrayLike, /) -> MapPoints:
-        """Return the motions for size pairs."""
+    The means of u = (f - g)^2 + (h - k)^2, v = (f - h)^2 + (g - k)^2 and w = (f - g - h + k)^2 are four times the
+    variance due to x with what both do together, due to y likewise, and what both do together alone; u + v - w =
+    (f - k)^2 + (g - h)^2 is four times all of it. (`scipy.stats.sobol_indices` knows no pairs without a motion, asks
+    for a power of two of them, and its indices do not add up as these do.)
 
+    Parameters
+    ----------
+    f, g, h, k : array (n,)
+        Quadruples with nan are left out.
 
-class SwappedPairs:
-    """Sobol indices from amounts of pairs (x, y), (x', y), (x, y'), (x', y').
-
-    With f, g, h, k for their amounts, the means of u = (f - g)^2 + (h - k)^2, v = (f - h)^2 + (g - k)^2 and
-    w = (f - g - h + k)^2 are four times the variance due to x with what both do together, due to y likewise, and what
-    both do together alone; u + v - w = (f - k)^2 + (g - h)^2 is four times all of it.
+    Returns
+    -------
+    array (2, 2), array (2, 2)
+        For either size its first-order and its total index, and their standard errors; nan where the amount does not
+        vary.
     """
-
-    def __init__(self, sizes_map: SizeMap) -> None:
-        self._map = sizes_map
-        self._count, self._sums, self._squares = 0, np.zeros(3), np.zeros((3, 3))
-
-    def add(self, pairs: Array, amounts: Array) -> None:
-        """Add pairs, two by two, of which the amounts are known."""
-        even = len(pairs) // 2 * 2
-        first, second = pairs[0:even:2], pairs[1:even:2]
-        f, k = amounts[0:even:2], amounts[1:even:2]
-        g = self._map.at(second[:, 0], first[:, 1]).amount
-        h = self._map.at(first[:, 0], second[:, 1]).amount
-        terms = np.array([(f - g) ** 2 + (h - k) ** 2, (f - h) ** 2 + (g - k) ** 2, (f - g - h + k) ** 2])
-        known = np.isfinite(terms).all(axis=0)
-        terms = terms if known.all() else terms[:, known]
-        self._count += terms.shape[1]
-        self._sums += terms.sum(axis=1)
-        self._squares += terms @ terms.T
-
-    def indices(self) -> list[dict[str, float]]:
-        """Return first-order and total index of both sizes, with their standard errors."""
-        u, v, w = self._sums
-        whole = u + v - w
-        if self._count < 2 or not whole > 0.0:
-            return [dict.fromkeys(("first_order", "first_order_error", "total", "total_error"), math.nan)] * 2
-        spread = self._squares - np.outer(self._sums, self._sums) / self._count  # of the sums
-        found = []
-        for own in ((1.0, 0.0), (0.0, 1.0)):
-            own_index = {}
-            for name, both in (("first_order", -1.0), ("total", 0.0)):
-                taken = np.array([*own, both])
-                index = float(taken @ self._sums / whole)
-                slope = (taken - index * np.array([1.0, 1.0, -1.0])) / whole
-                own_index[name] = index
-                own_index[f"{name}_error"] = math.sqrt(max(0.0, float(slope @ spread @ slope)))
-            found.append(own_index)
-        return found
+    terms = np.array([(f - g) ** 2 + (h - k) ** 2, (f - h) ** 2 + (g - k) ** 2, (f - g - h + k) ** 2])
+    terms = terms[:, np.isfinite(terms).all(axis=0)]
+    sums, all_of_it = terms.sum(axis=1), np.array([1.0, 1.0, -1.0])
+    whole, count = float(all_of_it @ sums), terms.shape[1]
+    if count < 2 or not whole > 0.0:
+        return np.full((2, 2), np.nan), np.full((2, 2), np.nan)
+    taken = np.array([[[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]], [[0.0, 1.0, -1.0], [0.0, 1.0, 0.0]]])
+    indices = taken @ sums / whole
+    slopes = (taken - indices[..., None] * all_of_it) / whole
+    variances = np.einsum("abi,ij,abj->ab", slopes, count * np.cov(terms, bias=True), slopes)
+    return indices, np.sqrt(np.maximum(variances, 0.0))

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.moved_files import write
+from fcdm_opt.design.compensation.lookup import Locator
+from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
+from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
 
 NODES = 6
@@ -27,7 +27,19 @@ _FORMAT = "fcdm_opt compensation table 1"
 _INNER = np.array([[1.0, 1.0, 1.0], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]]) / 3.0
 """Points well inside a triangle, as weights of its corners: its middle, and one near each corner."""
 
-_BUCKETS = 16  # a triangle: few enough to be made quickly, and most points have one triangle to look at, or two
+_NUMBERS = {
+    "corners": (lambda x: np.isfinite(x) & (x > 0.0), "finite sizes > 0"),
+    "values": (lambda x: ~np.isinf(x), "finite numbers, nan: no motion"),
+    "errors": (lambda x: ~(np.isinf(x) | (x < 0.0)), "finite lengths >= 0, nan: no bound"),
+    "regions": (lambda x: (x == np.rint(x)) & (x >= 0.0), "whole numbers >= 0"),
+}
+"""Which numbers each array may hold."""
+
+
+def quadratic_basis(weights: Array) -> Array:
+    """Return the functions that are 1 at one node and 0 at the others, (6, n), of barycentric coordinates, (3, n)."""
+    r, s, t = weights
+    return np.stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +67,7 @@ class MapPoints:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Table:
+class Table(Plain):
     """Triangles that cover a box of size pairs, with a motion at six nodes each.
 
     Within a triangle, with barycentric coordinates r, s, t of a size pair (1 at corner 1, 2, 3), amount and parameters
@@ -82,6 +94,9 @@ class Table:
         Where shapes do not match, a triangle is flat, or the triangles leave part of the rectangle uncovered.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = ("format", "names", "corners", "values", "errors", "regions")
+    format: ClassVar[str] = _FORMAT
+
     corners: Array
     values: Array
     errors: Array
@@ -92,72 +107,43 @@ class Table:
         names = tuple(self.names) if isinstance(self.names, list | tuple) else (None,)
         if not all(isinstance(name, str) for name in names) or len({*names, "amount"}) != len(names) + 1:
             raise InputError("parameters need names of their own", key="names", found=self.names)
+        object.__setattr__(self, "names", names)
         corners = numbers(self.corners, "corners")
         count = len(corners) if corners.ndim else 0
-        regions = numbers(self.regions, "regions")
-        if not (regions == np.rint(regions)).all():
-            raise InputError("regions are whole numbers", key="regions", found=self.regions)
-        arrays = {
-            "corners": (corners, (count, 3, 2)),
-            "values": (numbers(self.values, "values"), (count, NODES, 1 + len(names))),
-            "errors": (numbers(self.errors, "errors"), (count, 2)),
-            "regions": (regions, (count,)),
-        }
-        for key, (array, shape) in arrays.items():
+        shapes = ((count, 3, 2), (count, NODES, 1 + len(names)), (count, 2), (count,))
+        for (key, (passes, allowed)), shape in zip(_NUMBERS.items(), shapes, strict=True):
+            array = numbers(getattr(self, key), key)
             if array.shape != shape or not count:
                 raise InputError("wrong shape", key=key, found=array.shape, allowed=f"{shape}, at least one triangle")
-            object.__setattr__(self, key, frozen(array, np.int64 if key == "regions" else np.float64))
-        object.__setattr__(self, "names", names)
-        for key, wrong in {
-            "corners": ~(np.isfinite(corners) & (corners > 0.0)).all(axis=(1, 2)),
-            "values": np.isinf(self.values).any(axis=(1, 2)),
-            "errors": ((self.errors < 0.0) | np.isinf(self.errors)).any(axis=1),
-            "regions": self.regions < 0,
-        }.items():
-            if wrong.any():
-                first = int(np.flatnonzero(wrong)[0])
-                found = getattr(self, key)[first].tolist()
-                allowed = {
-                    "corners": "finite sizes > 0",
-                    "values": "finite numbers, nan: no motion",
-                    "errors": "finite lengths >= 0, nan: no bound",
-                    "regions": ">= 0",
-                }[key]
+            wrong = np.argwhere(~passes(array))
+            if len(wrong):
+                first = int(wrong[0, 0])
+                found = array[first].tolist()
                 raise InputError("unusable number", key=f"{key}[{first}]", found=found, allowed=allowed)
+            object.__setattr__(self, key, frozen(array, np.int64 if key == "regions" else np.float64))
         self._check_cover()
 
     def _check_cover(self) -> None:
-        """Raise `InputError` unless the triangles' areas add up to their box's."""
+        """Raise `InputError` unless the triangles' areas add up to their box's, and none lies on another."""
         edges = np.roll(self.corners, -1, axis=1) - self.corners
         lengths = np.hypot(edges[..., 0], edges[..., 1])
         areas = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2.0
-        flat = np.flatnonzero(2.0 * areas <= self._rounding * lengths.max(axis=1))
+        flat = np.flatnonzero(2.0 * areas <= DEFAULT.point * self.corners.max() * lengths.max(axis=1))
         if flat.size:
             raise InputError("a flat triangle", key=f"corners[{flat[0]}]", found=self.corners[flat[0]].tolist())
-        (low_1, high_1), (low_2, high_2) = self.box
-        whole = (high_1 - low_1) * (high_2 - low_2)
-        # seams as wide as `line` are rounding
-        if not abs(areas.sum() - whole) <= DEFAULT.line * self.corners.max() * lengths.sum():
+        whole = float(np.prod(np.ptp(self.box, axis=1)))
+        if not abs(areas.sum() - whole) <= self._locator.seam * lengths.sum():
             raise InputError(
                 "the triangles do not cover their box exactly once",
                 key="corners",
                 found=f"{areas.sum():.9g} of {whole:.9g}",
             )
-        self._check_overlap(2.0 * areas / lengths.max(axis=1))
-
-    def _check_overlap(self, heights: Array) -> None:
-        """Raise `InputError` where points well inside a triangle are in another: what is there twice lacks elsewhere.
-
-        Points nearer to the rim of their triangle than seams may be wide tell nothing.
-        """
-        from fcdm_opt.design.compensation.lookup import locate
-
+        # points well inside a triangle that are in another: what is there twice lacks elsewhere; points nearer to the
+        # rim of their triangle than seams may be wide tell nothing
         points = np.einsum("kc,mcx->mkx", _INNER, self.corners).reshape(-1, 2)
-        found = np.empty(len(points), np.int64)
-        locate(*np.ascontiguousarray(points.T), *self._index, found, np.empty((len(points), 2)))
-        own = np.repeat(np.arange(len(self.corners)), len(_INNER))
-        told = np.repeat(_INNER.min() * heights > 2.0 * DEFAULT.line * self.corners.max(), len(_INNER))
-        wrong = np.flatnonzero(told & (found != own))
+        found, own = self._locator.locate(*points.T)[0], np.repeat(np.arange(len(self)), len(_INNER))
+        told = _INNER.min() * 2.0 * areas / lengths.max(axis=1) > 2.0 * self._locator.seam
+        wrong = np.flatnonzero(told[own] & (found != own))
         if wrong.size:
             one, two = sorted((int(own[wrong[0]]), int(found[wrong[0]])))
             raise InputError(
@@ -170,34 +156,14 @@ class Table:
         low, high = self.corners.min(axis=(0, 1)).tolist(), self.corners.max(axis=(0, 1)).tolist()
         return (low[0], high[0]), (low[1], high[1])
 
-    @property
-    def _rounding(self) -> float:
-        """Size pairs nearer to each other than this are one."""
-        return float(DEFAULT.point * self.corners.max())
+    @cached_property
+    def _locator(self) -> Locator:
+        return Locator(self.corners)
 
     @cached_property
-    def _index(self) -> tuple[Array, int, Ints, Ints, Array]:
-        """Bounds, buckets and frames, see `lookup`."""
-        from fcdm_opt.design.compensation.lookup import buckets
-
-        (low_1, high_1), (low_2, high_2) = self.box
-        bounds = np.array([low_1, low_2, high_1, high_2, self._rounding])
-        side = math.ceil(math.sqrt(_BUCKETS * len(self.corners)))
-        starts, members = buckets(self.corners, bounds, side)
-        first, second, third = np.moveaxis(self.corners, 1, 0)
-        p, q = second - first, third - first
-        twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-        longest = np.sqrt(np.max([(p**2).sum(1), (q**2).sum(1), ((q - p) ** 2).sum(1)], axis=0))
-        height = np.abs(twice) / longest
-        frames = np.column_stack(
-            [
-                first,
-                np.column_stack([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]]) / twice[:, None],
-                self._rounding / height,
-                DEFAULT.line * self.corners.max() / height,
-            ]
-        )
-        return bounds, side, starts, members, np.ascontiguousarray(frames)
+    def _columns(self) -> Array:
+        """The values by parameter and node, (1 + k, 6, m)."""
+        return np.ascontiguousarray(self.values.T)
 
     def at(self, rho1: ArrayLike, rho2: ArrayLike) -> MapPoints:
         """Return the motion for size pairs, with bounds of its error.
@@ -217,33 +183,22 @@ class Table:
         InputError
             For what is no numbers, and shapes that do not broadcast.
         """
-        from fcdm_opt.design.compensation.lookup import look_up
-
         try:
             first, second = np.broadcast_arrays(numbers(rho1, "rho1"), numbers(rho2, "rho2"))
         except ValueError as reason:  # InputError, too
             raise InputError(f"not two arrays of sizes: {reason}", key="rho1, rho2") from reason
-        shape, count = first.shape, first.size
-        amount, region = np.empty(count), np.empty(count, np.int64)
-        parameters, error = np.empty((count, len(self.names))), np.empty((count, 2))
-        look_up(
-            np.ascontiguousarray(first).reshape(-1),
-            np.ascontiguousarray(second).reshape(-1),
-            *self._index,
-            self.values,
-            self.errors,
-            self.regions,
-            amount,
-            parameters,
-            error,
-            region,
-        )
+        triangle, weights = self._locator.locate(first.ravel(), second.ravel())
+        basis, inside, shape = quadratic_basis(weights), triangle >= 0, first.shape
+        values = np.empty((1 + len(self.names), len(triangle)))
+        for value, columns in zip(values, self._columns, strict=True):  # each pair by itself: how many is no matter
+            value[:] = sum(share * column.take(triangle) for share, column in zip(basis, columns, strict=True))
+        errors = np.where(inside, self.errors.T.take(triangle, axis=1), np.nan)
         return MapPoints(
-            parameters=parameters.reshape(*shape, len(self.names)),
-            amount=amount.reshape(shape),
-            error=error[:, 0].reshape(shape),
-            displacement_error=error[:, 1].reshape(shape),
-            region=region.reshape(shape),
+            parameters=values[1:].T.reshape(*shape, len(self.names)),
+            amount=values[0].reshape(shape),
+            error=errors[0].reshape(shape),
+            displacement_error=errors[1].reshape(shape),
+            region=np.where(inside, self.regions.take(triangle), -1).reshape(shape),
         )
 
     def __len__(self) -> int:
@@ -252,17 +207,6 @@ class Table:
     def __repr__(self) -> str:
         (low_1, high_1), (low_2, high_2) = self.box
         return f"Table({len(self)} triangles over [{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}])"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan is None."""
-        return {
-            "format": _FORMAT,
-            "names": list(self.names),
-            "corners": self.corners.tolist(),
-            "values": _without_nan(self.values),
-            "errors": _without_nan(self.errors),
-            "regions": self.regions.tolist(),
-        }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Table:
@@ -273,31 +217,26 @@ class Table:
         InputError
             For anything else.
         """
-        keys = {"format", "names", "corners", "values", "errors", "regions"}
         if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
             raise InputError("not a compensation table", allowed=f"format = {_FORMAT!r}")
+        keys = set(cls.plain_names)
         if set(data) != keys:
             odd = sorted(set(data) ^ keys, key=str)
             raise InputError("keys are missing or unknown", found=odd, allowed=", ".join(sorted(keys)))
-        arrays = {key: numbers(_with_nan(data[key]), key) for key in ("corners", "values", "errors")}
         if not isinstance(data["names"], list):
             raise InputError("a list of names is wanted", key="names", found=data["names"])
-        return cls(**arrays, regions=data["regions"], names=tuple(data["names"]))
+        return cls(**{name: data[name] for name in cls.plain_names[1:]})
 
     def to_json(self, path: str | Path) -> None:
         """Write the table as JSON; the file is there as a whole or not at all."""
-        write(path, json.dumps(self.to_dict(), allow_nan=False))
+        to_json(path, self.to_dict())
 
     def to_csv(self, path: str | Path) -> None:
         """Write the table as CSV, a row a triangle: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4."""
-        text = io.StringIO()
-        rows = csv.writer(text, lineterminator="\n")
-        rows.writerow(_columns(self.names))
-        for region, errors, corners, values in zip(
-            self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2), strict=True
-        ):
-            rows.writerow([region, *errors, *corners.ravel().tolist(), *values.ravel().tolist()])
-        write(path, text.getvalue())
+        columns = (self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2))
+        rows = ([region, *errors, *corners.ravel().tolist(), *values.ravel().tolist()]
+                for region, errors, corners, values in zip(*columns, strict=True))  # fmt: skip
+        to_csv(path, [_columns(self.names), *rows])
 
     @classmethod
     def read(cls, path: str | Path) -> Table:
@@ -308,21 +247,8 @@ class Table:
         InputError
             Naming the file, and what in it cannot be used.
         """
-        try:
-            text = Path(path).read_text(encoding="utf-8-sig")
-        except (OSError, TypeError, ValueError) as reason:
-            what = getattr(reason, "strerror", None) or str(reason)
-            raise InputError(f"the file cannot be read: {what}", file=repr(str(path))) from reason
-        try:
-            if Path(path).suffix.lower() != ".json":
-                return cls._from_csv(text)
-            try:
-                data = json.loads(text)
-            except (ValueError, RecursionError) as reason:
-                raise InputError(f"not JSON: {str(reason)[:100]}") from reason
-            return cls.from_dict(data)
-        except InputError as wrong:
-            raise wrong.within(file=path) from wrong
+        is_json = str(path).lower().endswith(".json")
+        return read(path, (lambda text: cls.from_dict(of_json(text))) if is_json else cls._from_csv)
 
     @classmethod
     def _from_csv(cls, text: str) -> Table:
@@ -355,19 +281,3 @@ def _columns(names: Sequence[str]) -> list[str]:
     corners = [f"{rho}_{corner}" for corner in (1, 2, 3) for rho in ("rho1", "rho2")]
     nodes = [f"{name}_{node}" for name in ("amount", *names) for node in range(1, NODES + 1)]
     return ["region", "error", "displacement_error", *corners, *nodes]
-
-
-def _without_nan(values: Array) -> Any:
-    """Return nested lists with None for nan."""
-    if not np.isnan(values).any():
-        return values.tolist()
-    plain = values.astype(object)
-    plain[np.isnan(values)] = None
-    return plain.tolist()
-
-
-def _with_nan(values: Any) -> Any:
-    """Return nested lists with nan for None."""
-    if isinstance(values, list):
-        return [_with_nan(value) for value in values]
-    return math.nan if values is None else values

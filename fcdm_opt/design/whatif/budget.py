@@ -11,14 +11,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.whatif.narrowing import narrowed
 from fcdm_opt.design.whatif.nested import Order, order
 from fcdm_opt.design.whatif.prediction import by_tolerance
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
@@ -44,7 +46,7 @@ class End(Enum):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Budget:
+class Budget(Plain):
     """The largest tolerance of one requirement.
 
     Attributes
@@ -73,6 +75,11 @@ class Budget:
         Widest gap between tolerances that were looked at, 0 where `proved`.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "requirement", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit", "points",
+        "proved", "end_proved", "reason", "spacing",
+    )  # fmt: skip
+
     requirement: str
     tolerance: float
     table: Array
@@ -92,31 +99,22 @@ class Budget:
         return float("nan") if self.solution is None else self.solution.amount
 
     @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the least motion at `tolerance`, empty where there is none."""
+        return {} if self.solution is None else dict(self.solution.parameters)
+
+    @property
+    def advice(self) -> str:
+        """What ends it, in words."""
+        return self.end.value
+
+    @property
     def end_proved(self) -> bool:
         """Whether the upper end of the bracket is proved bad, by a bound on its amount or its status."""
         if self.above is None:
             return False
         over = self.limit is not None and self.above.lower_bound > self.limit
         return over or self.above.status.name == "INFEASIBLE"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None."""
-        return {
-            "requirement": self.requirement,
-            "tolerance": self.tolerance,
-            "table": self.table.tolist(),
-            "end": self.end.name,
-            "advice": self.end.value,
-            "amount": None if np.isnan(self.amount) else self.amount,
-            "parameters": {} if self.solution is None else dict(self.solution.parameters),
-            "bracket": list(self.bracket),
-            "limit": self.limit,
-            "points": self.points,
-            "proved": self.proved,
-            "end_proved": self.end_proved,
-            "reason": self.reason,
-            "spacing": self.spacing,
-        }
 
     def __str__(self) -> str:
         """Return one line: how far, what ends it, and whether that is proved."""
@@ -165,13 +163,8 @@ class Budgets(Mapping[str, Budget]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        return {
-            "limit": self.limit,
-            "shape": self.shape.tolist(),
-            "largest": self.largest,
-            "tolerance": self.tolerance,
-            "requirements": {letter: own.to_dict() for letter, own in self.each.items()},
-        }
+        told = {"limit": self.limit, "shape": self.shape, "largest": self.largest, "tolerance": self.tolerance}
+        return plain({**told, "requirements": self.each})
 
     def __str__(self) -> str:
         """Return a line for each requirement."""
@@ -224,15 +217,14 @@ def budget(
     accuracy = arguments.real(accuracy, "accuracy", f"a number from {FINEST} to 1", lambda x: FINEST <= x < 1)
     if not isinstance(scale, bool):
         raise InputError("not a truth value", key="scale", found=scale, allowed="True or False")
-    if requirements is not None and not (isinstance(requirements, str) or arguments.items(requirements)):
-        raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed="A, B, C, D")
-    letters = tuple(SIGNS) if requirements is None else tuple(requirements)
+    given = requirements if isinstance(requirements, str) else arguments.items(requirements)
+    letters = tuple(SIGNS) if requirements is None else tuple(given)
     for letter in letters:
         arguments.choice(letter, "requirements", tuple(SIGNS))
     if not letters:
         raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed="A, B, C, D")
     shape = frozen(_shape(problem) if scale else np.ones((2, 2)))
-    each = {letter: _Search(problem, letter, shape, limit, largest, accuracy).budget() for letter in letters}
+    each = {letter: _Tolerances(problem, letter, shape, limit, largest, accuracy).budget() for letter in letters}
     return Budgets(problem=problem, limit=limit, shape=shape, largest=largest, each=each)
 
 
@@ -257,15 +249,15 @@ class _Point(NamedTuple):
     def amount(self) -> float:
         return self.solution.amount
 
-    def sign_of(self, other: _Point) -> bool:
+    def like(self, other: _Point) -> bool:
         """Tell whether the same contact is held by the same constraints in the same state."""
         one, two = self.solution, other.solution
         return (one.status, one.features, one.active) == (two.status, two.features, two.active)
 
 
 @dataclass(eq=False)
-class _Search:
-    """The search along one requirement."""
+class _Tolerances:
+    """The search along the tolerances of one requirement."""
 
     problem: Problem
     letter: str
@@ -293,13 +285,12 @@ class _Search:
         """Return the budget."""
         lie, why = order(self.asked(self.largest))
         if lie is Order.ANY:
-            found, spacing = self._scanned(), self.largest / CELLS
-            why = (
-                f"{why}: sampled every {spacing:.3g} from {SMALLEST:.3g}, down to {spacing / 2**SPLITS:.3g} at changes"
-            )
+            spacing = self.largest / CELLS
+            low, high = self._scanned()
+            why += f": sampled every {spacing:.3g} from {SMALLEST:.3g}, down to {spacing / 2**SPLITS:.3g} at changes"
         else:
-            found, spacing = self._nested(lie), 0.0
-        low, high = found
+            spacing = 0.0
+            low, high = self._nested(lie)
         tolerance = 0.0 if low is None else low.tau
         return Budget(
             requirement=self.letter,
@@ -365,7 +356,7 @@ class _Search:
         The same contact at both ends; and neither the cubic through values and slopes, nor the roof that the
         tangents make, exceeds the limit where it should not.
         """
-        if not low.sign_of(high):
+        if not low.like(high):
             return False
         if self.limit is None:
             return high.good
@@ -382,33 +373,30 @@ class _Search:
 
     def _narrowed(self, low: _Point, high: _Point) -> tuple[_Point, _Point]:
         """Return a bracket of the asked width: by secants, with a bisection each time."""
-        while high.tau - low.tau > self.accuracy * high.tau:
-            for guess in (*self._guesses(low, high), None):
-                tau = (low.tau + high.tau) / 2 if guess is None else guess
-                if not low.tau < tau < high.tau:
-                    continue
-                point = self.at(tau)
-                low, high = (point, high) if point.good else (low, point)
-                if high.tau - low.tau <= self.accuracy * high.tau:
-                    break
-        return low, high
 
-    def _guesses(self, low: _Point, high: _Point) -> tuple[float, ...]:
+        def done(good: float, bad: float) -> bool:
+            return bad - good <= self.accuracy * bad
+
+        good, bad = narrowed(lambda tau: self.at(tau).good, low.tau, high.tau, done, self._guesses)
+        return self.at(good), self.at(bad)
+
+    def _guesses(self, good: float, bad: float) -> tuple[float, ...]:
         """Return a tolerance on either side of where the secant meets the limit, none where there is no amount."""
+        low, high = self.at(good), self.at(bad)
         if self.limit is None or not (high.amount > low.amount and high.amount > self.limit):
             return ()
-        root = low.tau + (high.tau - low.tau) * (self.limit - low.amount) / (high.amount - low.amount)
-        side = self.accuracy * high.tau / 4
+        root = good + (bad - good) * (self.limit - low.amount) / (high.amount - low.amount)
+        side = self.accuracy * bad / 4
         return root - side, root + side
 
 
 def _peak(ends: Array, slopes: Array) -> float:
     """Return the largest value on [0, 1] of the cubic with these values and slopes at the ends."""
-    (v, w), (p, q) = ends, slopes
-    cubic = np.array([p + q + 2 * (v - w), 3 * (w - v) - 2 * p - q, p, v])
-    roots = np.roots(np.polyder(cubic))
-    inner = np.real(roots[(np.abs(np.imag(roots)) == 0) & (np.real(roots) > 0) & (np.real(roots) < 1)])
-    return float(np.polyval(cubic, np.concatenate([[0.0, 1.0], inner])).max())
+    from scipy.interpolate import CubicHermiteSpline
+
+    cubic = CubicHermiteSpline([0.0, 1.0], ends, slopes)
+    inner = cubic.derivative().roots(extrapolate=False)
+    return float(cubic([0.0, 1.0, *inner[np.isfinite(inner)]]).max())
 
 
 def _roof(ends: Array, slopes: Array) -> float:

@@ -4,13 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.solution import Solution, Status
 
 
+def motion_to_dict(solution: Solution | None) -> dict[str, Any]:
+    """Return status, amount and parameters of a solution as plain data."""
+    if solution is None:
+        return {"status": None, "usable": False, "amount": None, "parameters": {}}
+    return {name: plain(getattr(solution, name)) for name in ("status", "usable", "amount", "parameters")}
+
+
+class PlainMotion(Plain):
+    """Base of what has a `solution`, whose motion is told with it."""
+
+    solution: Solution | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None and infinity "inf"."""
+        told = super().to_dict()
+        return {**told, **motion_to_dict(self.solution), **told}
+
+
 @dataclass(frozen=True, kw_only=True)
-class Clash:
+class Clash(Plain):
     """A set of constraints with which alone the goal is impossible, while each can be dropped, or made its weaker one.
 
     Attributes
@@ -28,13 +47,9 @@ class Clash:
     proved: bool
     status: Status
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"names": list(self.names), "proved": self.proved, "status": self.status.name}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Relaxation:
+class LeastRelaxation(PlainMotion):
     """The least relaxation of one constraint, all others kept, that makes the problem solvable.
 
     Attributes
@@ -60,6 +75,10 @@ class Relaxation:
         What else there is to say.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "name", "cures", "by", "value", "unit", "failing", "impossible", "note",
+    )  # fmt: skip
+
     name: str
     cures: bool
     by: float = math.nan
@@ -78,34 +97,15 @@ class Relaxation:
     def __str__(self) -> str:
         if not self.cures:
             return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
-        if math.isinf(self.by):
-            done = "drop it"
-        elif self.unit == "radian":
-            done = f"by {math.degrees(self.by):.9g} deg"
-            done += "" if math.isnan(self.value) else f" to {math.degrees(self.value):.9g} deg"
-        elif self.unit == "halvings":
-            done = f"by {self.by:.9g} halvings"
-        else:
-            done = f"by {self.by:.9g}" + ("" if math.isnan(self.value) else f" to {self.value:.9g}")
+        shown = math.degrees if self.unit == "radian" else float
+        unit = {"radian": " deg", "halvings": " halvings"}.get(self.unit, "")
+        done = "drop it" if math.isinf(self.by) else f"by {shown(self.by):.9g}{unit}"
+        done += "" if math.isnan(self.value) else f" to {shown(self.value):.9g}{unit}"
         return f"{self.name}: {done}, amount {self.amount:.6g}" + (f" ({self.note})" if self.note else "")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None and infinity "inf"."""
-        return {
-            "name": self.name,
-            "cures": self.cures,
-            "by": plain(self.by),
-            "value": plain(self.value),
-            "unit": self.unit,
-            "failing": plain(self.failing),
-            "impossible": plain(self.impossible),
-            "note": self.note,
-            **motion_to_dict(self.solution),
-        }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Trial:
+class Trial(PlainMotion):
     """Another question that was asked where the motion alone cannot do it.
 
     Attributes
@@ -115,30 +115,11 @@ class Trial:
     solution : Solution
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = ("change",)
+
     change: str
     solution: Solution
 
     def __str__(self) -> str:
         how = f"amount {self.solution.amount:.6g}" if self.solution.usable else self.solution.status.name
         return f"{self.change}: {how}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"change": self.change, **motion_to_dict(self.solution)}
-
-
-def plain(x: float) -> float | str | None:
-    """Return a number as JSON has it: None for nan, "inf" or "-inf" in words."""
-    return None if math.isnan(x) else float(x) if math.isfinite(x) else str(float(x))
-
-
-def motion_to_dict(solution: Solution | None) -> dict[str, Any]:
-    """Return status, amount and parameters of a solution as plain data."""
-    if solution is None:
-        return {"status": None, "usable": False, "amount": None, "parameters": {}}
-    return {
-        "status": solution.status.name,
-        "usable": solution.usable,
-        "amount": plain(solution.amount),
-        "parameters": dict(solution.parameters),
-    }

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
-from fcdm_opt.design.whatif.clashes import plain
+from fcdm_opt.design.whatif.clashes import PlainMotion
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -49,7 +50,7 @@ def contained() -> dict[str, tuple[str, ...]]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Row:
+class FamilyRow(PlainMotion):
     """One family.
 
     Attributes
@@ -65,6 +66,8 @@ class Row:
     note : str
         Why the question does not hold; or which family, though part of this one, was found cheaper.
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("status", "dropped", "tied", "note")
 
     name: str
     motion: Motion
@@ -89,23 +92,13 @@ class Row:
         return math.nan if self.solution is None else self.solution.amount
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row as plain data; nan becomes None and infinity "inf"."""
-        found = self.solution
-        return {
-            "family": self.name,
-            "parameters": {} if found is None else dict(found.parameters),
-            "motion": found.problem.motion.describe(list(found.parameters.values()), unit=found.problem.unit)
-            if found is not None and found.parameters
-            else None,
-            "status": self.status,
-            "usable": self.usable,
-            "amount": None if math.isnan(self.amount) else self.amount,
-            "lower_bound": None if found is None else plain(found.lower_bound),
-            "pair_state": "" if found is None else found.pair_state,
-            "dropped": list(self.dropped),
-            "tied": list(self.tied),
-            "note": self.note,
-        }
+        """Return plain data; nan becomes None and infinity "inf"."""
+        solution, motion = self.solution, None
+        if solution is not None and solution.parameters:
+            q, unit = list(solution.parameters.values()), solution.problem.unit
+            motion = solution.problem.motion.describe(q, unit=unit)
+        bound, state = (None, "") if solution is None else (plain(solution.lower_bound), solution.pair_state)
+        return {"family": self.name, **super().to_dict(), "motion": motion, "lower_bound": bound, "pair_state": state}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -117,15 +110,15 @@ class Comparison:
     problem : Problem
     length : float
         Length that turns radians into lengths, the same for all.
-    table : tuple of Row
+    table : tuple of FamilyRow
     """
 
     problem: Problem = field(repr=False)
     length: float
-    table: tuple[Row, ...]
+    table: tuple[FamilyRow, ...]
 
     @property
-    def best(self) -> Row | None:
+    def best(self) -> FamilyRow | None:
         """The cheapest family, None where none is usable."""
         return self.table[0] if self.table and self.table[0].usable else None
 
@@ -182,13 +175,9 @@ def compare(
     chosen = _usual(problem) if motions is None else _named(motions)
     rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
     rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given
-    noted = _checked(rows) if motions is None else {}
-    table = tuple(
-        Row(name=row.name, motion=row.motion, solution=row.solution, dropped=row.dropped, tied=_tied(row, rows),
-            note=row.note or noted.get(row.name, ""))
-        for row in rows
-    )  # fmt: skip
-    return Comparison(problem=problem, length=problem.length, table=table)
+    notes = _checked(rows) if motions is None else {}
+    table = (replace(row, tied=_tied(row, rows), note=row.note or notes.get(row.name, "")) for row in rows)
+    return Comparison(problem=problem, length=problem.length, table=tuple(table))
 
 
 def _usual(problem: Problem) -> dict[str, Motion]:
@@ -217,56 +206,49 @@ def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion
     return made
 
 
-def _row(problem: Problem, name: str, motion: Motion, certify: bool) -> Row:
+def _row(problem: Problem, name: str, motion: Motion, certify: bool) -> FamilyRow:
     """Return a family solved, or why it cannot be asked."""
-    own = {parameter.name for parameter in motion.parameters}
-    changes: dict[str, Any] = {}
-    dropped: list[str] = []
-    for key in BY_PARAMETER:
-        given = problem.request[key]
-        if isinstance(given, Mapping):
-            kept = {parameter: value for parameter, value in given.items() if parameter in own}
-            dropped += [f"{key}.{parameter}" for parameter in given if parameter not in own]
-            changes[key] = kept or None
-    told = tuple(dropped)
+    names = {parameter.name for parameter in motion.parameters}
+    given = {key: problem.request[key] for key in BY_PARAMETER if isinstance(problem.request[key], Mapping)}
+    changes = {
+        key: {name: value for name, value in values.items() if name in names} or None for key, values in given.items()
+    }
+    dropped = tuple(f"{key}.{name}" for key, values in given.items() for name in values if name not in names)
+    row = FamilyRow(name=name, motion=motion, solution=None, dropped=dropped)
     try:
         asked = problem.changed(
             motion=motion, goal=problem.goal, length=problem.length, published=None, published_text="", **changes
         )
-        solution = solve(asked, certify=certify)
+        return replace(row, solution=solve(asked, certify=certify))
     except InputError as reason:
-        return Row(name=name, motion=motion, solution=None, dropped=told, note=str(reason))
-    return Row(name=name, motion=motion, solution=solution, dropped=told)
+        return replace(row, note=str(reason))
 
 
-def _tied(row: Row, rows: list[Row]) -> tuple[str, ...]:
+def _tied(row: FamilyRow, rows: list[FamilyRow]) -> tuple[str, ...]:
     """Return the other usable families of the same amount."""
-    if not row.usable:
+    if row.solution is None or not row.usable:
         return ()
-    floor = DEFAULT.tie * row.solution.problem.size if row.solution is not None else 0.0
+    floor, others = DEFAULT.tie * row.solution.problem.size, [one for one in rows if one is not row and one.usable]
+    near = [max(DEFAULT.tied * max(row.amount, other.amount), floor) for other in others]
     return tuple(
-        other.name
-        for other in rows
-        if other is not row
-        and other.usable
-        and abs(other.amount - row.amount) <= max(DEFAULT.tied * max(row.amount, other.amount), floor)
+        other.name for other, slack in zip(others, near, strict=True) if abs(other.amount - row.amount) <= slack
     )
 
 
-def _checked(rows: list[Row]) -> dict[str, str]:
+def _checked(rows: list[FamilyRow]) -> dict[str, str]:
     """Return notes on families that were found dearer than one that is part of them, where nothing sets them apart."""
-    found = {row.name: row for row in rows}
+    by_name = {row.name: row for row in rows}
     notes: dict[str, str] = {}
     for name, parts in contained().items():
-        row = found[name]
+        row = by_name[name]
         cheaper = [
-            found[part]
-            for part in parts
-            if found[part].usable
-            and not set(found[part].dropped) - set(row.dropped)
-            and not (row.usable and row.amount <= found[part].amount * (1.0 + DEFAULT.tied))
+            part
+            for part in (by_name[part] for part in parts)
+            if part.usable
+            and not set(part.dropped) - set(row.dropped)
+            and not (row.usable and row.amount <= part.amount * (1.0 + DEFAULT.tied))
         ]
         if row.solution is not None and cheaper:
-            best = min(cheaper, key=lambda other: other.amount)
+            best = min(cheaper, key=lambda part: part.amount)
             notes[name] = f"not the least: {best.name!r}, which is part of it, has a motion of amount {best.amount:.6g}"
     return notes

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
-from fcdm_opt.design.whatif.clashes import Clash, Relaxation, Trial
+from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint
-from fcdm_opt.design.whatif.search import Search
+from fcdm_opt.design.whatif.search import ClashSearch
 from fcdm_opt.errors import InputError
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Conflicts:
+class Conflicts(Plain):
     """Why a problem has no motion.
 
     Attributes
@@ -28,9 +29,9 @@ class Conflicts:
         empty says that the motion alone cannot do it.
     complete : bool
         Whether these are all of that size, and none is smaller.
-    relaxations : tuple of Relaxation
+    relaxations : tuple of LeastRelaxation
         One for each constraint of the clashes.
-    deviation : Relaxation or None
+    deviation : LeastRelaxation or None
         How much less the parts made may be off nominal: `value` is the largest share found of the deviation asked for
         that can be made good, all constraints kept. Sampled: a larger deviation can be easier.
     trials : tuple of Trial
@@ -39,12 +40,16 @@ class Conflicts:
     seconds : float
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "constraints", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
+    )  # fmt: skip
+
     problem: Problem = field(repr=False)
     constraints: tuple[Constraint, ...]
     clashes: tuple[Clash, ...]
     complete: bool
-    relaxations: tuple[Relaxation, ...] = ()
-    deviation: Relaxation | None = None
+    relaxations: tuple[LeastRelaxation, ...] = ()
+    deviation: LeastRelaxation | None = None
     trials: tuple[Trial, ...] = ()
     solves: int
     seconds: float
@@ -63,17 +68,8 @@ class Conflicts:
         return "\n".join([*lines, *(f"try {trial}" for trial in self.trials)])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None and infinity "inf"."""
-        return {
-            "constraints": [own.name for own in self.constraints],
-            "clashes": [own.to_dict() for own in self.clashes],
-            "complete": self.complete,
-            "relaxations": [own.to_dict() for own in self.relaxations],
-            "deviation": None if self.deviation is None else self.deviation.to_dict(),
-            "trials": [own.to_dict() for own in self.trials],
-            "solves": self.solves,
-            "seconds": self.seconds,
-        }
+        """Return plain data; nan becomes None and infinity "inf"; constraints are told by their names."""
+        return {**super().to_dict(), "constraints": [own.name for own in self.constraints]}
 
 
 def conflicts(
@@ -110,7 +106,7 @@ def conflicts(
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
         if not isinstance(value, bool):
             raise InputError("not a truth value", key=key, found=value, allowed="True or False")
-    start, search = perf_counter(), Search(problem)
+    start, search = perf_counter(), ClashSearch(problem)
     whole = known or search.solved(problem)
     if whole.verified:
         raise InputError(

@@ -11,20 +11,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.errors import InputError
 from fcdm_opt.judge.certificate import verify
-from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Certificate, Solution, kept_clear
 from fcdm_opt.tolerances import DEFAULT
 
+OUTWARD = (-1.0, 1.0)  # where a lower and an upper limit is widened to
+
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """One constraint of a problem.
+    """One constraint of a problem; each kind of it is a class below.
 
     Attributes
     ----------
@@ -46,21 +46,30 @@ class Constraint:
     includes: str = ""
     parameter: str = ""
 
-    def dropped(self, problem: Problem) -> Problem:
-        """Return the problem without this constraint and those that include it."""
-        raise NotImplementedError
-
     def relaxed(self, problem: Problem, by: float) -> Problem:
-        """Return the problem with this constraint relaxed by an amount in its unit.
+        """Return the problem with this constraint relaxed by an amount in its unit, at most `most`.
 
         Raises
         ------
         InputError
             Where there is nothing between keeping and dropping it, or this is more than can be.
         """
-        raise InputError(
-            "there is nothing between keeping and dropping it", key=self.name, found=by, allowed="`without` it"
-        )
+        if not self.unit:
+            raise InputError(
+                "there is nothing between keeping and dropping it", key=self.name, found=by, allowed="`without` it"
+            )
+        if not (is_real(by) and 0.0 <= by <= self.most and math.isfinite(by)):
+            allowed = f"a number from 0 to {self.most:.9g}" if math.isfinite(self.most) else "a finite number >= 0"
+            raise InputError("not a relaxation", key=self.name, found=by, allowed=allowed)
+        return self.changed(problem, float(by))
+
+    def dropped(self, problem: Problem) -> Problem:
+        """Return the problem without this constraint and those that include it."""
+        return self.changed(problem, self.most)
+
+    def changed(self, problem: Problem, by: float) -> Problem:
+        """Return the problem with this constraint relaxed by any amount up to `most`, which drops it."""
+        raise NotImplementedError
 
     def excess(self, solution: Solution, certificate: Certificate) -> float:
         """Return by how much a motion passes the constraint: not above 0 where it keeps it.
@@ -75,8 +84,8 @@ class Constraint:
 
     @property
     def most(self) -> float:
-        """Largest relaxation: the clearance itself for a clearance, else infinite; nan where there is none."""
-        return math.nan
+        """Largest relaxation: the clearance itself for a clearance, else infinite."""
+        return math.inf
 
     @property
     def kept_at_rest(self) -> bool:
@@ -98,142 +107,60 @@ class Constraint:
 
 @dataclass(frozen=True, kw_only=True)
 class _Limit(Constraint):
-    """The lower (side 0) or upper (side 1) limit of a parameter."""
+    """The lower (sides (0,)) or upper ((1,)) limit of a parameter, or both where they are equal: it is held."""
 
-    side: int
+    sides: tuple[int, ...]
 
-    def dropped(self, problem: Problem) -> Problem:
-        return self._set(problem, math.copysign(math.inf, self._sign))
-
-    def relaxed(self, problem: Problem, by: float) -> Problem:
-        return self._set(problem, self.relaxed_value(_not_negative(self.name, by)))
+    def changed(self, problem: Problem, by: float) -> Problem:
+        given = problem.request["limits"]
+        ends = list(given.get(self.parameter, (-math.inf, math.inf)))
+        for side in self.sides:
+            ends[side] = self.value + OUTWARD[side] * by
+        return problem.changed(limits={**given, self.parameter: tuple(ends)})
 
     def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return self._sign * (solution.parameters[self.parameter] - self.value)
-
-    @property
-    def most(self) -> float:
-        return math.inf
+        return max(OUTWARD[side] * (solution.parameters[self.parameter] - self.value) for side in self.sides)
 
     @property
     def kept_at_rest(self) -> bool:
-        return self._sign * self.value >= 0.0
+        return all(OUTWARD[side] * self.value >= 0.0 for side in self.sides)
 
     def relaxed_value(self, by: float) -> float:
-        return self.value + self._sign * by
+        return math.nan if len(self.sides) > 1 else self.value + OUTWARD[self.sides[0]] * by
 
     def slack(self, problem: Problem) -> float:
-        return DEFAULT.requirement * problem.length / _weight(problem, self.parameter)
+        names = [parameter.name for parameter in problem.motion.parameters]
+        return DEFAULT.requirement * problem.length / float(problem.weights[names.index(self.parameter)])
 
     def rate(self, sensitivity: Sensitivity) -> float:
-        return -self._sign * sensitivity.limits[self.parameter][self.side]
-
-    @property
-    def _sign(self) -> float:
-        return 1.0 if self.side else -1.0
-
-    def _set(self, problem: Problem, value: float) -> Problem:
-        ends = list(problem.request["limits"].get(self.parameter, (-math.inf, math.inf)))
-        ends[self.side] = value
-        return problem.changed(limits={**problem.request["limits"], self.parameter: tuple(ends)})
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Held(Constraint):
-    """A parameter whose limits are equal; it is relaxed to both sides."""
-
-    def dropped(self, problem: Problem) -> Problem:
-        limits = problem.request["limits"]
-        return problem.changed(limits={name: ends for name, ends in limits.items() if name != self.parameter})
-
-    def relaxed(self, problem: Problem, by: float) -> Problem:
-        by = _not_negative(self.name, by)
-        ends = (self.value - by, self.value + by)
-        return problem.changed(limits={**problem.request["limits"], self.parameter: ends})
-
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return abs(solution.parameters[self.parameter] - self.value)
-
-    @property
-    def most(self) -> float:
-        return math.inf
-
-    @property
-    def kept_at_rest(self) -> bool:
-        return self.value == 0.0
-
-    def slack(self, problem: Problem) -> float:
-        return DEFAULT.requirement * problem.length / _weight(problem, self.parameter)
-
-    def rate(self, sensitivity: Sensitivity) -> float:
-        return abs(sensitivity.limits[self.parameter][0])  # equal limits are one datum, the lower
-
-
-@dataclass(frozen=True, kw_only=True)
-class _KeptOut(Constraint):
-    """That a keep-out is not entered."""
-
-    keep_out: str
-
-    def dropped(self, problem: Problem) -> Problem:
-        return problem.changed(keep_out=tuple(own for own in problem.keep_out if own.name != self.keep_out))
-
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return -_checked(certificate, kept_clear(self.keep_out))
-
-    def slack(self, problem: Problem) -> float:
-        return _slack_to(problem, _keep_out(problem, self.keep_out))
-
-    def rate(self, sensitivity: Sensitivity) -> float:
-        return sensitivity.keep_out[self.keep_out]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _KeepOutClearance(Constraint):
-    """The clearance that is kept to a keep-out."""
-
-    keep_out: str
-
-    def dropped(self, problem: Problem) -> Problem:
-        return self.relaxed(problem, self.value)
-
-    def relaxed(self, problem: Problem, by: float) -> Problem:
-        clearance = self.relaxed_value(_not_negative(self.name, by, self.value))
-        return problem.changed(
-            keep_out=tuple(
-                replace(own, clearance=clearance) if own.name == self.keep_out else own for own in problem.keep_out
-            )
-        )
-
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return self.value - _checked(certificate, kept_clear(self.keep_out))
-
-    @property
-    def most(self) -> float:
-        return self.value
-
-    def relaxed_value(self, by: float) -> float:
-        return self.value - by
-
-    def slack(self, problem: Problem) -> float:
-        return _slack_to(problem, _keep_out(problem, self.keep_out))
-
-    def rate(self, sensitivity: Sensitivity) -> float:
-        return sensitivity.keep_out[self.keep_out]
+        rates = sensitivity.limits[self.parameter]
+        # equal limits are one datum, the lower
+        return abs(rates[0]) if len(self.sides) > 1 else -OUTWARD[self.sides[0]] * rates[self.sides[0]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Clearance(Constraint):
-    """The clearance of the target pair."""
+    """The clearance of the target pair or to a keep-out, as a check of the judge measures it.
 
-    def dropped(self, problem: Problem) -> Problem:
-        return problem.changed(clearance=0.0)
+    Without a unit it is that the pair is clear, or the keep-out not entered, at all: it can only be dropped.
+    """
 
-    def relaxed(self, problem: Problem, by: float) -> Problem:
-        return problem.changed(clearance=self.relaxed_value(_not_negative(self.name, by, self.value)))
+    check: str = "clearance"
+    keep_out: str = ""
+
+    def changed(self, problem: Problem, by: float) -> Problem:
+        clearance = self.relaxed_value(by) if self.unit else 0.0
+        if not self.keep_out:
+            return problem.changed(clearance=clearance, **({} if self.unit else {"pair": "any"}))
+        others = [own for own in problem.keep_out if self.unit or own.name != self.keep_out]
+        return problem.changed(
+            keep_out=tuple(replace(own, clearance=clearance) if own.name == self.keep_out else own for own in others)
+        )
 
     def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return self.value - _checked(certificate, "clearance")
+        # what the judge could not find is infinitely bad
+        measured = next((check.value for check in certificate.checks if check.name == self.check), -math.inf)
+        return (self.value if self.unit else 0.0) - measured
 
     @property
     def most(self) -> float:
@@ -243,59 +170,39 @@ class _Clearance(Constraint):
         return self.value - by
 
     def slack(self, problem: Problem) -> float:
-        return problem.contact_slack
+        sizes = [own.body.size for own in problem.keep_out if own.name == self.keep_out]
+        return max([problem.contact_slack, *(DEFAULT.tie * size for size in sizes)])
 
     def rate(self, sensitivity: Sensitivity) -> float:
-        return sensitivity.clearance
+        if self.keep_out:
+            return sensitivity.keep_out[self.keep_out]
+        return sensitivity.clearance if self.unit else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PairState(Constraint):
-    """The state that the target pair must have besides the goal: "clear" or "touch"."""
+class _Passed(Constraint):
+    """That the judge's checks whose names start so pass; without it, an argument of the problem has another value."""
 
-    state: str
+    check: str
+    instead: tuple[str, Any]
 
-    def dropped(self, problem: Problem) -> Problem:
-        return problem.changed(pair="any", clearance=problem.clearance if problem.goal == "clear" else 0.0)
+    def changed(self, problem: Problem, by: float) -> Problem:
+        return problem.changed(**dict([self.instead]))
 
     def excess(self, solution: Solution, certificate: Certificate) -> float:
-        if self.state == "touch":
-            return 0.0 if _passed(certificate, "pair touches") else math.inf
-        return -_checked(certificate, "clearance")
-
-    def slack(self, problem: Problem) -> float:
-        return problem.contact_slack
+        checks = [check.passed for check in certificate.checks if check.name.startswith(self.check)]
+        return 0.0 if checks and all(checks) else math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Coherence(Constraint):
-    """That the tracked features stay the contact along the path."""
-
-    def dropped(self, problem: Problem) -> Problem:
-        return problem.changed(path="free")
-
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return 0.0 if _passed(certificate, "path") else math.inf
-
-
-@dataclass(frozen=True, kw_only=True)
-class _WholeSteps(Constraint):
+class _WholeSteps(_Passed):
     """That the motion is in whole steps of the machine; the relaxation counts how often the steps are halved."""
 
-    def dropped(self, problem: Problem) -> Problem:
-        return problem.changed(resolution=None)
-
-    def relaxed(self, problem: Problem, by: float) -> Problem:
-        finer = 2.0 ** _not_negative(self.name, by)
+    def changed(self, problem: Problem, by: float) -> Problem:
+        if math.isinf(by):
+            return super().changed(problem, by)
         steps = problem.request["resolution"]
-        return problem.changed(resolution={name: step / finer for name, step in steps.items()})
-
-    @property
-    def most(self) -> float:
-        return math.inf
-
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return 0.0 if _passed(certificate, "whole steps") else math.inf
+        return problem.changed(resolution={name: step / 2.0**by for name, step in steps.items()})
 
 
 def constraints(problem: Problem) -> tuple[Constraint, ...]:
@@ -307,35 +214,35 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
         Limits by parameter, keep-outs, pair state, clearance, coherence, whole steps; a weaker one stands before the
         one that includes it.
     """
-    found: list[Constraint] = []
+    listed: list[Constraint] = []
     for parameter, ends in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
         name, unit = parameter.name, "length" if parameter.kind == "translation" else "radian"
-        if ends[0] == ends[1]:
-            found.append(_Held(name=f"{name} held", value=ends[0], unit=unit, parameter=name))
-            continue
-        for side, (word, end) in enumerate(zip(("lower", "upper"), ends, strict=True)):
-            if math.isfinite(end):
-                found.append(_Limit(name=f"{word} limit of {name}", value=end, unit=unit, parameter=name, side=side))
+        limits = {f"lower limit of {name}": (0,), f"upper limit of {name}": (1,)}
+        for label, sides in {f"{name} held": (0, 1)}.items() if ends[0] == ends[1] else limits.items():
+            if math.isfinite(value := ends[sides[0]]):
+                listed.append(_Limit(name=label, value=value, unit=unit, parameter=name, sides=sides))
     for own in problem.keep_out:
-        kept = f"keep-out {own.name!r}"
-        found.append(_KeptOut(name=kept, keep_out=own.name))
+        kept, clear = f"keep-out {own.name!r}", kept_clear(own.name)
+        listed.append(_Clearance(name=kept, check=clear, keep_out=own.name))
         if own.clearance > 0:
-            found.append(
-                _KeepOutClearance(
-                    name=kept_clear(own.name), value=own.clearance, unit="length", includes=kept, keep_out=own.name
-                )
+            value = own.clearance
+            listed.append(
+                _Clearance(name=clear, value=value, unit="length", includes=kept, check=clear, keep_out=own.name)
             )
     state = "" if problem.pair in ("any", problem.goal) else f"pair {problem.pair!r}"
-    if state:
-        found.append(_PairState(name=state, state=problem.pair))
+    if problem.pair == "touch" and state:
+        listed.append(_Passed(name=state, check="pair touches", instead=("pair", "any")))
+    elif state:
+        listed.append(_Clearance(name=state))
     if problem.clearance > 0:
         includes = "" if problem.goal == "clear" else state
-        found.append(_Clearance(name="clearance", value=problem.clearance, unit="length", includes=includes))
+        listed.append(_Clearance(name="clearance", value=problem.clearance, unit="length", includes=includes))
     if problem.goal in TRACKING and problem.path == "coherent":
-        found.append(_Coherence(name="coherence"))
+        listed.append(_Passed(name="coherence", check="path", instead=("path", "free")))
     if problem.resolution is not None:
-        found.append(_WholeSteps(name="whole steps", unit="halvings"))
-    return tuple(found)
+        steps = "whole steps"
+        listed.append(_WholeSteps(name=steps, unit="halvings", check=steps, instead=("resolution", None)))
+    return tuple(listed)
 
 
 def without(problem: Problem, names: Iterable[str]) -> Problem:
@@ -352,9 +259,8 @@ def without(problem: Problem, names: Iterable[str]) -> Problem:
     InputError
         For a name that no constraint of the problem has.
     """
-    chosen = [named(problem, name) for name in dict.fromkeys(names)]
-    for own in chosen:
-        problem = own.dropped(problem)
+    for constraint in [named(problem, name) for name in dict.fromkeys(names)]:
+        problem = constraint.dropped(problem)
     return problem
 
 
@@ -403,37 +309,5 @@ def excesses(problem: Problem, solution: Solution) -> dict[str, float]:
         not and there is no amount.
     """
     certificate = verify(replace(solution, problem=problem))
-    found = {own.name: (own.excess(solution, certificate), own.slack(problem)) for own in constraints(problem)}
-    return {name: 0.0 if value <= slack else value for name, (value, slack) in found.items()}
-
-
-def _not_negative(name: str, by: Any, most: float = math.inf) -> float:
-    if not (isinstance(by, int | float | np.integer | np.floating) and 0.0 <= by <= most and math.isfinite(by)):
-        allowed = f"a number from 0 to {most:.9g}" if math.isfinite(most) else "a finite number >= 0"
-        raise InputError("not a relaxation", key=name, found=by, allowed=allowed)
-    return float(by)
-
-
-def _weight(problem: Problem, parameter: str) -> float:
-    names = [own.name for own in problem.motion.parameters]
-    return float(problem.weights[names.index(parameter)])
-
-
-def _keep_out(problem: Problem, name: str) -> KeepOut:
-    return next(own for own in problem.keep_out if own.name == name)
-
-
-def _slack_to(problem: Problem, keep_out: KeepOut) -> float:
-    """Return the slack with which the judge looks at a keep-out."""
-    return max(problem.contact_slack, DEFAULT.tie * keep_out.body.size)
-
-
-def _checked(certificate: Certificate, name: str) -> float:
-    """Return what the judge found in a check; what he could not find is infinitely bad."""
-    return next((check.value for check in certificate.checks if check.name == name), -math.inf)
-
-
-def _passed(certificate: Certificate, start: str) -> bool:
-    """Tell whether there are checks whose names start so, and all passed."""
-    checks = [check.passed for check in certificate.checks if check.name.startswith(start)]
-    return bool(checks) and all(checks)
+    passed = {own.name: (own.excess(solution, certificate), own.slack(problem)) for own in constraints(problem)}
+    return {name: 0.0 if excess <= slack else excess for name, (excess, slack) in passed.items()}

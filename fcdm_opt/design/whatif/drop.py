@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import ClassVar
 
-from fcdm_opt.design.whatif.clashes import motion_to_dict, plain
+from fcdm_opt.design.whatif.clashes import PlainMotion
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
 from fcdm_opt.errors import InputError
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import GOALS, Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
@@ -18,7 +19,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Dropped:
+class Dropped(PlainMotion):
     """The problem without one constraint, or with another goal.
 
     Attributes
@@ -43,6 +44,8 @@ class Dropped:
         function of the relaxation the saving is no larger.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = ("name", "amount", "saving", "excess", "rate", "estimate")
+
     name: str
     solution: Solution = field(repr=False)
     amount: float
@@ -65,14 +68,9 @@ class Dropped:
         word = "saves" if self.saving > 0 else "adds"
         return f"{self.name}: {word} {abs(self.saving):.6g}, amount {self.amount:.6g}{more}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None and infinity "inf"."""
-        numbers = {key: plain(getattr(self, key)) for key in ("saving", "excess", "rate", "estimate")}
-        return {"name": self.name, **motion_to_dict(self.solution), "amount": plain(self.amount), **numbers}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Costs:
+class Costs(Plain):
     """Which constraint of a solvable problem costs how much.
 
     Attributes
@@ -87,11 +85,18 @@ class Costs:
     seconds : float
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = ("amount", "rows", "goals", "free", "solves", "seconds")
+
     solution: Solution = field(repr=False)
     rows: tuple[Dropped, ...]
     goals: tuple[Dropped, ...]
     solves: int
     seconds: float
+
+    @property
+    def amount(self) -> float:
+        """Least amount with all constraints."""
+        return self.solution.amount
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -102,17 +107,6 @@ class Costs:
         lines = [f"amount {self.solution.amount:.6g}", *(f"without {row}" for row in self.rows if row.saving != 0.0)]
         lines += [f"cost nothing: {', '.join(self.free)}"] if self.free else []
         return "\n".join([*lines, *(f"with {row}" for row in self.goals)])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None and infinity "inf"."""
-        return {
-            "amount": plain(self.solution.amount),
-            "rows": [row.to_dict() for row in self.rows],
-            "goals": [row.to_dict() for row in self.goals],
-            "free": list(self.free),
-            "solves": self.solves,
-            "seconds": self.seconds,
-        }
 
 
 def drop(problem: Problem | Solution) -> Costs:
@@ -157,33 +151,27 @@ def _solved(problem: Problem) -> Solution:
     return solve(problem, effort="quick")
 
 
-def _without(solution: Solution, own: Constraint) -> Dropped:
+def _without(solution: Solution, constraint: Constraint) -> Dropped:
     """Return what a constraint costs.
 
     The motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing.
     """
-    problem = solution.problem
-    found = solve(without(problem, [own.name]), effort="quick")
-    if not (found.usable and found.amount < solution.amount * (1.0 - DEFAULT.tied)):
-        return Dropped(
-            name=own.name, solution=found, amount=solution.amount, saving=0.0, excess=0.0, rate=_rate(solution, own)
-        )
-    excess, rate = _excess(problem, found, own), _rate(solution, own)
-    estimate = rate * excess if math.isfinite(excess) else math.nan
-    saving = solution.amount - found.amount
+    problem, name, rate = solution.problem, constraint.name, constraint.rate(solution.sensitivity)
+    without_it = solve(without(problem, [name]), effort="quick")
+    if not (without_it.usable and without_it.amount < solution.amount * (1.0 - DEFAULT.tied)):
+        return Dropped(name=name, solution=without_it, amount=solution.amount, saving=0.0, excess=0.0, rate=rate)
+    passed = excesses(problem, without_it)
+    # without a keep-out its clearance is passed, too
+    excess = max(passed[one.name] for one in constraints(problem) if name in (one.name, one.includes))
     return Dropped(
-        name=own.name, solution=found, amount=found.amount, saving=saving, excess=excess, rate=rate, estimate=estimate
+        name=name,
+        solution=without_it,
+        amount=without_it.amount,
+        saving=solution.amount - without_it.amount,
+        excess=excess,
+        rate=rate,
+        estimate=rate * excess if math.isfinite(excess) else math.nan,
     )
-
-
-def _excess(problem: Problem, found: Solution, own: Constraint) -> float:
-    """Return by how much a motion passes a constraint; without a keep-out it passes the clearance, too."""
-    passed = excesses(problem, found)
-    return max(passed[one.name] for one in constraints(problem) if own.name in (one.name, one.includes))
-
-
-def _rate(solution: Solution, own: Constraint) -> float:
-    return own.rate(solution.sensitivity)
 
 
 def _other_goals(solution: Solution) -> Iterator[Dropped]:
@@ -197,8 +185,8 @@ def _other_goals(solution: Solution) -> Iterator[Dropped]:
             other = problem.changed(goal=goal, clearance=clearance, features=None)
         except InputError:  # no switching point, nothing flush
             continue
-        found = solve(other, effort="quick")
-        amount = found.amount if found.usable else math.nan
+        answer = solve(other, effort="quick")
+        amount = answer.amount if answer.usable else math.nan
         saving = solution.amount - amount
         tied = abs(saving) <= DEFAULT.tied * max(amount, solution.amount)
-        yield Dropped(name=f'goal "{goal}"', solution=found, amount=amount, saving=0.0 if tied else saving)
+        yield Dropped(name=f'goal "{goal}"', solution=answer, amount=amount, saving=0.0 if tied else saving)

@@ -1,13 +1,22 @@
-"""Up to which tolerance a question that has no answer inside the fit has one."""
+"""How much of the deviation from nominal can be made good where all of it cannot."""
 
 from __future__ import annotations
 
+from fcdm_opt.design.whatif.narrowing import narrowed
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
+
+
+def deviating(problem: Problem, share: float) -> Problem:
+    """Return a problem with a share of its deviation from nominal: of its tolerance, or of its target's."""
+    if problem.tolerance is not None:
+        return problem.changed(tolerance=(share * problem.tolerance).tolist())
+    nominal = problem.nominal_pair
+    return problem.changed(target=(nominal + share * (problem.target - nominal)).tolist())
 
 
 def fits_up_to(problem: Problem) -> float | None:
@@ -29,21 +38,17 @@ def fits_up_to(problem: Problem) -> float | None:
     """
     if problem.tolerance is None or problem.requirement is None:
         return None
-    low, high = 0.0, 1.0
     widths = misfit(problem)
-    tried = [] if widths is None else [widths.share * (1.0 - ACCURACY / 2), widths.share * (1.0 + ACCURACY / 2)]
-    for share in tried:
-        if low < share < high:
-            low, high = (share, high) if _fits(problem, share) else (low, share)
-    while high - low > ACCURACY * high and high > ACCURACY:
-        share = (low + high) / 2
-        low, high = (share, high) if _fits(problem, share) else (low, share)
-    return low * float(problem.tolerance.max())
+    guesses = () if widths is None else (widths.share * (1.0 - ACCURACY / 2), widths.share * (1.0 + ACCURACY / 2))
 
+    def fits(share: float) -> bool:
+        try:
+            return solve(deviating(problem, share), effort="quick").usable
+        except InputError:  # the goal does not hold at these sizes
+            return False
 
-def _fits(problem: Problem, share: float) -> bool:
-    table = tuple(map(tuple, (share * problem.tolerance).tolist()))
-    try:
-        return solve(problem.changed(tolerance=table, goal=problem.goal), effort="quick").usable
-    except InputError:  # the goal does not hold at these sizes
-        return False
+    def told(low: float, high: float) -> bool:
+        return high - low <= ACCURACY * high or high <= ACCURACY
+
+    share, _ = narrowed(fits, 0.0, 1.0, told, lambda low, high: guesses)
+    return share * float(problem.tolerance.max())

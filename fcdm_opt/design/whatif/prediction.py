@@ -12,6 +12,7 @@ from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
@@ -22,7 +23,7 @@ DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resoluti
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prediction:
+class Prediction(Plain):
     """What the derivatives of a solved problem foretell.
 
     Attributes
@@ -38,11 +39,6 @@ class Prediction:
     amount: float
     terms: Mapping[str, float] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None."""
-        shown = {name: None if np.isnan(term) else term for name, term in self.terms.items()}
-        return {"amount": None if np.isnan(self.amount) else self.amount, "terms": shown, "reasons": list(self.reasons)}
 
 
 Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason where it is nan or doubtful
@@ -73,17 +69,17 @@ def prediction(before: Solution, problem: Problem) -> Prediction:
     return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
 
 
-def derivative_is_missing(found: Sensitivity) -> str:
+def derivative_is_missing(rates: Sensitivity) -> str:
     """Return why finite derivatives of a solution do not hold, "" where they do: ties of constraints leave nan."""
-    return "; ".join(reason for reason in found.reasons if not reason.startswith(HARMLESS))
+    return "; ".join(reason for reason in rates.reasons if not reason.startswith(HARMLESS))
 
 
 def by_tolerance(solution: Solution, shape: Array) -> float:
     """Return the derivative of the amount by tau where the tolerance is tau * `shape`, (2, 2); nan where none."""
-    found = solution.sensitivity
-    if found.tolerance is None or derivative_is_missing(found):
+    rates = solution.sensitivity
+    if rates.tolerance is None or derivative_is_missing(rates):
         return NAN
-    return float(found.tolerance[shape != 0] @ shape[shape != 0])
+    return float(rates.tolerance[shape != 0] @ shape[shape != 0])
 
 
 # ------------------------------------------------------------------------------------------------------ what changed
@@ -114,47 +110,47 @@ def _discrete(old: Problem, new: Problem) -> Told:
 
 def _changes(before: Solution, new: Problem) -> Told:
     """Yield what each continuous change adds to the amount."""
-    old, found = before.problem, before.sensitivity
-    yield from _pair(old, new, found)
-    yield from _weights(old, new, found)
+    old, rates = before.problem, before.sensitivity
+    yield from _pair(old, new, rates)
+    yield from _weights(old, new, rates)
     yield from _limits(before, new)
     if old.clearance != new.clearance:
-        yield _told("clearance", [found.clearance], [new.clearance - old.clearance])
+        yield _told("clearance", [rates.clearance], [new.clearance - old.clearance])
     pairs = [(own.name, own.clearance, other.clearance) for own, other in zip(old.keep_out, new.keep_out, strict=True)]
     for name, one, two in pairs:
         if one != two:
-            yield _told(f"keep_out {name!r} clearance", [found.keep_out[name]], [two - one])
+            yield _told(f"keep_out {name!r} clearance", [rates.keep_out[name]], [two - one])
     keys = ["P1", "P2", *(f"keep-out {own.name!r} " for own in old.keep_out)]
     bodies = [(problem.movable, problem.static, *(own.body for own in problem.keep_out)) for problem in (old, new)]
     for key, one_body, two_body in zip(keys, *bodies, strict=True):
-        yield from _body(key, one_body, two_body, found)
+        yield from _body(key, one_body, two_body, rates)
 
 
-def _pair(old: Problem, new: Problem, found: Sensitivity) -> Told:
+def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
     """Yield what a changed target pair adds: by tolerance and nominal scales, else by the target itself.
 
     A nominal switching point that moves with the geometry is in the derivatives by the geometry.
     """
     if old.requirement is None or new.requirement is None:
         if not np.array_equal(old.target, new.target):
-            yield _told("target", found.target, new.target - old.target)
+            yield _told("target", rates.target, new.target - old.target)
         return
     if not np.array_equal(old.tolerance, new.tolerance):
-        yield _told("tolerance", found.tolerance, np.subtract(new.tolerance, old.tolerance))
+        yield _told("tolerance", rates.tolerance, np.subtract(new.tolerance, old.tolerance))
     if np.array_equal(old.nominal_pair, new.nominal_pair) or isinstance(new.nominal, int):
         return
     if old.goal in TRACKING and same(old.request["nominal"], new.request["nominal"]):
         if not isinstance(new.nominal_contact, SwitchingPoint):
             yield "nominal", NAN, "the nominal pair was closed to another point of the curve"
         return
-    yield _told("nominal", found.nominal, new.nominal_pair - old.nominal_pair)
+    yield _told("nominal", rates.nominal, new.nominal_pair - old.nominal_pair)
 
 
-def _weights(old: Problem, new: Problem, found: Sensitivity) -> Told:
+def _weights(old: Problem, new: Problem, rates: Sensitivity) -> Told:
     """Yield what changed weights add, of the length as well."""
     change = new.weights - old.weights
     if old.amount == "weighted" and change.any():
-        yield _told("weights", list(found.weights.values()), change)
+        yield _told("weights", list(rates.weights.values()), change)
 
 
 def _limits(before: Solution, new: Problem) -> Told:
@@ -201,7 +197,7 @@ def _freed(name: str, rate: float, moves: Array) -> Told:
 # ------------------------------------------------------------------------------------------------------------ bodies
 
 
-def _body(key: str, old: Body, new: Body, found: Sensitivity) -> Told:
+def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
     if _same_body(old, new):
         return
@@ -211,15 +207,15 @@ def _body(key: str, old: Body, new: Body, found: Sensitivity) -> Told:
         return
     seed = new.seed - old.seed
     if seed.any():
-        yield _told(f"{name} seed", found.seeds[name], seed)
+        yield _told(f"{name} seed", rates.seeds[name], seed)
     moves = new.vertices - old.vertices
     if not moves.any():
         return
-    rates = np.array([found.vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)])
-    term = _told(f"{name} vertices", rates, moves)
+    each = np.array([rates.vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)])
+    term = _told(f"{name} vertices", each, moves)
     if np.isnan(term[1]):
         shifts = _shifts(old, moves)
-        faces = [found.faces[key + ",".join(f"V{label}" for label in face)] for face in old.faces]
+        faces = [rates.faces[key + ",".join(f"V{label}" for label in face)] for face in old.faces]
         term = _told(f"{name} faces", faces, shifts) if np.isfinite(shifts).all() else term
     reason = f"no derivative by a vertex of {name} that moves and breaks or turns a face that matters"
     yield (*term[:2], reason if np.isnan(term[1]) else "")

@@ -14,9 +14,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, product
+from typing import Any
 
-from fcdm_opt.design.whatif.clashes import Clash, Relaxation, Trial
+from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
+from fcdm_opt.design.whatif.fitting import deviating
+from fcdm_opt.design.whatif.narrowing import narrowed
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -38,7 +41,7 @@ COARSER = 100.0  # how fast the width of a bracket grows that is enough, where a
 SHARES = 8  # of the deviation from nominal that are tried before the largest that can be made good is narrowed in
 
 
-class Search:
+class ClashSearch:
     """Everything that is asked about one problem, and what is known from the answers.
 
     Sets of constraints are closed: with a constraint they have the weaker one that it includes.
@@ -47,23 +50,19 @@ class Search:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.constraints = constraints(problem)
-        self.names: Names = frozenset(own.name for own in self.constraints)
+        self.names: Names = frozenset(one.name for one in self.constraints)
         self.solves = 0
         self.kept: list[Names] = []  # of each motion found, what it keeps
         self._asked: dict[Names, Solution] = {}
-        included = {own.includes for own in self.constraints}
-        by_name = {own.name: own for own in self.constraints}
+        weaker = {one.name: one.includes for one in self.constraints}
         self.chains: list[list[Names]] = []  # of each strongest constraint, closed sets from the weakest on
         self.chosen: dict[Names, str] = {}  # the strongest constraint of each such set
-        for own in self.constraints:
-            if own.name in included:
-                continue
-            chain = [own.name]
-            while by_name[chain[-1]].includes:
-                chain.append(by_name[chain[-1]].includes)
-            levels = [frozenset(chain[k:]) for k in reversed(range(len(chain)))]
-            self.chains.append(levels)
-            self.chosen.update(zip(levels, reversed(chain), strict=True))
+        for name in [name for name in weaker if name not in weaker.values()]:
+            chain = [name]
+            while weaker[chain[0]]:
+                chain.insert(0, weaker[chain[0]])
+            self.chains.append([frozenset(chain[: k + 1]) for k in range(len(chain))])
+            self.chosen.update(zip(self.chains[-1], chain, strict=True))
 
     def solved(self, problem: Problem, *, certify: bool = False) -> Solution:
         """Return the answer to a problem; what a motion keeps is remembered."""
@@ -94,20 +93,21 @@ class Search:
         """
         self._asked[self.names] = whole
         for size in range(len(self.chains) + 1):
-            found: list[Names] = []
+            clashing: list[Names] = []
             for names in self._sets(size):
-                if any(clash <= names for clash in found):
+                if any(clash <= names for clash in clashing):
                     continue
                 if self.solves > MOST_ASKED:
-                    found = found or [self._irreducible()]
-                    return self._clashes(found), False
+                    clashing = clashing or [self._irreducible()]
+                    return self._clashes(clashing), False
                 if not self.feasible(names):
-                    found.append(names)
-                    if len(found) == MOST_CLASHES:
-                        return self._clashes(found), False
-            found = [names for names in found if not any(names <= kept for kept in self.kept)]  # a later motion refutes
-            if found:
-                return self._clashes(found), True
+                    clashing.append(names)
+                    if len(clashing) == MOST_CLASHES:
+                        return self._clashes(clashing), False
+            # a later motion may refute
+            clashing = [names for names in clashing if not any(names <= kept for kept in self.kept)]
+            if clashing:
+                return self._clashes(clashing), True
         return self._clashes([self.names]), False
 
     def _sets(self, size: int) -> Iterator[Names]:
@@ -127,9 +127,9 @@ class Search:
                     break
         return names
 
-    def _clashes(self, found: list[Names]) -> list[Clash]:
+    def _clashes(self, clashing: list[Names]) -> list[Clash]:
         made = []
-        for names in found:
+        for names in clashing:
             status = self.alone(names).status
             listed = [self.chosen[max(parts, key=len)] for chain in self.chains
                       if (parts := [level for level in chain if level <= names])]  # fmt: skip
@@ -146,53 +146,61 @@ class Search:
 
     # ------------------------------------------------------------------------------------------------- relaxations
 
-    def least_relaxation(self, own: Constraint) -> Relaxation:
+    def least_relaxation(self, constraint: Constraint) -> LeastRelaxation:
         """Return the least relaxation of a constraint, all others kept."""
-        others = self.names - {own.name} - {one.name for one in self.constraints if one.includes == own.name}
+        name = constraint.name
+        others = self.names - {name} - {other.name for other in self.constraints if other.includes == name}
         dropped = self.alone(others)
-        common = Relaxation(name=own.name, cures=dropped.verified, unit=own.unit)
+        common = LeastRelaxation(name=name, cures=dropped.verified, unit=constraint.unit, solution=dropped)
         if not dropped.verified:
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
-            return replace(common, failing=math.inf, impossible=impossible, note=f"without it: {dropped.status.name}")
-        if own.unit == "halvings":
-            return self._finer_steps(own, common, dropped)
-        if math.isnan(own.most):
-            return replace(common, by=math.inf, failing=math.nan, solution=dropped)
-        return self._bracketed(own, common, dropped)
+            note = f"without it: {dropped.status.name}"
+            return replace(common, failing=math.inf, impossible=impossible, note=note, solution=None)
+        if not constraint.unit:
+            return replace(common, by=math.inf, failing=math.nan)
+        if constraint.unit == "halvings":  # what coarser steps reach finer ones reach too; which are tried is sampled
+            tries = ((count, self._relaxed(constraint, count)[0]) for count in range(1, MOST_HALVINGS + 1))
+            count, finer = next(((count, finer) for count, finer in tries if finer.verified), (0, dropped))
+            if not count:
+                return replace(common, by=math.inf, failing=float(MOST_HALVINGS))
+            return replace(common, by=float(count), failing=count - 1.0, solution=finer)
+        return self._bracketed(constraint, common)
 
-    def _finer_steps(self, own: Constraint, common: Relaxation, dropped: Solution) -> Relaxation:
-        """Halve the steps: what coarser steps reach finer ones reach too; which are tried is sampled."""
-        for count in range(1, MOST_HALVINGS + 1):
-            solution = self.solved(own.relaxed(self.problem, count))
-            if solution.verified:
-                return replace(common, by=float(count), failing=count - 1.0, solution=solution)
-        return replace(common, by=math.inf, failing=float(MOST_HALVINGS), solution=dropped)
+    def _relaxed(self, constraint: Constraint, by: float, **changes: Any) -> tuple[Solution, float]:
+        """Return the answer with a constraint relaxed, and by how much it is passed; infinite without a motion."""
+        relaxed = constraint.relaxed(self.problem, by)
+        solution = self.solved(relaxed.changed(**changes) if changes else relaxed)
+        return solution, self._excess(constraint, solution) if solution.verified else math.inf
 
-    def _bracketed(self, own: Constraint, common: Relaxation, dropped: Solution) -> Relaxation:
+    def _excess(self, constraint: Constraint, solution: Solution) -> float:
+        return excesses(self.problem, solution)[constraint.name]
+
+    def _bracketed(self, constraint: Constraint, common: LeastRelaxation) -> LeastRelaxation:
         """Narrow in the least relaxation between one that does and one that does not.
 
         Every motion that is found shows a relaxation that does: that by which it passes the constraint. Where that is
         less than it was allowed to, it may be the least, so that the next look is just below; else the bracket is
         halved.
         """
-        fuzz, best, best_by = self._fuzz(own), dropped, math.inf
-        low, high = 0.0, excesses(self.problem, dropped)[own.name]
+        assert common.solution is not None
+        fuzz, best, best_by = self._fuzz(constraint), common.solution, math.inf
+        low, high = 0.0, self._excess(constraint, best)
         impossible = 0.0 if self._asked[self.names].status is Status.INFEASIBLE else math.nan
-        nearest = self._nearest(own, high)
-        if nearest is not None:
-            high = min(high, excesses(self.problem, nearest)[own.name])
-        step = near = max(fuzz if nearest is not None else fuzz / 2.0, DEFAULT.requirement * high)
-        if nearest is None and high >= own.most:
+        nearest = self._nearest(constraint, high)
+        high = min(high, nearest)
+        gallops = math.isfinite(nearest)
+        step = near = max(fuzz if gallops else fuzz / 2.0, DEFAULT.requirement * high)
+        if not gallops and high >= constraint.most:
             step = math.inf
         first, unsure = near, False
         for _ in range(MOST_ROUNDS):
             while high - low > ENOUGH * near:
                 by = max(high - step, (low + high) / 2.0)
-                solution = self.solved(own.relaxed(self.problem, by))
+                solution, passed = self._relaxed(constraint, by)
                 if solution.verified:
                     best, best_by = solution, by
-                    high = max(min(by, excesses(self.problem, solution)[own.name]), low)
-                    step = near if high < by - near else step * GALLOP if nearest is not None else math.inf
+                    high = max(min(by, passed), low)
+                    step = near if high < by - near else step * GALLOP if gallops else math.inf
                 else:
                     low, step = by, math.inf
                     if solution.status is Status.INFEASIBLE:
@@ -202,82 +210,65 @@ class Search:
             if impossible >= (1.0 - PROVABLE) * low:
                 break
             by = (1.0 - PROVABLE) * high
-            solution = self.solved(own.relaxed(self.problem, by))
+            solution, passed = self._relaxed(constraint, by)
             if solution.status is Status.INFEASIBLE:
                 impossible = by
             if not solution.verified:
                 break
             best, best_by = solution, by  # so that what failed above it was missed by the solver
-            high = min(by, excesses(self.problem, solution)[own.name])
+            high = min(by, passed)
             low = min(high, 0.0 if math.isnan(impossible) else impossible)
-        for by in (high, min(high + fuzz, own.most)):  # at the very limit there may be no room for rounding
+        for by in (high, min(high + fuzz, constraint.most)):  # at the very limit there may be no room for rounding
             if best_by > by:
-                solution = self.solved(own.relaxed(self.problem, by))
+                solution, _ = self._relaxed(constraint, by)
                 if solution.verified:
                     best, high = solution, by
                     break
         coarse = near > max(first, fuzz) and high > low
         note = f"to within {(high - low) / high:.1g} of it: nearer there is no proof" if coarse else ""
-        return replace(
-            common, by=high, value=own.relaxed_value(high), failing=low, impossible=impossible, solution=best, note=note
-        )
+        value = constraint.relaxed_value(high)
+        return replace(common, by=high, value=value, failing=low, impossible=impossible, solution=best, note=note)
 
-    def _fuzz(self, own: Constraint) -> float:
+    def _fuzz(self, constraint: Constraint) -> float:
         """Return twice what the judge lets pass, of the constraint itself and of the contact, in its unit."""
-        slack = own.slack(self.problem)
-        if own.parameter:
-            slack *= 1.0 + self.problem.size / self.problem.length  # a motion that much longer opens the contact
-        return 2.0 * slack
+        # a longer motion opens the contact
+        longer = 1.0 + self.problem.size / self.problem.length if constraint.parameter else 1.0
+        return 2.0 * constraint.slack(self.problem) * longer
 
-    def _nearest(self, own: Constraint, most: float) -> Solution | None:
-        """Return the motion that passes a limit by least, where that is one with the least size of the parameter.
+    def _nearest(self, constraint: Constraint, most: float) -> float:
+        """Return by how much the motion with the least size of a parameter passes its limit; infinite if not least.
 
-        It is where rest keeps the limit: all motions are then beyond it, and the nearest to rest passes it by least.
+        It passes the limit by least where rest keeps that: all motions are then beyond it.
         """
-        if not own.kept_at_rest:
-            return None
-        names = [parameter.name for parameter in self.problem.motion.parameters]
+        if not constraint.kept_at_rest:
+            return math.inf
         weights = {
-            name: weight * (1.0 if name == own.parameter else LIGHT)
-            for name, weight in zip(names, self.problem.weights.tolist(), strict=True)
+            parameter.name: weight * (1.0 if parameter.name == constraint.parameter else LIGHT)
+            for parameter, weight in zip(self.problem.motion.parameters, self.problem.weights.tolist(), strict=True)
         }
-        easier = own.relaxed(self.problem, most).changed(amount="weighted", weights=weights)
-        solution = self.solved(easier)
-        return solution if solution.verified else None
+        return self._relaxed(constraint, most, amount="weighted", weights=weights)[1]
 
-    def largest_deviation(self) -> Relaxation | None:
+    def largest_deviation(self) -> LeastRelaxation | None:
         """Return the largest share found of the deviation from nominal that can be made good; None without deviation.
 
         Whether it can is not monotone: some shares are tried, and from the largest that can the next are narrowed in.
         """
         if not self.problem.signs.any():
             return None
-        low, high, best = 0.0, 1.0, None
-        for k in range(SHARES - 1, 0, -1):
-            solution = self.solved(self._deviating(k / SHARES))
-            if solution.verified:
-                low, best = k / SHARES, solution
-                break
-            high = k / SHARES
-        name, note = "deviation from nominal", "sampled"
-        if best is None:
-            return Relaxation(name=name, cures=False, note=note)
-        while high - low > FINE:
-            share = (low + high) / 2.0
-            solution = self.solved(self._deviating(share))
-            if solution.verified:
-                low, best = share, solution
-            else:
-                high = share
-        return Relaxation(name=name, cures=True, by=1.0 - low, value=low, failing=1.0 - high, solution=best, note=note)
+        solutions: dict[float, Solution] = {}
 
-    def _deviating(self, share: float) -> Problem:
-        """Return the problem with a share of the deviation from nominal."""
-        problem = self.problem
-        if problem.tolerance is not None:
-            return problem.changed(tolerance=(share * problem.tolerance).tolist())
-        nominal = problem.nominal_pair
-        return problem.changed(target=(nominal + share * (problem.target - nominal)).tolist())
+        def can(share: float) -> bool:
+            solutions[share] = self.solved(deviating(self.problem, share))
+            return solutions[share].verified
+
+        name, note = "deviation from nominal", "sampled"
+        tried = next((k for k in range(SHARES - 1, 0, -1) if can(k / SHARES)), 0)
+        if not tried:
+            return LeastRelaxation(name=name, cures=False, note=note)
+        low, high = narrowed(can, tried / SHARES, (tried + 1) / SHARES, lambda low, high: high - low <= FINE)
+        return LeastRelaxation(
+            name=name, cures=True, by=1.0 - low, value=low, failing=1.0 - high, solution=solutions[low], note=note
+        )
 
     def trials(self) -> Iterator[Trial]:
         """Ask, with all constraints dropped, whether any motion can do it, and whether another goal can be met."""

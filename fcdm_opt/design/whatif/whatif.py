@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.whatif.clashes import plain
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.keys import ARGUMENTS
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
@@ -32,7 +32,7 @@ class Difference(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class WhatIf(Shown):
+class WhatIf(Plain, Shown):
     """A solved problem, a changed one, and what the change did.
 
     Attributes
@@ -46,6 +46,10 @@ class WhatIf(Shown):
         Wall time of "before" (0 where a solution was given), "after" and "prediction" (which works the derivatives
         out where `before` has none yet).
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "changed", "before", "after", "change", "predicted_amount", "prediction", "differences", "seconds",
+    )  # fmt: skip
 
     changed: tuple[str, ...]
     before: Solution
@@ -67,19 +71,6 @@ class WhatIf(Shown):
     def differences(self) -> tuple[Difference, ...]:
         """What changed in the answer: parameters, amount, bound, status, features, what holds it, target pair."""
         return tuple(_differences(self.before, self.after))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None and infinity "inf"."""
-        return {
-            "changed": list(self.changed),
-            "before": self.before.to_dict(),
-            "after": self.after.to_dict(),
-            "change": plain(self.change),
-            "predicted_amount": plain(self.predicted_amount),
-            "prediction": self.prediction.to_dict(),
-            "differences": [difference._asdict() for difference in self.differences],
-            "seconds": dict(self.seconds),
-        }
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and foretold."""

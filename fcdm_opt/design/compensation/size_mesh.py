@@ -1,7 +1,7 @@
 """Triangles over the box of sizes.
 
-Every triangle lies in one region, in which one way of holding the motion makes it a smooth function. Vertices are
-places with the values of each region that they belong to: those on a boundary have several.
+Every triangle lies in one region, in which one active set makes the motion a smooth function. Vertices are places with
+the values of each region that they belong to: those on a boundary have several.
 """
 
 from __future__ import annotations
@@ -12,19 +12,20 @@ from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.design.compensation.crossing import NARROW
-from fcdm_opt.design.compensation.ways import NOTHING, Way
+from fcdm_opt.design.compensation.active_sets import NOTHING, ActiveSet
+from fcdm_opt.design.compensation.changeover import NARROW
+from fcdm_opt.design.compensation.table import quadratic_basis
 from fcdm_opt.geometry.arrays import Array
 
 STRIP = 1.5  # times what both sides differ by in the middle of the strip between a boundary and its chord
 FLAT = 1e-14  # of the box: area of triangles that are none
 
-Values = dict[Way, Array]
+Values = dict[ActiveSet, Array]
 Ends = tuple[int, int]
 
 
 @dataclass(eq=False)
-class Vertex:
+class MeshVertex:
     """A place with the values of every region it belongs to."""
 
     place: Array
@@ -33,24 +34,24 @@ class Vertex:
 
 
 @dataclass(eq=False)
-class Edge:
+class MeshEdge:
     """What is known of an edge.
 
     Attributes
     ----------
     middle : dict
-        Way -> values in its middle.
+        Active set -> values in its middle.
     off : dict
-        Way -> errors, (2,), of quadratic interpolation along it: of amount and motion.
+        Active set -> errors, (2,), of quadratic interpolation along it: of amount and motion.
     step : (2,) array
         What both sides' values differ by in its middle, where it runs along a boundary.
     bend : float
         How far the boundary is off its middle.
     jumps : bool
         Whether the motion jumps at that boundary.
-    split : Vertex or None
+    split : MeshVertex or None
         Where it is to be split, should it be; `must` if so.
-    straight : Vertex or None
+    straight : MeshVertex or None
         The same on the edge itself, for where the boundary is off it by so much that triangles would turn over.
     """
 
@@ -59,23 +60,23 @@ class Edge:
     step: Array = field(default_factory=lambda: np.zeros(2))
     bend: float = 0.0
     jumps: bool = False
-    split: Vertex | None = None
-    straight: Vertex | None = None
+    split: MeshVertex | None = None
+    straight: MeshVertex | None = None
     must: bool = False
 
 
 @dataclass(eq=False)
 class Triangle:
-    """Three vertices, counter-clockwise; its way, values at six nodes and errors once it is finished.
+    """Three vertices, counter-clockwise; what holds it, values at six nodes and errors once it is finished.
 
     One in which regions meet has the values of its centre.
     """
 
     corners: tuple[int, int, int]
-    way: Way = NOTHING
+    held: ActiveSet = NOTHING
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
     errors: Array = field(default_factory=lambda: np.zeros(2))
-    split: Vertex | None = None
+    split: MeshVertex | None = None
     finished: bool = False
 
     @property
@@ -85,33 +86,33 @@ class Triangle:
         return [(min(i, j), max(i, j)) for i, j in ((a, b), (b, c), (c, a))]
 
 
-class Mesh:
+class SizeMesh:
     """The triangles, how they are split, and what becomes of them in the map.
 
     Parameters
     ----------
-    vertices : sequence of Vertex
+    vertices : sequence of MeshVertex
         Of a grid, row by row.
     count : int
         Vertices in a row.
 
     Attributes
     ----------
-    vertices : list of Vertex
-    edges : dict of (int, int) to Edge
+    vertices : list of MeshVertex
+    edges : dict of (int, int) to MeshEdge
         Those that have been looked at.
     triangles : list of Triangle
     """
 
-    def __init__(self, vertices: Sequence[Vertex], count: int) -> None:
-        self.vertices: list[Vertex] = []
+    def __init__(self, vertices: Sequence[MeshVertex], count: int) -> None:
+        self.vertices: list[MeshVertex] = []
         for vertex in vertices:
             self._numbered(vertex)
-        self.edges: dict[Ends, Edge] = {}
+        self.edges: dict[Ends, MeshEdge] = {}
         self.triangles = [Triangle(corners) for corners in _grid(count)]
 
-    def finished(self) -> Iterator[tuple[Array, Array, Array, Way]]:
-        """Yield (corners, values, errors, way) of triangles that cover the box, (3, 2), (6, 1 + k), (2,).
+    def finished(self) -> Iterator[tuple[Array, Array, Array, ActiveSet]]:
+        """Yield (corners, values, errors, active set) of triangles that cover the box, (3, 2), (6, 1 + k), (2,).
 
         Where the motion jumps at a boundary, the strip between it and its chord is a triangle's worth of its own: only
         there the other motion may be the least.
@@ -122,30 +123,30 @@ class Mesh:
                 edge = self.edges.get(ends)
                 if edge is None or not edge.jumps:
                     continue
-                order = [k, (k + 1) % 3, (k + 2) % 3]
-                length = float(np.linalg.norm(corners[order[1]] - corners[order[0]]))
+                first, second, third = k, (k + 1) % 3, (k + 2) % 3
+                length = float(np.linalg.norm(corners[second] - corners[first]))
                 share = min(0.5, (2.0 * edge.bend + NARROW) * length / (2.0 * abs(area(corners))))
                 inner = np.eye(3)  # barycentric coordinates of what is left
-                inner[order[0], [order[0], order[2]]] = 1.0 - share, share
-                inner[order[1], [order[1], order[2]]] = 1.0 - share, share
-                one, two = np.eye(3)[order[0]], np.eye(3)[order[1]]
-                for strip in ((one, two, inner[order[1]]), (one, inner[order[1]], inner[order[0]])):
-                    yield *_part(corners, values, np.array(strip)), triangle.errors + STRIP * edge.step, triangle.way
+                inner[first, [first, third]] = inner[second, [second, third]] = 1.0 - share, share
+                one, two = np.eye(3)[[first, second]]
+                for strip in ((one, two, inner[second]), (one, inner[second], inner[first])):
+                    errors = triangle.errors + STRIP * edge.step
+                    yield *_part(corners, values, np.array(strip)), errors, triangle.held
                 corners, values = _part(corners, values, inner)
-            yield corners, values, triangle.errors, triangle.way
+            yield corners, values, triangle.errors, triangle.held
 
-    def boundaries(self) -> dict[tuple[Way, Way], list[Ends]]:
-        """Return the edges between triangles of different ways, by those ways."""
-        ways: dict[Ends, list[Way]] = {}
+    def boundaries(self) -> dict[tuple[ActiveSet, ActiveSet], list[Ends]]:
+        """Return the edges between triangles with different active sets, by those sets."""
+        sides: dict[Ends, list[ActiveSet]] = {}
         for triangle in self.triangles:
             for ends in triangle.edges:
-                ways.setdefault(ends, []).append(triangle.way)
-        found: dict[tuple[Way, Way], list[Ends]] = {}
-        for ends, own in ways.items():
-            if len(own) == 2 and own[0] != own[1]:
-                one, two = sorted(own)
-                found.setdefault((one, two), []).append(ends)
-        return found
+                sides.setdefault(ends, []).append(triangle.held)
+        between: dict[tuple[ActiveSet, ActiveSet], list[Ends]] = {}
+        for ends, held in sides.items():
+            if len(set(held)) == 2:
+                one, two = sorted(held)
+                between.setdefault((one, two), []).append(ends)
+        return between
 
     def size(self, triangle: Triangle) -> float:
         """Return the longest edge of a triangle."""
@@ -158,19 +159,23 @@ class Mesh:
     def subdivide(self) -> None:
         """Split the triangles whose edges are to be split, on both sides of an edge alike, and those split within."""
         self._straighten()
-        made: list[Triangle] = []
+        pieces: list[Triangle] = []
         for triangle in self.triangles:
-            cuts = [edge.split if (edge := self.edges.get(ends)) and edge.must else None for ends in triangle.edges]
-            if not any(cuts):
-                if triangle.split is not None and not triangle.finished:
-                    k = self._numbered(triangle.split)
-                    a, b, c = triangle.corners
-                    made += [Triangle((a, b, k)), Triangle((b, c, k)), Triangle((c, a, k))]
-                else:
-                    made.append(triangle)
-                continue
-            made += [Triangle(own) for own in self._pieces(triangle.corners, cuts)]
-        self.triangles = [own for own in made if own.finished or area(self.places(own)) > FLAT]
+            cuts = self._cuts(triangle)
+            if any(cuts):
+                pieces += [Triangle(corners) for corners in self._pieces(triangle.corners, cuts)]
+            elif triangle.split is not None and not triangle.finished:
+                k = self._numbered(triangle.split)
+                a, b, c = triangle.corners
+                pieces += [Triangle((a, b, k)), Triangle((b, c, k)), Triangle((c, a, k))]
+            else:
+                pieces.append(triangle)
+        self.triangles = [piece for piece in pieces if piece.finished or area(self.places(piece)) > FLAT]
+
+    def _cuts(self, triangle: Triangle) -> list[MeshVertex | None]:
+        """Return where each edge of a triangle is to be split."""
+        edges = [self.edges.get(ends) for ends in triangle.edges]
+        return [edge.split if edge and edge.must else None for edge in edges]
 
     def _straighten(self) -> None:
         """Split edges on themselves, not on the boundary beside them, where a triangle would turn over."""
@@ -180,15 +185,13 @@ class Mesh:
             for triangle in self.triangles:
                 edges = [edge for ends in triangle.edges if (edge := self.edges.get(ends)) and edge.must]
                 bent = [edge for edge in edges if edge.straight is not None and edge.split is not edge.straight]
-                if not bent:
-                    continue
-                cuts = [edge.split if (edge := self.edges.get(ends)) and edge.must else None for ends in triangle.edges]
-                if any(area(self.places(Triangle(own))) < -FLAT for own in self._pieces(triangle.corners, cuts)):
+                pieces = self._pieces(triangle.corners, self._cuts(triangle)) if bent else []
+                if any(area(self.places(Triangle(corners))) < -FLAT for corners in pieces):
                     changed = True
                     for edge in bent:
                         edge.split = edge.straight
 
-    def _pieces(self, corners: tuple[int, int, int], cuts: list[Vertex | None]) -> list[tuple[int, int, int]]:
+    def _pieces(self, corners: tuple[int, int, int], cuts: list[MeshVertex | None]) -> list[tuple[int, int, int]]:
         """Return the triangles that one with one to three split edges is cut into."""
         number = [None if cut is None else self._numbered(cut) for cut in cuts]
         while number[0] is None or (number[2] is not None and number[1] is None):  # first edge is split, third last
@@ -204,7 +207,7 @@ class Mesh:
             return [(m, b, n), (a, m, n), (a, n, c)]
         return [(m, b, n), (a, m, c), (m, n, c)]
 
-    def _numbered(self, vertex: Vertex) -> int:
+    def _numbered(self, vertex: MeshVertex) -> int:
         if vertex.number < 0:
             vertex.number = len(self.vertices)
             self.vertices.append(vertex)
@@ -217,9 +220,8 @@ class Mesh:
 
 def _part(corners: Array, values: Array, shares: Array) -> tuple[Array, Array]:
     """Return corners and values of a triangle in another, given its corners' barycentric coordinates, row by row."""
-    r, s, t = np.vstack([shares, (shares + np.roll(shares, -1, axis=0)) / 2]).T
-    basis = np.column_stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
-    return shares @ corners, basis @ values
+    nodes = np.vstack([shares, (shares + np.roll(shares, -1, axis=0)) / 2])
+    return shares @ corners, quadratic_basis(nodes.T).T @ values
 
 
 def _grid(count: int) -> list[tuple[int, int, int]]:

@@ -1,4 +1,4 @@
-"""Ways in which a least motion is held: what tells the regions of a map apart."""
+"""What holds a least motion: the active sets that tell the regions of a map apart."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 
-class Way(NamedTuple):
-    """One way of holding the motion: pairs of sizes that share it make a region of the map.
+class ActiveSet(NamedTuple):
+    """What holds a motion: pairs of sizes that share it make a region of the map.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class Way(NamedTuple):
         return "; ".join((*self.features, *self.active)) or self.kind
 
 
-SATISFIED, NOTHING, REJECTED = Way("already satisfied"), Way("no motion"), Way("not verified")
-OUTSIDE = Way("outside the fit")
+SATISFIED, NOTHING, REJECTED = ActiveSet("already satisfied"), ActiveSet("no motion"), ActiveSet("not verified")
+OUTSIDE = ActiveSet("outside the fit")
 MOTIONLESS = (NOTHING.kind, REJECTED.kind, OUTSIDE.kind)
 
 
-def way_of(solution: Solution) -> Way:
+def active_set(solution: Solution) -> ActiveSet:
     """Return what holds the motion of a solution, read off the geometry: the same whichever stage found it."""
     if solution.status is Status.OUTSIDE_FIT:
         return OUTSIDE
@@ -67,7 +67,7 @@ def way_of(solution: Solution) -> Way:
         groups = Holding(task, q, Layout.of(task), solution.problem.limits).groups()
         names = {rate.name for group in groups for rates in group for rate in rates}
         active += sorted(name for name in names if "limit of" not in name)
-    return Way("motion", tuple(sorted(features)), tuple(active))
+    return ActiveSet("motion", tuple(sorted(features)), tuple(active))
 
 
 def _side(task: Task) -> Iterator[str]:
@@ -84,12 +84,11 @@ def _nearest(task: Task, q: Array) -> list[str]:
     """Return the features of the part pairs that are just as far apart as they must be."""
     slack = DEFAULT.touch * task.size
     near = task.pair_gaps(q) - task.needs <= slack
-    found: dict[str, None] = {}
+    labels = []
     for i, j in np.argwhere(near).tolist():
-        keep_out = task.opponents[j].keep_out
-        prefix = "" if keep_out < 0 else f"{task.named((i, j))} "
-        found[f"{prefix}{_feature(task, q, (i, j), slack).label}"] = None
-    return list(found)
+        prefix = "" if task.opponents[j].keep_out < 0 else f"{task.named((i, j))} "
+        labels.append(f"{prefix}{_feature(task, q, (i, j), slack).label}")
+    return list(dict.fromkeys(labels))
 
 
 def _feature(task: Task, q: Array, parts: Parts, slack: float) -> Feature:

@@ -1,0 +1,344 @@
+"""Refines a mesh until the motion is known to within an error everywhere.
+
+An edge whose ends have no active set in common is split where the active set changes; one along a boundary is bent to
+it; any is halved where quadratic interpolation along it is too coarse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from fcdm_opt.design.compensation.active_sets import MOTIONLESS, REJECTED, ActiveSet
+from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
+from fcdm_opt.design.compensation.sampling import Asking, Sample, Sampler
+from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values, area
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.model.task import Task
+from fcdm_opt.tolerances import DEFAULT
+
+GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be
+SHARE = 1e-4  # of the largest amount: error that is asked for by default
+SAFETY = 2.0  # times the errors at the four points that fix a cubic's part beyond the quadratic
+SHORTEST = 2.0**-14  # of the box: edges are not split further
+ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
+STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
+INSIDE = 0.05  # least barycentric coordinate of a point that splits a triangle in three
+LARGER = 0.25  # share of the allowed error that makes an edge be split
+WAVES = 80
+CHECKED = 24  # triangles in whose centres least motions are proved
+
+
+class RefinedMesh(SizeMesh):
+    """A mesh that is refined.
+
+    Parameters
+    ----------
+    sampler : Sampler
+    error : float or None
+        Length that amount and motion may be off by; None: a share of the largest amount.
+
+    Attributes
+    ----------
+    error : float
+    """
+
+    def __init__(self, sampler: Sampler, error: float | None) -> None:
+        self.sampler = sampler
+        problem = sampler.problem
+        self._task = Task.of(problem)
+        self._arms = problem.movable.vertices - problem.movable.seed
+        self._seed = problem.movable.seed
+        self._rounding = DEFAULT.touch * problem.size
+        places = [np.array([x, y]) for y in GRID for x in GRID]
+        samples = sampler.samples(places, proved=True)
+        vertices = [MeshVertex(place, dict([sample])) for place, sample in zip(places, samples, strict=True)]
+        super().__init__(vertices, len(GRID))
+        largest = max((float(sample.values[0]) for sample in samples if np.isfinite(sample.values[0])), default=0.0)
+        self.error = max(SHARE * largest, self._rounding) if error is None else error
+
+    def refine(self) -> None:
+        """Refine until every triangle is within the error, or the budget is spent."""
+        for wave in range(WAVES):
+            waiting = [triangle for triangle in self.triangles if not triangle.finished]
+            if not waiting:
+                return
+            self._look(waiting)
+            self._judge(waiting, last=wave == WAVES - 1)
+            fresh = [one.split for one in self.triangles if one.split is not None and not one.finished]
+            self._run([self._fill(vertex) for vertex in fresh])
+            self.subdivide()
+
+    def checked(self) -> list[Array]:
+        """Return centres of the largest triangles: places where to prove what is known from around."""
+        order = sorted(self.triangles, key=lambda one: (-area(self.places(one)), one.corners))
+        return [self.places(one).mean(axis=0) for one in order[:CHECKED]]
+
+    def _run(self, searches: Sequence[Asking[None]]) -> None:
+        """Run searches side by side: what they ask for is solved in one go."""
+        running = [(search, next(search, None)) for search in searches]
+        while running := [(search, places) for search, places in running if places is not None]:
+            samples = iter(self.sampler.samples([place for _, places in running for place in places]))
+            running = [(search, _sent(search, [next(samples) for _ in places])) for search, places in running]
+
+    # ----------------------------------------------------------------------------------------------------------- edges
+
+    def _look(self, waiting: Sequence[Triangle]) -> None:
+        """Look at the edges that have not been looked at."""
+        new = [ends for ends in dict.fromkeys(e for one in waiting for e in one.edges) if ends not in self.edges]
+        self.edges.update({ends: MeshEdge() for ends in new})
+        self._run([self._edge(ends) for ends in new])
+
+    def _edge(self, ends: Ends) -> Asking[None]:
+        p, q = (self.vertices[k] for k in ends)
+        edge, sets = self.edges[ends], [one for one in p.values if one in q.values]
+        if not sets:
+            yield from self._changing(ends, edge, p, q)
+            return
+        if len(sets) > 1 and (yield from self._along(edge, p, q, (sets[0], sets[1]))):
+            return
+        places = 0.5 * (p.place + q.place), 0.75 * p.place + 0.25 * q.place
+        samples = yield list(places)
+        both: list[Values] = []
+        for place, sample in zip(places, samples, strict=True):
+            beside = dict([sample])
+            if sets != [sample.held]:
+                beside = yield from self._beside(place, sample, [_normal(p.place, q.place)])
+            if not any(one in beside for one in sets):
+                edge.split, edge.must = MeshVertex(place, beside), True
+                return
+            both.append(beside)
+        middle, quarter = both
+        for one in sets:
+            if one in middle and one in quarter:
+                edge.middle[one] = middle[one]
+                there = _at_quarter(p.values[one], middle[one], q.values[one])
+                edge.off[one] = self._apart(there, quarter[one], places[1])
+        edge.split = MeshVertex(places[0], middle)
+
+    def _beside(self, place: Array, sample: Sample, directions: Sequence[Array]) -> Asking[Values]:
+        """Return the active sets on either side of a place, continued to it; its own where none holds for a stretch.
+
+        On a boundary two active sets hold at once, in a strip as narrow as rounding, which is no region.
+        """
+        steps = [sign * NARROW * direction for direction in directions for sign in (2.0, -2.0)]
+        samples = yield [place + times * step for step in steps for times in (1.0, 2.0)]
+        beside = {
+            near.held: 2.0 * near.values - far.values
+            for near, far in zip(samples[::2], samples[1::2], strict=True)
+            if near.held == far.held
+        }
+        return beside or dict([sample])
+
+    def _changing(self, ends: Ends, edge: MeshEdge, p: MeshVertex, q: MeshVertex) -> Asking[None]:
+        """Split an edge where the active set changes; where that is at an end, the end gets the one beyond it, too."""
+        if min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
+            return
+        samples = [Sample(*list(vertex.values.items())[-1]) for vertex in (p, q)]
+        change = yield from self._change(p.place, q.place, samples)
+        length = float(np.linalg.norm(q.place - p.place))
+        for off, vertex, side in ((change.at, p, 1), (1.0 - change.at, q, 0)):
+            if off * length <= SHORTEST / 4 and change.sets[side] not in vertex.values:
+                vertex.values[change.sets[side]] = change.values[side]
+                del self.edges[ends]  # is looked at anew
+                return
+        place = p.place + change.at * (q.place - p.place)
+        edge.split, edge.must = MeshVertex(place, dict(zip(change.sets, change.values, strict=True))), True
+
+    def _change(self, start: Array, end: Array, samples: Sequence[Sample]) -> Asking[Changeover]:
+        """Find where the active set changes on a line, given the samples at its ends."""
+        return (yield from changeover(start, end, list(enumerate(samples)), self.sampler.problem.limits))
+
+    def _across_both(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex) -> Asking[bool]:
+        """Split an edge along a boundary where others cross that: they are looked for on both sides of it."""
+        places: list[Array] = []
+        values: Values = {}
+        for sign in (2.0, -2.0):
+            shift = sign * NARROW * _normal(p.place, q.place)
+            start, end = p.place + shift, q.place + shift
+            samples = yield [start, end]
+            if samples[0].held != samples[1].held:
+                change = yield from self._change(start, end, samples)
+                places.append(start + change.at * (end - start) - shift)
+                values.update(zip(change.sets, change.values, strict=True))
+        if len(places) < 2 or np.linalg.norm(places[0] - places[1]) > SHORTEST:
+            return False
+        edge.split, edge.must = MeshVertex((places[0] + places[1]) / 2, values), True
+        return True
+
+    def _along(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Asking[bool]:
+        """Look at an edge along a boundary of two regions; tell whether it is one."""
+        lines = []
+        for share in (0.5, 0.25):
+            place = (1.0 - share) * p.place + share * q.place
+            across = yield from self._across(place, q.place - p.place, sets)
+            if across is None:
+                return False
+            lines.append((place, *across))
+        (middle, line, here), (quarter, _, there) = lines
+        centre = here.continued(0.5)
+        for one, value in zip(here.sets, centre, strict=True):
+            beside = there.continued(0.5)[there.sets.index(one)]
+            edge.middle[one] = value
+            edge.off[one] = self._apart(_at_quarter(p.values[one], value, q.values[one]), beside, quarter)
+        edge.step = self._apart(*centre, middle)
+        shift = (here.at - 0.5) * line
+        edge.bend = float(np.linalg.norm(shift))
+        edge.jumps = bool(self._apart(*here.values, middle).max() > max(self.error / 2, self._rounding))
+        edge.split = MeshVertex(middle + shift, dict(zip(here.sets, here.values, strict=True)))
+        edge.straight = MeshVertex(middle, dict(edge.middle))
+        return True
+
+    def _across(
+        self, place: Array, along: Array, sets: tuple[ActiveSet, ActiveSet]
+    ) -> Asking[tuple[Array, Changeover] | None]:
+        """Find the boundary on a line across an edge at a place; the line's middle is that place."""
+        normal = np.array([-along[1], along[0]])  # as long as the edge
+        reach = max(ACROSS, 3.0 * NARROW / float(np.linalg.norm(along)))
+        while reach <= FURTHEST:
+            start, end = place - reach * normal, place + reach * normal
+            samples = yield [start, end]
+            if {sample.held for sample in samples} == set(sets):
+                change = yield from self._change(start, end, samples)
+                return (end - start, change) if set(change.sets) == set(sets) else None
+            reach *= WIDER
+        return None
+
+    # ------------------------------------------------------------------------------------------------------- triangles
+
+    def _judge(self, waiting: Sequence[Triangle], *, last: bool) -> None:
+        """Finish the triangles that are good enough, and mark what is to be split of the others."""
+        last = last or self.sampler.spent
+        if last:  # as they are, with the errors that they have
+            for edge in self.edges.values():
+                edge.must = False
+        looked = [(one, [self.edges.get(ends) for ends in one.edges]) for one in waiting]
+        ready = [one for one, edges in looked if all(edge and (last or not edge.must) for edge in edges)]
+        self._run([self._settle(one, last) for one in ready])
+
+    def _settle(self, triangle: Triangle, last: bool) -> Asking[None]:
+        corners = [self.vertices[k].values for k in triangle.corners]
+        sets = [one for one in corners[0] if one in corners[1] and one in corners[2]]
+        centre = self.places(triangle).mean(axis=0)
+        (sample,) = yield [centre]
+        if sample.held not in sets:
+            beside = yield from self._beside(centre, sample, list(np.eye(2)))
+            held = next((one for one in beside if one in sets), None) or next(iter(beside))
+            sample = Sample(held, beside[held])
+        edges = [self.edges[ends] for ends in triangle.edges]
+        least = self.size(triangle) <= SHORTEST
+        if sample.held not in sets:
+            if not self._mixed(triangle, sample, last or least):
+                triangle.split = MeshVertex(self._within(triangle, centre), {})
+            return
+        held = triangle.held = sample.held
+        missing = [edge for edge in edges if held not in edge.middle]
+        if missing:
+            if last or least:
+                self._mixed(triangle, sample, True)
+            for edge in missing:
+                edge.must = not last and edge.split is not None
+            return
+        triangle.values = np.array([*(values[held] for values in corners), *(edge.middle[held] for edge in edges)])
+        inside = self._apart(np.array([-1, -1, -1, 4, 4, 4]) / 9 @ triangle.values, sample.values, centre)
+        # jumps are in the strips of `finished`
+        costs = np.array([SAFETY * edge.off[held] + STRIP * edge.step * float(not edge.jumps) for edge in edges])
+        costs = np.nan_to_num(costs)
+        triangle.errors = costs.sum(axis=0) + SAFETY * inside + self._rounding
+        if not last:
+            self._mark(triangle, edges, costs.max(axis=1))
+        triangle.finished = not any(edge.must for edge in edges)
+
+    def _mark(self, triangle: Triangle, edges: list[MeshEdge], costs: Array) -> None:
+        """Mark the edges of a triangle that are to be split."""
+        places = self.places(triangle)
+        lengths = np.linalg.norm(places - np.roll(places, -1, axis=0), axis=1)
+        coarse = triangle.errors.max() > self.error and self.sampler.effort < 0.5
+        for edge, length, cost in zip(edges, lengths, costs, strict=True):
+            bent = edge.jumps and edge.bend > STRAIGHT
+            edge.must |= bool(length > SHORTEST and (bent or (coarse and cost > LARGER * self.error)))
+        if coarse and not any(edge.must for edge in edges):
+            k = int(np.argmax(lengths))
+            edges[k].must = bool(lengths[k] > SHORTEST)
+
+    def _mixed(self, triangle: Triangle, sample: Sample, must: bool) -> bool:
+        """Finish a triangle in which regions meet if its values differ little, or if it must be."""
+        around = [Sample(*one) for k in triangle.corners for one in self.vertices[k].values.items()]
+        moving = [one for one in (*around, sample) if np.isfinite(one.values[0])]
+        if not must and (len(moving) <= len(around) or any(self.edges[ends].must for ends in triangle.edges)):
+            return False
+        centre = self.places(triangle).mean(axis=0)
+        apart = [self._apart(one.values, two.values, centre) for one, two in combinations(moving, 2)]
+        errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
+        if not must and errors.max() > self.error:
+            return False
+        if moving and sample.held.kind == REJECTED.kind:  # by a corner's: a speck is no region
+            sample = moving[0]
+        triangle.held, triangle.errors, triangle.finished = sample.held, errors, True
+        triangle.values = np.tile(sample.values, (6, 1))
+        return True
+
+    def _within(self, triangle: Triangle, centre: Array) -> Array:
+        """Return where a triangle in which regions meet is split: where they should, else in its centre."""
+        places = self.places(triangle)
+        size = float(np.ptp(places, axis=0).max())
+        corners = [self.vertices[k].values for k in triangle.corners]
+        sets = dict.fromkeys(one for values in corners for one in values if one.kind not in MOTIONLESS)
+        planes = {one: plane for one in sets if (plane := self._plane(one, centre, size)) is not None}
+        rows = []
+        for one, two in combinations(planes, 2):
+            change = planes[one] - planes[two]
+            for values in corners:
+                if one in values and two in values:
+                    near = np.abs(values[one] - values[two]) <= 1e-2 * size * np.linalg.norm(change[1:], axis=0)
+                    rows += list(change[:, near].T)
+        if len(rows) < 2:
+            return centre
+        matrix = np.array(rows)
+        place = centre + np.linalg.lstsq(matrix[:, 1:], -matrix[:, 0], rcond=1e-6)[0]
+        shares = np.linalg.solve(np.vstack([places.T, np.ones(3)]), np.append(place, 1.0))
+        return place if shares.min() > INSIDE else centre
+
+    def _plane(self, held: ActiveSet, centre: Array, size: float) -> Array | None:
+        """Return constant and slopes, (3, 1 + k), of a region's values about a place, from the vertices around."""
+        near = [one for one in self.vertices if held in one.values and np.abs(one.place - centre).max() <= 3.0 * size]
+        if len(near) < 3:
+            return None
+        off = np.array([vertex.place - centre for vertex in near])
+        weight = 1.0 / (np.linalg.norm(off, axis=1, keepdims=True) / size + 0.1) ** 2
+        matrix = np.column_stack([np.ones(len(near)), off]) * weight
+        return np.asarray(np.linalg.lstsq(matrix, np.array([vertex.values[held] for vertex in near]) * weight)[0])
+
+    def _fill(self, vertex: MeshVertex) -> Asking[None]:
+        """Give a vertex its values."""
+        (sample,) = yield [vertex.place]
+        vertex.values.update((yield from self._beside(vertex.place, sample, list(np.eye(2)))))
+
+    def _apart(self, one: Array, two: Array, place: Array) -> Array:
+        """Return by what two motions differ: in amount, and in the largest displacement of a vertex of body 1."""
+        if np.isnan(one[0]) or np.isnan(two[0]):
+            return np.zeros(2)
+        change = self._task.transform(one[1:]) - self._task.transform(two[1:])
+        made = self._seed + self.sampler.pair(place)[0] * self._arms
+        moved = np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1)
+        return np.array([abs(one[0] - two[0]), moved.max()])
+
+
+def _sent(search: Asking[None], samples: list[Sample]) -> list[Array] | None:
+    try:
+        return search.send(samples)
+    except StopIteration:
+        return None
+
+
+def _normal(start: Array, end: Array) -> Array:
+    """Return the unit vector to the left of an edge."""
+    x, y = (end - start) / np.linalg.norm(end - start)
+    return np.array([-y, x])
+
+
+def _at_quarter(start: Array, middle: Array, end: Array) -> Array:
+    """Return the parabola through three values at a quarter of the way."""
+    return np.asarray(0.375 * start + 0.75 * middle - 0.125 * end)

@@ -1,0 +1,74 @@
+"""Results as plain data: lists, dicts, texts and numbers, as JSON has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from enum import Enum
+from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+
+
+class Plain:
+    """Base of the dataclasses that can be told as plain data.
+
+    `plain_names` lists the attributes that are told, in order; a class without it tells all its fields.
+    """
+
+    __slots__ = ()
+    plain_names: ClassVar[tuple[str, ...]] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None and infinity "inf"."""
+        names = self.plain_names or tuple(item.name for item in fields(self))  # type: ignore[arg-type]
+        return {name: plain(getattr(self, name)) for name in names}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Rebuild what told all its fields; raises `InputError` for anything else."""
+        kinds = get_type_hints(cls)
+        try:
+            return cls(**{item.name: _read(kinds[item.name], data[item.name]) for item in fields(cls)})  # type: ignore[arg-type]
+        except InputError:
+            raise
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as reason:
+            raise InputError(f"not the plain data of a {cls.__name__}", found=str(reason)) from reason
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON has it: None for nan, "inf" or "-inf" in words, a member of an enum by its name."""
+    if isinstance(value, float):
+        return None if math.isnan(value) else float(value) if math.isfinite(value) else str(float(value))
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if isinstance(value, np.ndarray | np.generic):
+        finite = value.dtype.kind != "f" or np.isfinite(value).all()
+        return value.tolist() if finite else plain(value.tolist())
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, Mapping):
+        return {str(name): plain(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    return value.name if isinstance(value, Enum) else value
+
+
+def _read(kind: Any, told: Any) -> Any:
+    """Return a value of a kind from its plain data."""
+    inner = get_args(kind)
+    if get_origin(kind) is tuple:
+        kinds = [inner[0]] * len(told) if inner[-1] is Ellipsis else inner
+        return tuple(_read(one, value) for one, value in zip(kinds, told, strict=True))
+    if get_origin(kind) is np.ndarray:
+        array = np.array(told, dtype=get_args(inner[1])[0])  # None becomes nan
+        array.flags.writeable = False
+        return array
+    if isinstance(kind, type) and issubclass(kind, Plain):
+        return kind.from_dict(told)
+    if kind is float:
+        return math.nan if told is None else float(told)
+    return kind(told) if kind in (int, str, bool) else told
