@@ -20,8 +20,9 @@ from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
-from fcdm_opt.show.lettering import Sheet, crossed, fitted
-from fcdm_opt.show.plots import before_after_figure, clipped, decision_curve_figure
+from fcdm_opt.show.lettering import Sheet, fitted
+from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
+from fcdm_opt.show.scales import clipped, crossed
 from fcdm_opt.show.scene import scene_figure, true_edges
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
@@ -157,8 +158,7 @@ def test_which_pieces_pass_through_a_box() -> None:
     lines[:50, 1, 0] = lines[:50, 0, 0]  # upright ones
     box = np.array([[0.0, 0.0], [1.0, 1.0]])
     found = crossed(lines, box)
-    for (start, end), through in zip(lines, found, strict=True):
-        assert through == (clipped(start, end, box.T) is not None)
+    np.testing.assert_array_equal(found, clipped(lines, box.T)[1])
     assert 50 < found.sum() < 250
     assert not len(crossed(np.zeros((0, 2, 2)), box))
 
@@ -218,15 +218,15 @@ def test_without_a_motion_only_the_curve_before_is_drawn() -> None:
 
 def test_clipping_a_straight_piece() -> None:
     window = ((0.0, 1.0), (0.0, 1.0))
-    np.testing.assert_allclose(clipped((-1, -1), (2, 2), window), [[0, 0], [1, 1]], atol=1e-15)
-    np.testing.assert_allclose(clipped((0.5, 2), (0.5, -1), window), [[0.5, 1], [0.5, 0]], atol=1e-15)
-    np.testing.assert_allclose(clipped((0.2, 0.3), (0.4, 0.1), window), [[0.2, 0.3], [0.4, 0.1]], atol=1e-15)
-    assert clipped((0, 2), (2, 1.1), window) is None
-    assert clipped((2, 0), (2, 1), window) is None
+    lines = [((-1, -1), (2, 2)), ((0.5, 2), (0.5, -1)), ((0.2, 0.3), (0.4, 0.1)), ((0, 2), (2, 1.1)), ((2, 0), (2, 1))]
+    parts, inside = clipped(lines, window)
+    expected = [[[0, 0], [1, 1]], [[0.5, 1], [0.5, 0]], [[0.2, 0.3], [0.4, 0.1]]]
+    np.testing.assert_allclose(parts, expected, atol=1e-15)
+    assert inside.tolist() == [True, True, True, False, False]
     random = np.random.default_rng(5)
     kept = 0
     for start, end in random.uniform(-2, 3, (200, 2, 2)):
-        piece = clipped(start, end, window)
+        (piece,) = parts if len(parts := clipped([start, end], window)[0]) else (None,)
         if piece is None:  # then a dense sample stays outside too
             sample = start + np.linspace(0, 1, 501)[:, None] * (end - start)
             assert not np.any(np.all((sample > 0) & (sample < 1), axis=1))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import save
 
 if TYPE_CHECKING:
@@ -73,14 +72,14 @@ class Album:
         from fcdm_opt.show.plots import before_after_figure
         from fcdm_opt.show.scene import scene_figure
         from fcdm_opt.show.sensitivities import sensitivities_figure
-        from fcdm_opt.show.tables import amount_text, asked_text, motion_text
+        from fcdm_opt.show.texts import amount_text, asked_text, motion_text
 
         problem = solution.problem
         own = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
         if solution.status.found:
-            amount = measured(amount_text(solution.amount), problem.amount_unit)
+            amount = amount_text(solution.amount, problem.amount_unit)
             outside = "outside the fit, not to be used: " * (solution.status.name == "OUTSIDE_FIT")
             caption = (
                 f"{outside}{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "

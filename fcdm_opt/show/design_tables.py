@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.geometry.units import measured
-from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, units_text, wrapped
-from fcdm_opt.show.tables import amount_text, asked_text, bound_text, motion_text
+from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, wrapped
+from fcdm_opt.show.texts import amount_text, asked_text, bound_line, motion_text, numbers, outcome_text, units_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
@@ -23,15 +22,6 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
-UNUSABLE = {
-    "INFEASIBLE": "impossible",
-    "OUTSIDE_FIT": "outside the fit",
-    "NOT_VERIFIED": "not verified",
-    "NOT_IN_STEPS": "none in whole steps",
-    "LEFT_COHERENT_RANGE": "only beyond coherent range",
-}
-"""Outcomes without a motion to use, by name of the status; all others are "no motion found"."""
-
 
 def print_case(file: str, problem: Problem) -> None:
     """Print which case is asked about, and once what its numbers are in."""
@@ -45,6 +35,14 @@ def print_study(result: StudyResult) -> None:
     """Print how many points ended how, and the yield where a budget is given."""
     out = console()
     out.print(str(result))
+    out.print()
+
+
+def print_lines(found: BestPose | CompensationMap | Conflicts) -> None:
+    """Print what the result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
+    out = console()
+    for line in str(found).splitlines():
+        print_text(out, line, indent="   ")
     out.print()
 
 
@@ -84,15 +82,10 @@ def print_budgets(found: Budgets) -> None:
     out.print()
 
 
-def print_conflicts(found: Conflicts) -> None:
-    """Print the smallest clashes, and what cures them."""
-    _print_lines(str(found))
-
-
 def print_costs(found: Costs) -> None:
     """Print what each constraint costs."""
     out = console()
-    amount = measured(amount_text(found.solution.amount), found.solution.problem.amount_unit)
+    amount = amount_text(found.solution.amount, found.solution.problem.amount_unit)
     out.print(f"as asked: amount {amount}, {motion_text(found.solution)}")
     rows = [_dropped("drop", row) for row in found.rows] + [_dropped("ask for", row) for row in found.goals]
     if rows:
@@ -114,7 +107,7 @@ def print_comparison(found: Comparison) -> None:
         {
             "family": row.name,
             "amount": amount_text(row.amount),
-            "proved at least": "" if row.solution is None else bound_text(row.solution).replace("\n", ", "),
+            "proved at least": "" if row.solution is None else bound_line(row.solution),
             "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
             "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
@@ -126,11 +119,6 @@ def print_comparison(found: Comparison) -> None:
         if row.note:
             print_text(out, f"{row.name}: {row.note}", indent="   ")
     out.print()
-
-
-def print_map(found: CompensationMap) -> None:
-    """Print what the map holds: regions, error, effort."""
-    _print_lines(str(found))
 
 
 def print_yield(found: AssemblyYield) -> None:
@@ -158,24 +146,12 @@ def print_clearances(found: Clearances, *, where: str = "") -> None:
         {
             "end": name,
             "gap": f"{end.gap:+.6g}",
-            "at sizes": ", ".join(f"{x:.6g}" for x in end.rho),
+            "at sizes": numbers(end.rho),
             "between": end.feature,
         }
         for name, end in (("least", found.least), ("largest", found.most))
     ]
     print_rows(out, rows, numbers=("gap",))
-    out.print()
-
-
-def print_best_pose(found: BestPose) -> None:
-    """Print the pose that is best for all sizes, and how well that is proved."""
-    _print_lines(str(found))
-
-
-def _print_lines(text: str) -> None:
-    out = console()
-    for line in text.splitlines():
-        print_text(out, line, indent="   ")
     out.print()
 
 
@@ -188,11 +164,6 @@ def _solved(name: str, solution: Solution) -> dict[str, str]:
         "pair made": solution.pair_state,
         "outcome": outcome_text(solution),
     }
-
-
-def outcome_text(solution: Solution) -> str:
-    """Return how a solve ended, in words for the cell of a table."""
-    return "verified" if solution.usable else UNUSABLE.get(solution.status.name, "no motion found")
 
 
 def _dropped(word: str, row: Dropped) -> dict[str, str]:

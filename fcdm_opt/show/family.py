@@ -11,7 +11,8 @@ from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
-from fcdm_opt.show.plots import ALONG, pieces, plane
+from fcdm_opt.show.plots import ALONG, plane
+from fcdm_opt.show.scales import pieces
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

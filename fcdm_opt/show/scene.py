@@ -14,6 +14,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet, literal
+from fcdm_opt.show.texts import shortened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,10 +161,10 @@ def draw_scene(
     """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend."""
     axes = _axes_for(sheet, area, shown)
     (one, two), figure = shown.bodies, sheet.figure
-    _draw_body(axes, one, BLUE, "solid", 0.16, f"1, movable: {_short(one.name)}")
-    _draw_body(axes, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {_short(two.name)}")
+    _draw_body(axes, one, BLUE, "solid", 0.16, f"1, movable: {shortened(one.name, LONGEST_NAME)}")
+    _draw_body(axes, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {shortened(two.name, LONGEST_NAME)}")
     for body in shown.keep_out:
-        _draw_body(axes, body, GREY, "dotted", 0.08, f"keep-out: {_short(body.name)}")
+        _draw_body(axes, body, GREY, "dotted", 0.08, f"keep-out: {shortened(body.name, LONGEST_NAME)}")
     for feature in features:
         for body, element in ((one, feature.one), (two, feature.two)):
             _draw_element(axes, body, element)
@@ -177,10 +178,6 @@ def draw_scene(
         )  # fmt: skip
     _number(figure, axes, ((one, BLUE), (two, VERMILLION)), _within(sheet, area))
     return axes
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 
 
 def true_edges(body: Body) -> dict[tuple[int, ...], Array]:

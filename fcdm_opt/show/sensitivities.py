@@ -11,6 +11,7 @@ import numpy as np
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.texts import shortened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -129,8 +130,7 @@ def _short(name: str) -> str:
     corners = last.split(",")
     if len(corners) > CORNERS:
         last = f"{','.join(corners[:CORNERS])}... ({len(corners)})"
-    name = " ".join([*head, last])
-    return name if len(name) <= LETTERS else f"{name[: LETTERS - 3]}..."
+    return shortened(" ".join([*head, last]), LETTERS)
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:

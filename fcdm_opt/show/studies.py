@@ -13,6 +13,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, styled
 from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.texts import shortened, status_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,7 +84,7 @@ def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> 
     axes = [_Axis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -len(axis.values))
     data = _Data.of(result)
-    counts = ", ".join(f"{count} {_words(status)}" for status, count in result.counts.items())
+    counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
     words = title or result.definition.get("title", ""), caption or f"{len(result.points)} points: {counts}"
     if "draw" in result.axes or not numeric:
         return _shares(data, [axis for axis in axes if axis.label == "case"], result, words)
@@ -124,7 +125,7 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str,
     """Draw the amount along one axis: the first of several other axes makes panels, the rest makes lines."""
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
     markers = _markers(data)
-    keys = [*(name for _, name in _combinations(lines)), *map(_words, markers)]
+    keys = [*(name for _, name in _combinations(lines)), *map(status_text, markers)]
     sheet, spots = _panels(panels, data.amount, words, keys)
     for place, axes in spots:
         own = data.at(panels, place)
@@ -156,7 +157,7 @@ def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], w
     from matplotlib.colors import Normalize
 
     markers = _markers(data)
-    sheet, spots = _panels(others, _told(across.label), words, [*map(_words, markers)], beside=BAR)
+    sheet, spots = _panels(others, _told(across.label), words, [*map(status_text, markers)], beside=BAR)
     known = data.amounts[np.isfinite(data.amounts)]
     scale = Normalize(0.0, float(known.max()) if known.size else 1.0)
     for place, axes in spots:
@@ -256,7 +257,7 @@ def _value(axis: _Axis, value: Any) -> str:
         return f"{axis.label} = {value:g}"
     text = value if isinstance(value, str) else ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
     text = text if axis.label == "case" or isinstance(value, str) else f"{axis.label}: {text}"
-    return text if len(text) <= NAME else f"{text[: NAME - 3]}..."
+    return shortened(text, NAME)
 
 
 def _told(label: str) -> str:
@@ -266,10 +267,6 @@ def _told(label: str) -> str:
         return f"{label}  ({UNITS[last]})"
     plain = PLAIN_NUMBERS.get(label.split("[")[0].split(".")[0])
     return f"{label}  ({plain})" if plain else label
-
-
-def _words(status: str) -> str:
-    return status.replace("_", " ").lower()
 
 
 def _markers(data: _Data) -> dict[str, str]:
@@ -285,7 +282,7 @@ def _keyed(sheet: Sheet, axes: Any, markers: Mapping[str, str]) -> Figure:
     handles, labels = axes.get_legend_handles_labels()
     named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
     named += [
-        (Line2D([], [], color=DARK, marker=marker, linestyle="none", markersize=3.5), _words(status))
+        (Line2D([], [], color=DARK, marker=marker, linestyle="none", markersize=3.5), status_text(status))
         for status, marker in markers.items()
     ]
     sheet.legend([handle for handle, _ in named], [label for _, label in named], bottom=0.02, most=COLUMNS)

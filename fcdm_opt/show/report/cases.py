@@ -15,15 +15,14 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn, plain
-from fcdm_opt.show.plots import tolerance_box, window
-from fcdm_opt.show.remarks import remarks
+from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
-from fcdm_opt.show.report.frames import Frames, shown_parameters
-from fcdm_opt.show.report.left_out import left_out
+from fcdm_opt.show.report.frames import Frames
 from fcdm_opt.show.report.scenes import scene
+from fcdm_opt.show.scales import tolerance_box, window
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.tables import advised, asked_text, bound_text, motion_text
+from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 PROOF = "proof"
@@ -63,7 +62,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "lower_bound": plain(solution.lower_bound),
         "gap": plain(solution.gap),
         "doubt": solution.doubt,
-        "bound_text": bound_text(solution).replace("\n", ", "),
+        "bound_text": bound_line(solution),
         "published": published if problem.published_text or problem.published is not None else None,
         "touch_amount": plain(case.touch_amount),
         "parameters": _parameters(problem, solution),
@@ -83,7 +82,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
 def _parameters(problem: Problem, solution: Solution) -> list[dict[str, Any]]:
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
-    shown = shown_parameters(problem, solution.parameters)
+    shown = parameter_texts(problem, solution.parameters)
     return [
         {"name": name, "value": value, "unit": kinds[name], "shown": text}
         for (name, value), text in zip(solution.parameters.items(), shown, strict=True)

@@ -14,9 +14,9 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show.report.frames import Frames, shown_parameters
-from fcdm_opt.show.tables import motion_text
-from fcdm_opt.solver import solve
+from fcdm_opt.show.report.frames import Frames
+from fcdm_opt.show.solved import solved_again
+from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 FACTORS = tuple(k / 10 for k in range(21))
@@ -45,7 +45,7 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
         if factor == AS_ASKED:
             return frames.solved(solution)
         try:
-            return frames.solved(solve(resized(problem, factor), effort="quick"))
+            return frames.solved(solved_again(problem, effort="quick", **_resized(problem, factor)))
         except InputError:
             refused.append(factor)
             return None
@@ -60,17 +60,11 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
     }
 
 
-def resized(problem: Problem, factor: float) -> Problem:
-    """Return the same question with all tolerances, or the way from the nominal pair to the target, times a factor.
-
-    Raises
-    ------
-    InputError
-        Where the problem does not allow that target.
-    """
+def _resized(problem: Problem, factor: float) -> dict[str, Any]:
+    """Return what makes all tolerances, or the way from the nominal pair to the target, so many times as large."""
     if problem.tolerance is not None:
-        return problem.changed(tolerance=tuple(map(tuple, (factor * problem.tolerance).tolist())))
-    return problem.changed(target=tuple(target_at(problem, factor).tolist()))
+        return {"tolerance": tuple(map(tuple, (factor * problem.tolerance).tolist()))}
+    return {"target": tuple(target_at(problem, factor).tolist())}
 
 
 def target_at(problem: Problem, factor: float) -> Array:
@@ -94,7 +88,6 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
     if solution.transform is None or not q.any():
         return None
     problem, task = solution.problem, Task.of(solution.problem)
-
     lost: list[float] = []
 
     def frame(share: float) -> dict[str, Any] | None:
@@ -113,7 +106,7 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
             motion=motion_text(replace(solution, parameters=values, amount=amount)),
             amount=amount,
             gap=task.gap(here),
-            parameters=shown_parameters(problem, values),
+            parameters=parameter_texts(problem, values),
             note=_limits_passed(problem, here),
         )
 

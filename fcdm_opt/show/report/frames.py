@@ -19,13 +19,12 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY
-from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn
-from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.report.scenes import Shapes
-from fcdm_opt.show.tables import motion_text
+from fcdm_opt.show.scales import reaching
+from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 NO_MOTION = "none"
@@ -75,7 +74,7 @@ class Frames:
             motion=motion_text(solution),
             amount=solution.amount,
             gap=solution.pair_gap,
-            parameters=shown_parameters(self._problem, solution.parameters),
+            parameters=parameter_texts(self._problem, solution.parameters),
             status=solution.status.name,
             usable=solution.usable,
             note=note,
@@ -225,12 +224,3 @@ def _places(sets: Mapping[Feature, list[Array]]) -> tuple[Array, tuple[Feature, 
         return min((own.mean(axis=0) for own in shares), key=lambda point: float(np.linalg.norm(point - whole)))
 
     return np.array([place(shares) for shares in sets.values()]), tuple(sets)
-
-
-def shown_parameters(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
-    """Return parameters in words: lengths with their unit, if it is known, angles in degrees."""
-    kinds = [parameter.kind for parameter in problem.motion.parameters]
-    return [
-        measured(f"{x:.6g}", problem.unit) if kind == "translation" else f"{math.degrees(x):.6g} deg"
-        for kind, x in zip(kinds, parameters.values(), strict=False)
-    ]

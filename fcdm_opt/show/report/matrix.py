@@ -10,9 +10,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import plain
-from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.tables import bound_text, motion_text
-from fcdm_opt.solver import solve
+from fcdm_opt.show.solved import SolvedCase, solved_again
+from fcdm_opt.show.texts import bound_line, motion_text, tolerance_text
 
 
 @dataclass
@@ -77,15 +76,6 @@ def _listed(table: _Table, first: Problem) -> dict[str, Any]:
     return {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first), "cells": cells}
 
 
-def tolerance_text(problem: Problem) -> str:
-    """Return the tolerances: "2 %", or both bodies' downward and upward ones where they differ."""
-    rows = [] if problem.tolerance is None else (100.0 * problem.tolerance).tolist()
-    if len({x for row in rows for x in row}) == 1:
-        return f"{rows[0][0]:.6g} %"
-    texts = [f"{minus:.6g} %" if minus == plus else f"-{minus:.6g} / +{plus:.6g} %" for minus, plus in rows]
-    return ", ".join(f"rho_{k} {text}" for k, text in enumerate(texts, 1))
-
-
 def _known(number: int, case: SolvedCase) -> dict[str, Any]:
     return {"case": number, **_cell(case.solution), "from_file": True, "note": ""}
 
@@ -94,7 +84,7 @@ def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
-        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
+        solution = solved_again(first, requirement=letter, name="", published=None, published_text="")
     except InputError as reason:
         nothing = {
             **dict.fromkeys(("amount", "bound", "published")),
@@ -111,7 +101,7 @@ def _cell(solution: Solution) -> dict[str, Any]:
         "amount_unit": solution.problem.amount_unit,
         "doubt": solution.doubt,
         "bound": plain(solution.lower_bound),
-        "bound_text": bound_text(solution).replace("\n", ", "),
+        "bound_text": bound_line(solution),
         "published": solution.problem.published_text or None,
         "pair_state": solution.pair_state,
         "status": solution.status.name,
