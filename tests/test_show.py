@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.text import Text
-from mpl_toolkits.mplot3d import proj3d
 from picture_checks import check_texts, shown
 
 from fcdm_opt.curve.decision_curve import decision_curve
@@ -259,11 +258,8 @@ def test_a_scene_numbers_every_vertex_at_one_scale() -> None:
     numbers = [int(text) for text in texts(figure) if text.isdigit()]
     assert [numbers.count(k) for k in range(1, 13)] == [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1]
     (axes,) = figure.axes
-    figure.draw_without_rendering()
-    origin_and_units = np.vstack([np.zeros(3), np.eye(3)])
-    x, y, _ = proj3d.proj_transform(*origin_and_units.T, axes.get_proj())
-    page = axes.transData.transform(np.column_stack([x, y]))
-    rows = (page[1:] - page[0]).T  # of a rotation, times one scale: orthogonal, of equal length
+    origin, *units = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    rows = np.array(units) - origin  # of one scale: orthogonal, of equal length
     gram = rows @ rows.T
     np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])
     assert "contact points" in texts(figure)

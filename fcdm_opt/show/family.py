@@ -12,7 +12,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
 from fcdm_opt.show.plots import ALONG, plane
-from fcdm_opt.show.scales import pieces
+from fcdm_opt.show.scales import path, pieces
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -161,10 +161,7 @@ def draw_at(
     ends = pieces(found.curve(x))
     if not len(ends):
         return
-    joined = np.flatnonzero(np.abs(ends[1:, 0] - ends[:-1, 1]).max(axis=1, initial=0.0) > 0.0) + 1
-    chains = [np.vstack([chain[:, 0], chain[-1:, 1]]) for chain in np.split(ends, joined)]
-    path = np.concatenate([np.vstack([chain, [[np.nan, np.nan]]]) for chain in chains])  # nan parts the chains
-    axes.plot(*path.T, color=colour, linewidth=width, alpha=alpha, solid_capstyle="butt", solid_joinstyle="miter",
+    axes.plot(*path(ends).T, color=colour, linewidth=width, alpha=alpha, solid_capstyle="butt", solid_joinstyle="miter",
               zorder=3, label=label, path_effects=_double(colour) if width == DOUBLE else None)  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, TEXT, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
-from fcdm_opt.show.scales import clipped, marked, pieces, reaching, tolerance_box, window
+from fcdm_opt.show.scales import clipped, marked, path, pieces, reaching, tolerance_box, window
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,34 +119,14 @@ def plane(axes: Any, box: ArrayLike) -> None:
 
 def draw_curve(axes: Any, curve: DecisionCurve, colour: str, style: Any, label: str) -> None:
     """Draw a curve with its switching points; what fits snugly stands out."""
-    snug = [segment for segment in curve.segments if segment.snug]
-    for k, segment in enumerate(snug):
-        axes.plot(
-            *np.column_stack([segment.start, segment.end]),
-            color=PURPLE,
-            linewidth=4.0,
-            alpha=0.5,
-            zorder=2.5,
-            label="snug fit" if k == 0 else None,
-        )
-    for k, segment in enumerate(curve.segments):
-        axes.plot(
-            *np.column_stack([segment.start, segment.end]),
-            color=colour,
-            linestyle=style,
-            linewidth=1.3,
-            label=label if k == 0 else None,
-            zorder=3,
-        )
-    if curve.switching_points:
-        axes.plot(
-            *np.array([point.rho for point in curve.switching_points]).T,
-            linestyle="none",
-            marker="o",
-            markersize=3.0,
-            color=colour,
-            zorder=3.5,
-        )
+    ends, snug = pieces(curve), np.array([segment.snug for segment in curve.segments], dtype=bool)
+    wide = {"color": PURPLE, "linewidth": 4.0, "alpha": 0.5, "zorder": 2.5, "label": "snug fit"}
+    thin = {"color": colour, "linestyle": style, "linewidth": 1.3, "zorder": 3, "label": label}
+    for own, look in ((ends[snug], wide), (ends, thin)):
+        if len(own):
+            axes.plot(*path(own).T, **look)
+    for point in curve.switching_points:
+        axes.plot(*point.rho, marker="o", markersize=3.0, color=colour, zorder=3.5)
 
 
 def name_curve(
@@ -179,58 +159,27 @@ def draw_tolerance(axes: Any, problem: Problem) -> None:
     """Shadow of the tolerances around the nominal pair, and the quadrant that goal "beyond" asks for."""
     from matplotlib.patches import Rectangle
 
+    areas = []
     if problem.tolerance is not None:
-        low, high = tolerance_box(problem)
-        axes.add_patch(
-            Rectangle(
-                tuple(low), *(high - low), facecolor=GREY, alpha=0.3, edgecolor="none", zorder=1, label="tolerance"
-            )
-        )
+        areas.append((*tolerance_box(problem), {"facecolor": GREY, "alpha": 0.3, "zorder": 1, "label": "tolerance"}))
     if problem.goal == "beyond":
-        far = np.where(
-            problem.signs > 0, [axes.get_xlim()[1], axes.get_ylim()[1]], [axes.get_xlim()[0], axes.get_ylim()[0]]
-        )
-        corner = problem.target
-        axes.add_patch(
-            Rectangle(
-                tuple(corner),
-                *(far - corner),
-                facecolor=GREEN,
-                alpha=0.1,
-                edgecolor="none",
-                zorder=0,
-                label=f"required{f' by {problem.requirement}' if problem.requirement else ''}",
-            )
-        )
+        limits = np.array([axes.get_xlim(), axes.get_ylim()])
+        far = np.where(problem.signs > 0, limits[:, 1], limits[:, 0])
+        name = f"required by {problem.requirement}" if problem.requirement else "required"
+        areas.append((problem.target, far, {"facecolor": GREEN, "alpha": 0.1, "zorder": 0, "label": name}))
+    for corner, opposite, look in areas:
+        axes.add_patch(Rectangle(tuple(corner), *(opposite - corner), edgecolor="none", **look))
 
 
 def draw_points(axes: Any, problem: Problem, solution: Solution, size: float) -> None:
     """Mark the tracked point before and after, and the target pair; sizes relative to that of a large panel."""
-    common = {"linestyle": "none", "zorder": 5, "markeredgewidth": 1.3 * size}
-    hollow = {**common, "markerfacecolor": "none"}
     tracked = problem.goal in TRACKING  # else the pair made is all there is to follow
-    axes.plot(
-        *problem.nominal_pair,
-        marker="*",
-        markersize=7 * size,
-        color=BLACK,
-        label="tracked point before" if tracked else "nominal pair",
-        **common,
-    )
-    axes.plot(
-        *problem.target,
-        marker="D",
-        markersize=8.5 * size,
-        markeredgecolor=GREEN,
-        label="target pair (parts made)",
-        **hollow,
-    )
+    points = [
+        (problem.nominal_pair, "*", 7, {"color": BLACK}, "tracked point before" if tracked else "nominal pair"),
+        (problem.target, "D", 8.5, {"color": GREEN, "markerfacecolor": "none"}, "target pair (parts made)"),
+    ]
     if tracked and solution.rho is not None:
-        axes.plot(
-            *solution.rho,
-            marker="o",
-            markersize=13 * size,
-            markeredgecolor=VERMILLION,
-            label="tracked point after",
-            **hollow,
-        )
+        points.append((solution.rho, "o", 13, {"color": VERMILLION, "markerfacecolor": "none"}, "tracked point after"))
+    for place, marker, extent, look, label in points:
+        axes.plot(*place, marker=marker, markersize=extent * size, markeredgewidth=1.3 * size, linestyle="none",
+                  zorder=5, label=label, **look)  # fmt: skip

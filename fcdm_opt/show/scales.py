@@ -56,6 +56,15 @@ def pieces(curve: DecisionCurve) -> Array:
     return np.array([[segment.start, segment.end] for segment in curve.segments]).reshape(-1, 2, 2)
 
 
+def path(ends: Array) -> Array:
+    """Return straight pieces (n, 2, 2) as one path (m, 2) that a picture draws: nan parts what does not go on."""
+    joins = np.abs(ends[1:, 0] - ends[:-1, 1]).max(axis=1, initial=0.0) == 0.0
+    corners = []
+    for (start, end), goes_on in zip(ends, [False, *joins], strict=True):
+        corners += [end] if goes_on else [(np.nan, np.nan), start, end]
+    return np.array(corners[1:], dtype=float).reshape(-1, 2)
+
+
 def _shares(lines: Array, low: Array, high: Array) -> Array:
     """Return where straight pieces (n, 2, 2) enter and leave a box, as shares (2, n) of their length.
 

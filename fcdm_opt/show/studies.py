@@ -55,7 +55,7 @@ BAR = 0.8
 """Inches beside the panels for a scale of colours."""
 
 
-class _Axis(NamedTuple):
+class _StudyAxis(NamedTuple):
     """What a study varied: its label, its values, and the dimension of the results that it is."""
 
     label: str
@@ -81,9 +81,9 @@ def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> 
     title, caption : str
         Text above and below the picture; by default the study's title, and how its points ended.
     """
-    axes = [_Axis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
+    axes = [_StudyAxis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -len(axis.values))
-    data = _Data.of(result)
+    data = _StudyAmounts.of(result)
     counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
     words = title or result.definition.get("title", ""), caption or f"{len(result.points)} points: {counts}"
     if "draw" in result.axes or not numeric:
@@ -93,7 +93,7 @@ def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> 
     return _lines(data, numeric[0], [axis for axis in axes if axis is not numeric[0]], words)
 
 
-class _Data(NamedTuple):
+class _StudyAmounts(NamedTuple):
     """Amounts (nan without a usable motion) and statuses, over the axes of the study; label of an axis of amounts."""
 
     amounts: Array
@@ -101,7 +101,7 @@ class _Data(NamedTuple):
     amount: str
 
     @classmethod
-    def of(cls, result: StudyResult) -> _Data:
+    def of(cls, result: StudyResult) -> _StudyAmounts:
         shape = [len(values) for values in result.axes.values()]
         rows = result.rows()
         amounts = [row["amount"] if row["usable"] else math.nan for row in rows]
@@ -111,7 +111,7 @@ class _Data(NamedTuple):
             f"amount ({result.unit or 'length units'})",
         )
 
-    def at(self, axes: Sequence[_Axis], places: Sequence[int]) -> _Data:
+    def at(self, axes: Sequence[_StudyAxis], places: Sequence[int]) -> _StudyAmounts:
         """Return what is left where some axes have a given value."""
         chosen = dict(zip((axis.place for axis in axes), places, strict=True))
         index = tuple(chosen.get(place, slice(None)) for place in range(self.amounts.ndim))
@@ -121,7 +121,7 @@ class _Data(NamedTuple):
 # ----------------------------------------------------------------------------------------------------- kinds of figures
 
 
-def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str, str]) -> Figure:
+def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis], words: tuple[str, str]) -> Figure:
     """Draw the amount along one axis: the first of several other axes makes panels, the rest makes lines."""
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
     markers = _markers(data)
@@ -152,7 +152,9 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str,
     return _keyed(sheet, spots[0][1], markers)
 
 
-def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], words: tuple[str, str]) -> Figure:
+def _fields(
+    data: _StudyAmounts, along: _StudyAxis, across: _StudyAxis, others: Sequence[_StudyAxis], words: tuple[str, str]
+) -> Figure:
     """Draw the amount over two axes as a field, one for each value of the other axes."""
     from matplotlib.colors import Normalize
 
@@ -181,7 +183,7 @@ def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], w
     return _keyed(sheet, spots[0][1], markers)
 
 
-def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult, words: tuple[str, str]) -> Figure:
+def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line a case, with the budget."""
     found = result.assembly_yield
     told = "" if found is None else _budget(found, result.unit)
@@ -218,7 +220,7 @@ def _budget(found: Any, unit: str) -> str:
 
 
 def _panels(
-    axes: Sequence[_Axis], label: str, words: tuple[str, str], keys: Sequence[str], *, beside: float = 0.0
+    axes: Sequence[_StudyAxis], label: str, words: tuple[str, str], keys: Sequence[str], *, beside: float = 0.0
 ) -> tuple[Sheet, list[tuple[list[int], Any]]]:
     """Return a sheet with a panel for each combination of values, and their places; room below for keys."""
     spots = list(_combinations(axes))[:PANELS]
@@ -245,14 +247,14 @@ def _panels(
     return sheet, made
 
 
-def _combinations(axes: Sequence[_Axis]) -> Iterator[tuple[list[int], str]]:
+def _combinations(axes: Sequence[_StudyAxis]) -> Iterator[tuple[list[int], str]]:
     """Yield the places of every combination of values, and its name; one without a name where there are no axes."""
     for place in product(*(range(len(axis.values)) for axis in axes)):
         told = [_value(axis, axis.values[k]) for axis, k in zip(axes, place, strict=True)]
         yield list(place), ", ".join(told)
 
 
-def _value(axis: _Axis, value: Any) -> str:
+def _value(axis: _StudyAxis, value: Any) -> str:
     if type(value) in (int, float):
         return f"{axis.label} = {value:g}"
     text = value if isinstance(value, str) else ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
@@ -269,7 +271,7 @@ def _told(label: str) -> str:
     return f"{label}  ({plain})" if plain else label
 
 
-def _markers(data: _Data) -> dict[str, str]:
+def _markers(data: _StudyAmounts) -> dict[str, str]:
     """Return a marker for each status that leaves gaps."""
     gaps = sorted(set(data.statuses[np.isnan(data.amounts)].tolist()))
     return {status: GAPS[k % len(GAPS)] for k, status in enumerate(gaps)}

@@ -8,13 +8,14 @@ import numpy as np
 
 from fcdm_opt.show.notebook.card import Card
 from fcdm_opt.show.notebook.pictures import Mark, Picture, drawing
+from fcdm_opt.show.scene import page_directions
 from fcdm_opt.show.texts import counted, number, numbers
 
 if TYPE_CHECKING:
     from fcdm_opt.geometry.bodies import Body
 
-EYE = np.array([0.52, -0.72, 0.46])
-"""Where the body is seen from; no symmetric direction, in which edges of a cube fall together."""
+VIEW = 27.0, -54.0
+"""Elevation and azimuth in degrees that the body is seen from; no symmetric view, in which edges of a cube meet."""
 
 EDGES = 400
 """Edges that are drawn; of bodies with more only their outline."""
@@ -38,19 +39,18 @@ def body_card(body: Body) -> Card:
 
 def _edges(body: Body) -> Picture | None:
     """Return a picture of the body's own edges, those at the back of their part thin, and of the seed."""
-    eye = EYE / np.linalg.norm(EYE)
-    right = np.array([-eye[1], eye[0], 0.0]) / np.hypot(eye[0], eye[1])
-    sheet = np.array([right, np.cross(eye, right)])
+    page = page_directions(*VIEW)
+    eye = np.cross(*page.T)
     lines: list[Mark] = []
     many = sum(len(part.edges) for part in body.parts) > EDGES
     for part in body.parts:
-        flat, seen = part.vertices @ sheet.T, part.normals @ eye > 0.0
+        flat, seen = part.vertices @ page, part.normals @ eye > 0.0
         for k, (origin, end, one, two) in enumerate(part.edges.tolist()):
             if part.elements["E"][k].kind != "E" or (many and seen[one] == seen[two]):
                 continue  # a cut between parts runs here
             lines.append(Mark("front" if seen[one] or seen[two] else "back", (flat[origin], flat[end])))
     lines.sort(key=lambda line: line.style)
-    flat, seed = body.vertices @ sheet.T, body.seed @ sheet.T
+    flat, seed = body.vertices @ page, body.seed @ page
     corners, room = np.vstack([flat, seed]), MARGIN * body.size
     limits = np.column_stack([corners.min(axis=0) - room, corners.max(axis=0) + room])
     told = f"{counted(len(lines), 'edge')} of the body, seen from above; the cross is its seed"

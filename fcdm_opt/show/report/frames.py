@@ -22,7 +22,7 @@ from fcdm_opt.geometry.bodies import IDENTITY
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn
-from fcdm_opt.show.report.scenes import Shapes
+from fcdm_opt.show.report.scenes import ContactShapes
 from fcdm_opt.show.scales import reaching
 from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
@@ -44,7 +44,7 @@ class Frames:
     ----------
     box : pair of intervals
         Scales over which curves are listed: those of the problem's box and of the window.
-    shapes : Shapes
+    shapes : ContactShapes
         Of the features that are in contact in some frame.
     """
 
@@ -54,7 +54,7 @@ class Frames:
         self._labels: dict[Feature, int] = {}
         self._moved: tuple[Array | None, DecisionCurve] = None, self._rest
         self.box: Box = self._rest.box
-        self.shapes = Shapes(problem.movable, problem.static)
+        self.shapes = ContactShapes(problem.movable, problem.static)
 
     @property
     def labels(self) -> list[str]:
