@@ -1,4 +1,12 @@
-"""Pictures for print and screen: what they share.
+"""What is shown: pictures for print and screen, tables on a terminal, cards of notebooks, and reports.
+
+texts            numbers, questions and answers in words, for all of these; `remarks` are sentences
+scales           the plane of scales: windows, and what lies inside
+rendering        HTML from `templates`, for `notebook` and `report`
+solved           cases as tables and reports show them; the one place that calls the solver
+tables           what the command line prints; `design_tables` for studies, what-ifs, maps, yields and poses
+
+Pictures, and here what they share:
 
 plots            decision curves, before and after a motion
 scene            the pair of bodies in space
