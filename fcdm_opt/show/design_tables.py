@@ -38,56 +38,56 @@ def print_study(result: StudyResult) -> None:
     out.print()
 
 
-def print_lines(found: BestPose | CompensationMap | Conflicts) -> None:
+def print_lines(result: BestPose | CompensationMap | Conflicts) -> None:
     """Print what the result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
     out = console()
-    for line in str(found).splitlines():
+    for line in str(result).splitlines():
         print_text(out, line, indent="   ")
     out.print()
 
 
-def print_whatif(found: WhatIf) -> None:
+def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives foretold, and what else changed."""
     out = console()
-    rows = [_solved("before", found.before), _solved("after", found.after)]
-    foretold = amount_text(found.predicted_amount)
+    rows = [_solved("before", answer.before), _solved("after", answer.after)]
+    foretold = amount_text(answer.predicted_amount)
     rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
     print_rows(out, rows, numbers=("amount",))
-    for reason in found.prediction.reasons:
+    for reason in answer.prediction.reasons:
         print_text(out, f"foretold: {reason}", indent="   ")
-    for what in found.differences:
+    for what in answer.differences:
         if what.name in ("features", "active", "status"):
             print_text(out, f"{what.name}: {_words(what.before)} -> {_words(what.after)}", indent="   ")
     out.print()
 
 
-def print_budgets(found: Budgets) -> None:
+def print_budgets(budgets: Budgets) -> None:
     """Print the largest tolerance of each requirement, and what ends it."""
     out = console()
-    limit = "its own limits" if found.limit is None else f"an amount of {found.limit:g}"
+    limit = "its own limits" if budgets.limit is None else f"an amount of {budgets.limit:g}"
     out.print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
     rows = [
         {
-            "requirement": own.requirement,
-            "tolerance": f"{100 * own.tolerance:.7g} %",
-            "amount there": amount_text(own.amount),
-            "above it": own.end.value,
-            "smaller ones": "proved" if own.proved else f"sampled, {own.points} points",
+            "requirement": budget.requirement,
+            "tolerance": f"{100 * budget.tolerance:.7g} %",
+            "amount there": amount_text(budget.amount),
+            "above it": budget.end.value,
+            "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
         }
-        for own in found.values()
+        for budget in budgets.values()
     ]
     print_rows(out, rows, numbers=("tolerance", "amount there"))
-    for own in found.values():
-        print_text(out, f"{own.requirement}: {own.reason}", indent="   ")
+    for budget in budgets.values():
+        print_text(out, f"{budget.requirement}: {budget.reason}", indent="   ")
     out.print()
 
 
-def print_costs(found: Costs) -> None:
+def print_costs(costs: Costs) -> None:
     """Print what each constraint costs."""
     out = console()
-    amount = amount_text(found.solution.amount, found.solution.problem.amount_unit)
-    out.print(f"as asked: amount {amount}, {motion_text(found.solution)}")
-    rows = [_dropped("drop", row) for row in found.rows] + [_dropped("ask for", row) for row in found.goals]
+    amount = amount_text(costs.solution.amount, costs.solution.problem.amount_unit)
+    out.print(f"as asked: amount {amount}, {motion_text(costs.solution)}")
+    rows = [_dropped("drop", row) for row in costs.rows] + [_dropped("ask for", row) for row in costs.goals]
     if rows:
         foretold = any(row["foretold"] for row in rows)
         kept = [{name: cell for name, cell in row.items() if name != "foretold" or foretold} for row in rows]
@@ -99,10 +99,10 @@ def print_costs(found: Costs) -> None:
     out.print()
 
 
-def print_comparison(found: Comparison) -> None:
+def print_comparison(comparison: Comparison) -> None:
     """Print the families of motions, the cheapest first."""
     out = console()
-    out.print(str(found))
+    out.print(str(comparison))
     rows = [
         {
             "family": row.name,
@@ -112,36 +112,36 @@ def print_comparison(found: Comparison) -> None:
             "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
         }
-        for row in found.table
+        for row in comparison.table
     ]
     print_rows(out, rows, numbers=("amount", "proved at least"))
-    for row in found.table:
+    for row in comparison.table:
         if row.note:
             print_text(out, f"{row.name}: {row.note}", indent="   ")
     out.print()
 
 
-def print_yield(found: AssemblyYield) -> None:
+def print_yield(result: AssemblyYield) -> None:
     """Print the share of pairs that pass, and which body's tolerance contributes how much."""
     out = console()
-    print_text(out, str(found), indent="   ")
+    print_text(out, str(result), indent="   ")
     rows = [
         {
-            "body": own.body,
-            "of the variance alone": f"{own.first_order:.2%}",
-            "with the other": f"{own.total:.2%}",
-            "yield without its scatter": f"{own.share_without:.3%}",
+            "body": share.body,
+            "of the variance alone": f"{share.first_order:.2%}",
+            "with the other": f"{share.total:.2%}",
+            "yield without its scatter": f"{share.share_without:.3%}",
         }
-        for own in found.contributions
+        for share in result.contributions
     ]
     print_rows(out, rows, numbers=tuple(rows[0])[1:])
     out.print()
 
 
-def print_clearances(found: Clearances, *, where: str = "") -> None:
+def print_clearances(clearances: Clearances, *, where: str = "") -> None:
     """Print the range of the gap over all sizes at a pose, and how it is spread."""
     out = console()
-    print_text(out, f"{where}: {found}" if where else str(found), indent="   ")
+    print_text(out, f"{where}: {clearances}" if where else str(clearances), indent="   ")
     rows = [
         {
             "end": name,
@@ -149,7 +149,7 @@ def print_clearances(found: Clearances, *, where: str = "") -> None:
             "at sizes": numbers(end.rho),
             "between": end.feature,
         }
-        for name, end in (("least", found.least), ("largest", found.most))
+        for name, end in (("least", clearances.least), ("largest", clearances.most))
     ]
     print_rows(out, rows, numbers=("gap",))
     out.print()

@@ -82,9 +82,9 @@ def before_after_figure(problem: Problem, solution: Solution, *, title: str = ""
     outward = -1.0 if solution.rho is not None and before.gap(solution.rho) > 0 else 1.0  # names keep clear of `after`
     for axes, size, seen in ((whole, 0.6, problem.box), (zoom, 0.85, limits)):
         draw_tolerance(axes, problem)
-        own = reaching(before, seen)
-        draw_curve(axes, own, BLUE, "-", "decision curve before")
-        lines = [pieces(own)]
+        curve = reaching(before, seen)
+        draw_curve(axes, curve, BLUE, "-", "decision curve before")
+        lines = [pieces(curve)]
         if after is not None:
             moved = reaching(after, seen)
             draw_curve(axes, moved, VERMILLION, (0, (5, 1.5)), "after the motion")
@@ -122,9 +122,9 @@ def draw_curve(axes: Any, curve: DecisionCurve, colour: str, style: Any, label: 
     ends, snug = pieces(curve), np.array([segment.snug for segment in curve.segments], dtype=bool)
     wide = {"color": PURPLE, "linewidth": 4.0, "alpha": 0.5, "zorder": 2.5, "label": "snug fit"}
     thin = {"color": colour, "linestyle": style, "linewidth": 1.3, "zorder": 3, "label": label}
-    for own, look in ((ends[snug], wide), (ends, thin)):
-        if len(own):
-            axes.plot(*path(own).T, **look)
+    for some, look in ((ends[snug], wide), (ends, thin)):
+        if len(some):
+            axes.plot(*path(some).T, **look)
     for point in curve.switching_points:
         axes.plot(*point.rho, marker="o", markersize=3.0, color=colour, zorder=3.5)
 

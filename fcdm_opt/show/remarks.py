@@ -138,7 +138,7 @@ def _others(solution: Solution) -> Iterator[str]:
 def _parameters(solution: Solution) -> Iterator[str]:
     problem = solution.problem
     named = zip(problem.motion.parameters, problem.limits.tolist(), strict=True)
-    free = [own.name for own, limits in named if not any(map(math.isfinite, limits))]
+    free = [parameter.name for parameter, limits in named if not any(map(math.isfinite, limits))]
     if free:
         yield f"No limits are set for {', '.join(free)}."
     if problem.resolution is None:

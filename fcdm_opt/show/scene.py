@@ -192,12 +192,12 @@ def own_polygons(body: Body) -> list[Array]:
     """Return convex polygons that make up the body's own faces, (k, 3) each; not those of cuts."""
     if body.skin:
         return [body.vertices[list(triangle)] for face in body.skin for triangle in face]
-    own = set(body.faces)
+    faces = set(body.faces)
     return [
         part.vertices[list(loop)]
         for part in body.parts
         for loop, element in zip(part.loops, part.elements["F"], strict=True)
-        if element.vertices in own
+        if element.vertices in faces
     ]
 
 
@@ -206,13 +206,13 @@ def face_polygons(body: Body, face: Element) -> list[Array]:
 
     A part that overlaps others may carry the face beyond where it is the solid's.
     """
-    own = (
+    skin = (
         [triangles for labels, triangles in zip(body.faces, body.skin, strict=True) if labels == face.vertices]
         if body.skin
         else []
     )
-    if own:
-        return [body.vertices[list(triangle)] for triangle in own[0]]
+    if skin:
+        return [body.vertices[list(triangle)] for triangle in skin[0]]
     return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
 
 
@@ -312,13 +312,13 @@ def _number(axes: Any, page: Array, bodies: Sequence[tuple[Body, str]]) -> None:
     labels = [np.array(body.corners) for body, _ in bodies]
     if sum(map(len, labels)) > MOST_NUMBERS:
         return
-    corners = [body.vertices[own - 1] @ page for (body, _), own in zip(bodies, labels, strict=True)]
+    corners = [body.vertices[some - 1] @ page for (body, _), some in zip(bodies, labels, strict=True)]
     edges = [np.array(list(true_edges(body).values())) @ page for body, _ in bodies]
     names = Names(axes, np.concatenate(edges))
     for place in np.concatenate(corners):
         names.keep(place, 3.0)
-    for (_, colour), own, places in zip(bodies, labels, corners, strict=True):
+    for (_, colour), some, places in zip(bodies, labels, corners, strict=True):
         middle = places.mean(axis=0)
-        for label, place in zip(own.tolist(), places, strict=True):
+        for label, place in zip(some.tolist(), places, strict=True):
             away = place - middle
             names.put(str(label), place, away if away.any() else (0.0, 1.0), colour=colour)

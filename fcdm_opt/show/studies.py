@@ -128,10 +128,10 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
     keys = [*(name for _, name in _combinations(lines)), *map(status_text, markers)]
     sheet, spots = _panels(panels, data.amount, words, keys)
     for place, axes in spots:
-        own = data.at(panels, place)
+        chosen = data.at(panels, place)
         left = [axis._replace(place=axis.place - len(panels)) for axis in lines]
         for k, (at, name) in enumerate(_combinations(left)):
-            part = own.at(left, at)
+            part = chosen.at(left, at)
             colour = COLOURS[k % len(COLOURS)]
             style = DASHES[(k + k // len(COLOURS)) % len(DASHES)]
             axes.plot(along.values, part.amounts, color=colour, linestyle=style, marker=SPOTS[k % len(SPOTS)],
@@ -185,8 +185,8 @@ def _fields(
 
 def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line a case, with the budget."""
-    found = result.assembly_yield
-    told = "" if found is None else _budget(found, result.unit)
+    within = result.assembly_yield
+    told = "" if within is None else _budget(within, result.unit)
     keys = [*(name or POINTS for _, name in _combinations(cases)), *([told] if told else [])]
     sheet, spots = _panels([], "share of points with at most this amount", words, keys)
     (_, axes), *_ = spots
@@ -201,8 +201,8 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
                 color=COLOURS[k % len(COLOURS)], linestyle=DASHES[(k + k // len(COLOURS)) % len(DASHES)],
                 label=name or POINTS,
             )  # fmt: skip
-    if found is not None:
-        axes.axvline(found.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
+    if within is not None:
+        axes.axvline(within.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
     known = data.amounts[np.isfinite(data.amounts)]
     if known.size and known.min() > 0.0 and math.log10(known.max() / known.min()) > DECADES:
         axes.set_xscale("log")
@@ -211,9 +211,9 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
     return _keyed(sheet, axes, {})
 
 
-def _budget(found: Any, unit: str) -> str:
-    low, high = found.interval
-    return f"budget {measured(f'{found.budget:g}', unit)}: {found.share:.1%} within ({low:.1%} to {high:.1%})"
+def _budget(within: Any, unit: str) -> str:
+    low, high = within.interval
+    return f"budget {measured(f'{within.budget:g}', unit)}: {within.share:.1%} within ({low:.1%} to {high:.1%})"
 
 
 # ---------------------------------------------------------------------------------------------------- parts of a figure

@@ -152,10 +152,10 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
     out = console()
     print_head(out, name, title, note, unit=rows[0][0].problem.unit)
     lines = []
-    for found, _ in rows:
-        problem = found.problem
-        for end, event in zip(("low", "high"), found.events, strict=True):
-            at = problem.motion.describe(event.x * found.direction) if math.isfinite(event.x) else "-"
+    for coherent, _ in rows:
+        problem = coherent.problem
+        for end, event in zip(("low", "high"), coherent.events, strict=True):
+            at = problem.motion.describe(event.x * coherent.direction) if math.isfinite(event.x) else "-"
             lines.append(
                 {
                     "case": wrapped(problem.name, CELL_WIDTH) if end == "low" else "",
@@ -170,14 +170,14 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
             )
     print_rows(out, lines, numbers=("x",))
     out.print()
-    for found, times in rows:
-        problem = found.problem
-        tracked = " & ".join(feature.label for feature in found.features)
-        along = problem.motion.describe(found.direction, unit=problem.unit)
+    for coherent, times in rows:
+        problem = coherent.problem
+        tracked = " & ".join(feature.label for feature in coherent.features)
+        along = problem.motion.describe(coherent.direction, unit=problem.unit)
         print_text(out, f"{problem.name}: x in multiples of {along}; {tracked}")
-        for end, event in zip(("low", "high"), found.events, strict=True):
+        for end, event in zip(("low", "high"), coherent.events, strict=True):
             print_text(out, f"   {end}: {event.what}", indent="      ")
-        if not found.proved:
+        if not coherent.proved:
             print_text(out, "   a condition touches zero at rest: what is near there is not proved")
         states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
         print_text(out, f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")

@@ -37,7 +37,7 @@ def switching_points(curve: DecisionCurve) -> list[Mark]:
     points = curve.switching_points
     if len(points) > TIPPED:
         return []
-    return [Mark("switch", own.rho, f"SW{own.index} ({numbers(own.rho)}): {own.label}") for own in points]
+    return [Mark("switch", point.rho, f"SW{point.index} ({numbers(point.rho)}): {point.label}") for point in points]
 
 
 def curve_card(curve: DecisionCurve) -> Card:

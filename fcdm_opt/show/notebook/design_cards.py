@@ -37,53 +37,59 @@ def whatif_card(answer: WhatIf) -> Card:
         ("foretold", told),
         ("status before", before.status.name if before.status is not after.status else ""),
     ]
-    kinds = {f"parameters.{name}": kind for own in (before, after) for name, kind in own.problem.motion.parameters}
-    lines = [(own.name, *(_shown(value, kinds.get(own.name, "")) for value in own[1:])) for own in answer.differences]
+    kinds = {f"parameters.{name}": kind for each in (before, after) for name, kind in each.problem.motion.parameters}
+    lines = [
+        (each.name, *(_shown(value, kinds.get(each.name, "")) for value in each[1:])) for each in answer.differences
+    ]
     tables = [(("of the answer", "before", "after"), lines)]
     state, mood = after.status.name, mood_of(after)
     return Card("What if", said=after.advice, facts=facts, tables=tables, state=state, mood=mood)
 
 
-def yield_card(found: AssemblyYield) -> Card:
+def yield_card(result: AssemblyYield) -> Card:
     """Return the card: the share with its interval, quantiles, and which body's tolerance matters."""
-    (low, high), sure = found.interval, f"{100.0 * found.confidence:.6g} % sure"
+    (low, high), sure = result.interval, f"{100.0 * result.confidence:.6g} % sure"
     facts = [
-        ("pairs that pass", f"{found.share:.4%}", f"{sure}: {low:.4%} to {high:.4%}"),
-        ("pairs looked at", str(found.count)),
-        ("budget", number(found.budget) if math.isfinite(found.budget) else "", found.unit or "length"),
-        *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(found, what))),
+        ("pairs that pass", f"{result.share:.4%}", f"{sure}: {low:.4%} to {high:.4%}"),
+        ("pairs looked at", str(result.count)),
+        ("budget", number(result.budget) if math.isfinite(result.budget) else "", result.unit or "length"),
+        *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(result, what))),
     ]
-    bodies = [(own.body, number(own.total, 3), f"{own.share_without:.2%}") for own in found.contributions]
+    bodies = [(body.body, number(body.total, 3), f"{body.share_without:.2%}") for body in result.contributions]
     tables = [
-        (("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in found.quantiles.items()]),
+        (("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in result.quantiles.items()]),
         (("body", "share of the variance", "would pass at its median size"), bodies),
     ]
-    return Card("Assembly yield", facts=facts, tables=tables, state=f"{found.share:.2%} pass")
+    return Card("Assembly yield", facts=facts, tables=tables, state=f"{result.share:.2%} pass")
 
 
-def map_card(found: CompensationMap) -> Card:
+def map_card(sizes: CompensationMap) -> Card:
     """Return the card: its regions, their boundaries over the box, and its error."""
-    solves = f"from {counted(found.solved, 'solve')} in {found.seconds:.1f} s"
-    length = found.unit or "length"
+    solves = f"from {counted(sizes.solved, 'solve')} in {sizes.seconds:.1f} s"
+    length = sizes.unit or "length"
     lines = [
-        (k, f"{own.share:.1%}", " to ".join(map(number, own.amounts)) if own.kind == "motion" else "-", own)
-        for k, own in enumerate(found.regions, 1)
+        (k, f"{region.share:.1%}", " to ".join(map(number, region.amounts)) if region.kind == "motion" else "-", region)
+        for k, region in enumerate(sizes.regions, 1)
     ]
-    looks = {False: ("before", "boundary"), True: ("after", "boundary with a jump")}
-    marks = [Mark(style, own.points, "", name) for own in found.boundaries for style, name in [looks[own.jumps]]]
-    nominal = Mark("nominal", found.nominal, "", "nominal pair")
-    told = f"{counted(len(found.regions), 'region')} over the box of sizes"
-    exact = found.reached <= found.error
+    marks = [
+        Mark("after", line.points, "", "boundary with a jump")
+        if line.jumps
+        else Mark("before", line.points, "", "boundary")
+        for line in sizes.boundaries
+    ]
+    nominal = Mark("nominal", sizes.nominal, "", "nominal pair")
+    told = f"{counted(len(sizes.regions), 'region')} over the box of sizes"
+    exact = sizes.reached <= sizes.error
     return Card(
         "Compensation map",
         facts=[
-            ("triangles", str(len(found.table)), solves),
-            ("error at most", number(found.reached, 3), f"{length}, asked for {number(found.error, 3)}"),
+            ("triangles", str(len(sizes.table)), solves),
+            ("error at most", number(sizes.reached, 3), f"{length}, asked for {number(sizes.error, 3)}"),
         ],
         tables=[(("region", "of the box", "amount", "held by"), lines)],
         state="as accurate as asked" if exact else "less accurate than asked",
         mood="good" if exact else "mind",
-        picture=plane([*marks, nominal], found.box, told=told),
+        picture=plane([*marks, nominal], sizes.box, told=told),
     )
 
 
@@ -102,22 +108,28 @@ def best_pose_card(best: BestPose) -> Card:
     return Card("Best pose for all sizes", facts=facts, state=best.status, mood=mood)
 
 
-def clearances_card(found: Clearances) -> Card:
+def clearances_card(clearances: Clearances) -> Card:
     """Return the card: the range of the gap with what it is taken at, and the share that overlaps."""
-    low, high = found.interference_interval
+    sure = "95 % sure: {:.3%} to {:.3%}".format(*clearances.interference_interval)
     facts = [
-        ("gap", f"{number(found.least.gap)} to {number(found.most.gap)}", found.unit or "length"),
-        ("interference", f"{found.interference:.3%}", f"of {found.source}; 95 % sure: {low:.3%} to {high:.3%}"),
+        ("gap", f"{number(clearances.least.gap)} to {number(clearances.most.gap)}", clearances.unit or "length"),
+        ("interference", f"{clearances.interference:.3%}", f"of {clearances.source}; {sure}"),
     ]
-    named = (("least", found.least), ("largest", found.most))
+    named = (("least", clearances.least), ("largest", clearances.most))
     ends = [(name, number(end.gap), numbers(end.rho), end.feature) for name, end in named]
-    quantiles = [(f"{share:.5g}", number(gap)) for share, gap in found.quantiles.tolist()]
+    quantiles = [(f"{share:.5g}", number(gap)) for share, gap in clearances.quantiles.tolist()]
     tables = [
-        (("gap", found.unit or "length", "at the sizes", "between"), ends),
+        (("gap", clearances.unit or "length", "at the sizes", "between"), ends),
         (("of all pairs", "gap at most"), quantiles),
     ]
-    state, mood = ("never overlapping", "good") if found.least.gap >= 0.0 else ("overlapping at some sizes", "mind")
-    return Card("Clearances at one pose", facts=facts, tables=tables, state=state, mood=mood)
+    clear = clearances.least.gap >= 0.0
+    return Card(
+        "Clearances at one pose",
+        facts=facts,
+        tables=tables,
+        state="never overlapping" if clear else "overlapping at some sizes",
+        mood="good" if clear else "mind",
+    )
 
 
 def study_card(study: StudyResult) -> Card:

@@ -131,10 +131,10 @@ class _Placing:
         chains = _thinned([self._chains(mark.at) if mark.kind == "line" else [] for mark in marks])
         made: list[Mark] = []
         joins = ""
-        for mark, own in zip(marks, chains, strict=True):
+        for mark, seen in zip(marks, chains, strict=True):
             at: Any = None
             if mark.kind == "line":
-                at = "".join("M" + "L".join(f"{x:g} {y:g}" for x, y in chain) for chain in own)
+                at = "".join("M" + "L".join(f"{x:g} {y:g}" for x, y in chain) for chain in seen)
                 if at and not mark.tip and mark.style == joins:
                     made[-1] = made[-1]._replace(at=made[-1].at + at)
                     continue
@@ -169,14 +169,14 @@ class _Placing:
 def _thinned(marks: list[list[Chain]]) -> list[list[Chain]]:
     """Return chains with no more corners than `POINTS`: near ones are left out, then the shortest chains."""
     step = 0.5
-    while sum(len(chain) for own in marks for chain in own) > POINTS and step < 32.0:
-        marks = [[_sparse(chain, step) for chain in own] for own in marks]
+    while sum(len(chain) for line in marks for chain in line) > POINTS and step < 32.0:
+        marks = [[_sparse(chain, step) for chain in line] for line in marks]
         step *= 2.0
-    chains = [(k, i, chain) for k, own in enumerate(marks) for i, chain in enumerate(own)]
+    chains = [(k, i, chain) for k, line in enumerate(marks) for i, chain in enumerate(line)]
     chains.sort(key=lambda item: -sum(math.dist(*ends) for ends in pairwise(item[2])))
     fitting = np.cumsum([len(chain) for *_, chain in chains]) <= POINTS
     kept = {(k, i) for (k, i, _), fits in zip(chains, fitting, strict=True) if fits}
-    return [[chain for i, chain in enumerate(own) if (k, i) in kept] for k, own in enumerate(marks)]
+    return [[chain for i, chain in enumerate(line) if (k, i) in kept] for k, line in enumerate(marks)]
 
 
 def _sparse(chain: Chain, step: float) -> Chain:

@@ -97,28 +97,28 @@ def certificate_card(certificate: Certificate) -> Card:
     )
 
 
-def range_card(found: CoherentRange) -> Card:
+def range_card(coherent: CoherentRange) -> Card:
     """Return the card: the interval, the motion at both ends, and what ends it there."""
-    describe = partial(found.problem.motion.describe, unit=found.problem.unit)
+    describe = partial(coherent.problem.motion.describe, unit=coherent.problem.unit)
     ends = [
         (
             side,
             number(event.x, 9),
-            describe(event.x * found.direction) if math.isfinite(event.x) else "-",
+            describe(event.x * coherent.direction) if math.isfinite(event.x) else "-",
             event.what or KINDS[event.kind],
             "; ".join(feature.label for feature in event.successors),
         )
-        for side, event in zip(("low", "high"), found.events, strict=True)
+        for side, event in zip(("low", "high"), coherent.events, strict=True)
     ]
     facts = [
-        ("from, to", f"{number(found.low, 9)}, {number(found.high, 9)}"),
-        ("in multiples of", describe(found.direction)),
-        ("contact", " & ".join(feature.label for feature in found.features)),
+        ("from, to", f"{number(coherent.low, 9)}, {number(coherent.high, 9)}"),
+        ("in multiples of", describe(coherent.direction)),
+        ("contact", " & ".join(feature.label for feature in coherent.features)),
     ]
     return Card(
         "Coherent range",
         facts=facts,
         tables=[(("end", "x", "motion there", "what ends it", "takes over"), ends)],
-        state="proved" if found.proved else "not all proved",
-        mood="good" if found.proved else "mind",
+        state="proved" if coherent.proved else "not all proved",
+        mood="good" if coherent.proved else "mind",
     )

@@ -10,6 +10,6 @@ page        these data as plain values for the template `page.html`
 study_page  the same for the folder of a study and `study.html`
 markup      a page that is one file, with scripts and their data inside
 
-Templates, style and scripts are in `show/templates`: `frame.html` is what both pages stand in, `pieces.html` their small
-pieces; `curve.js`, `scene.js`, `page.js`, `study.js` draw, and `common.js` serves all.
+Templates, style and scripts are in `show/templates`. `frame.html` is what both pages stand in, `pieces.html` their
+small pieces; `curve.js`, `scene.js`, `page.js`, `study.js` draw, and `common.js` serves all.
 """

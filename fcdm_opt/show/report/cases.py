@@ -126,7 +126,7 @@ def _grounds(solution: Solution) -> dict[str, Any]:
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
     listed = [("movable", problem.movable), ("static", problem.static)]
     listed += [("keep-out", keep_out.body) for keep_out in problem.keep_out]
-    found = [
+    told = [
         {
             "name": body.name,
             "role": role,
@@ -138,11 +138,11 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
         }
         for role, body in listed
     ]
-    for own, keep_out in zip(found[2:], problem.keep_out, strict=True):
+    for body, keep_out in zip(told[2:], problem.keep_out, strict=True):
         low, high = keep_out.ends
         scale = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-        own["notes"].insert(0, f"scale {scale}, clearance {measured(f'{keep_out.clearance:g}', problem.unit)}")
-    return found
+        body["notes"].insert(0, f"scale {scale}, clearance {measured(f'{keep_out.clearance:g}', problem.unit)}")
+    return told
 
 
 def _modelled(solution: Solution) -> list[dict[str, Any]]:
@@ -159,23 +159,23 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     """Return what the proof is made of, and whether the judge passed it."""
     if solution.evidence is None:
         return None
-    own = solution.evidence
+    evidence = solution.evidence
     checks = [] if solution.certificate is None else solution.certificate.checks
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
-    text = f"{len(own.reasons)} cells of motions that will not do, in {len(own.fronts)} columns of directions"
-    beside = not solution.status.found and np.isfinite(own.bound)  # a closed form says more: that nothing does
-    return {"bound": plain(own.bound), "text": text, "checked": all(proof) if proof and not beside else None}
+    text = f"{len(evidence.reasons)} cells of motions that will not do, in {len(evidence.fronts)} columns of directions"
+    beside = not solution.status.found and np.isfinite(evidence.bound)  # a closed form says more: that nothing does
+    return {"bound": plain(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not solution.status.found:
         return None
-    found = solution.sensitivity
+    derivatives = solution.sensitivity
     text = "first derivatives of the least amount"
-    if not found.exists:
-        why = "; ".join(found.reasons)
+    if not derivatives.exists:
+        why = "; ".join(derivatives.reasons)
         text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
-    return {"bars": [plain(bar._asdict()) for bar in bars(found, solution.problem)], "text": text}
+    return {"bars": [plain(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
 
 
 # ------------------------------------------------------------------------------------------------------------ pictures

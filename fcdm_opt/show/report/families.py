@@ -124,7 +124,7 @@ def _limits_passed(problem: Problem, q: Array) -> str:
     slack = DEFAULT.requirement * problem.length / problem.weights
     low, high = problem.limits.T
     beyond = (q < low - slack) | (q > high + slack)
-    names = [own.name for own, passed in zip(problem.motion.parameters, beyond, strict=True) if passed]
+    names = [parameter.name for parameter, passed in zip(problem.motion.parameters, beyond, strict=True) if passed]
     return f"beyond the limits of {', '.join(names)}" if names else ""
 
 
@@ -136,17 +136,17 @@ def _refined(
 ) -> tuple[dict[float, dict[str, Any]], list[str]]:
     """Return frames by value, increasing, and what to say where the time did not suffice for all."""
     end = perf_counter() + seconds
-    found: dict[float, dict[str, Any]] = {}
+    frames: dict[float, dict[str, Any]] = {}
     asked = 0
     for value in _coarse_to_fine(values):
         if asked >= LEAST and perf_counter() > end:
             break
         asked += 1
-        own = frame(value)
-        if own is not None:
-            found[value] = own
+        made = frame(value)
+        if made is not None:
+            frames[value] = made
     late = [f"{asked} of {len(values)} values: the others were left out for time"] if asked < len(values) else []
-    return dict(sorted(found.items())), late
+    return dict(sorted(frames.items())), late
 
 
 def _coarse_to_fine(values: Sequence[float]) -> Iterator[float]:
@@ -155,13 +155,13 @@ def _coarse_to_fine(values: Sequence[float]) -> Iterator[float]:
     yield from chosen
     left = [value for value in values if value not in chosen]
     while left:
-        farthest = max(left, key=lambda value: (round(min(abs(value - own) for own in chosen), 9), -value))
+        farthest = max(left, key=lambda value: (round(min(abs(value - before) for before in chosen), 9), -value))
         left.remove(farthest)
         chosen.append(farthest)
         yield farthest
 
 
-def _listed(found: dict[float, dict[str, Any]], shown: list[str]) -> dict[str, Any]:
-    values = list(found)
+def _listed(frames: dict[float, dict[str, Any]], shown: list[str]) -> dict[str, Any]:
+    values = list(frames)
     start = values.index(AS_ASKED)
-    return {"values": values, "shown": shown, "start": start, "frames": list(found.values())}
+    return {"values": values, "shown": shown, "start": start, "frames": list(frames.values())}

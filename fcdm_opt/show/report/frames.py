@@ -181,24 +181,24 @@ class Frames:
         if state != "touching":
             return none
         place = np.asarray(sizes)
-        found = curve.locate(place)
-        if found is None:  # touching within `contact_slack`, which is wider than a place on the curve
+        place_on = curve.locate(place)
+        if place_on is None:  # touching within `contact_slack`, which is wider than a place on the curve
             place = curve.nearest(place)
             if not (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all():
                 return none
-            found = curve.locate(place)
-        if found is None:
+            place_on = curve.locate(place)
+        if place_on is None:
             return none
         sets: dict[Feature, list[Array]] = {}
-        if isinstance(found, SwitchingPoint):
-            for contact, corners in zip(found.touching, found.contact_sets, strict=True):
+        if isinstance(place_on, SwitchingPoint):
+            for contact, corners in zip(place_on.touching, place_on.contact_sets, strict=True):
                 sets.setdefault(contact.feature, []).append(corners)
             return _places(sets)
-        bodies, piece = (self._problem.movable, self._problem.static), found.piece_at(place)
+        bodies, piece = (self._problem.movable, self._problem.static), place_on.piece_at(place)
         others = meetings(*bodies, curve.pose, place, DEFAULT.nominal * self._problem.size)
         met = [Meeting(piece.parts, piece.contact), *(other for other in others if other.parts != piece.parts)]
-        for own in met:
-            sets.setdefault(own.contact.feature, []).append(shared(bodies, curve.pose, own, place))
+        for meeting in met:
+            sets.setdefault(meeting.contact.feature, []).append(shared(bodies, curve.pose, meeting, place))
         return _places(sets)
 
     def _lost(self, curve: DecisionCurve, rho: Array | None) -> str:
@@ -221,6 +221,6 @@ def _places(sets: Mapping[Feature, list[Array]]) -> tuple[Array, tuple[Feature, 
 
     def place(shares: list[Array]) -> Array:
         whole = middle(shares)
-        return min((own.mean(axis=0) for own in shares), key=lambda point: float(np.linalg.norm(point - whole)))
+        return min((share.mean(axis=0) for share in shares), key=lambda point: float(np.linalg.norm(point - whole)))
 
     return np.array([place(shares) for shares in sets.values()]), tuple(sets)

@@ -137,9 +137,9 @@ def _with_unit(case: Data, key: str) -> str:
     return in_unit(shown(case[key], 17), case["amount_unit"])
 
 
-def _bars(found: Data | None) -> list[dict[str, Any]]:
+def _bars(sensitivities: Data | None) -> list[dict[str, Any]]:
     """Return the bars of a chart with their place in percent: left of the middle less, right of it more."""
-    bars = found["bars"] if found else []
+    bars = sensitivities["bars"] if sensitivities else []
     longest = max((abs(bar["value"]) for bar in bars if bar["value"] is not None), default=0.0) or 1.0
     widths = [50.0 * (bar["value"] or 0.0) / longest for bar in bars]
     return [

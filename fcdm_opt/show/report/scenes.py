@@ -47,13 +47,13 @@ class _Corners:
 
     def of(self, corners: Array) -> list[int]:
         """Return the rows of points (k, 3)."""
-        found = []
+        places = []
         for corner in corners + 0.0:  # -0.0 and 0.0 are one
             row = self._known.setdefault(corner.tobytes(), len(self.points))
             if row == len(self.points):
                 self.points.append(corner)
-            found.append(row)
-        return found
+            places.append(row)
+        return places
 
 
 def _fans(loop: list[int]) -> list[list[int]]:

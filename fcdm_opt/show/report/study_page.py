@@ -77,10 +77,10 @@ def _summary(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> list[tup
         least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
         unit = result.unit or "length units"
         told.append((f"Amounts ({unit})", f"{least} to {largest}", f"the middle one {middle}"))
-    if (found := result.assembly_yield) is not None:
-        low, high = found.interval
-        sure = f"{found.within} of {found.of}; {found.confidence:.0%} interval {low:.2%} to {high:.2%}"
-        told.append((f"Yield within {measured(f'{found.budget:g}', result.unit)}", f"{found.share:.2%}", sure))
+    if (share := result.assembly_yield) is not None:
+        low, high = share.interval
+        sure = f"{share.within} of {share.of}; {share.confidence:.0%} interval {low:.2%} to {high:.2%}"
+        told.append((f"Yield within {measured(f'{share.budget:g}', result.unit)}", f"{share.share:.2%}", sure))
     if result.seconds:
         parts = ", ".join(f"{name} {value:.3g}" for name, value in result.seconds.items() if name != "point")
         told.append(("Working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))
