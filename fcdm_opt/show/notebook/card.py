@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fcdm_opt.show.notebook.pictures import Picture
 from fcdm_opt.show.rendering import rendered
 
-Fact = tuple[str, str] | tuple[str, str, str]
+Fact = tuple[str, ...]  # name, value, and a unit or remark where there is one
 Rows = tuple[Sequence[str], Sequence[Sequence[object]]]
 
 LISTED = 12

@@ -11,7 +11,7 @@ from fcdm_opt.design.compensation.assembly_yield import OTHERS
 from fcdm_opt.design.fixed_pose.best_pose import NONE, UNDECIDED
 from fcdm_opt.design.fixed_pose.clearances import gaps_text
 from fcdm_opt.design.study.results import PENDING
-from fcdm_opt.show.notebook.card import Card
+from fcdm_opt.show.notebook.card import Card, Rows
 from fcdm_opt.show.notebook.pictures import Mark, plane
 from fcdm_opt.show.notebook.solution_card import mood_of
 from fcdm_opt.show.texts import counted, number, numbers
@@ -56,7 +56,7 @@ def yield_card(result: AssemblyYield) -> Card:
         *((what, f"{share:.4%}") for what in OTHERS if (share := getattr(result, what))),
     ]
     bodies = [(body.body, number(body.total, 3), f"{body.share_without:.2%}") for body in result.contributions]
-    tables = [
+    tables: list[Rows] = [
         (("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in result.quantiles.items()]),
         (("body", "share of the variance", "would pass at its median size"), bodies),
     ]
@@ -118,7 +118,7 @@ def clearances_card(clearances: Clearances) -> Card:
     named = (("least", clearances.least), ("largest", clearances.most))
     ends = [(name, number(end.gap), numbers(end.rho), end.feature) for name, end in named]
     quantiles = [(f"{share:.5g}", number(gap)) for share, gap in clearances.quantiles.tolist()]
-    tables = [
+    tables: list[Rows] = [
         (("gap", clearances.unit or "length", "at the sizes", "between"), ends),
         (("of all pairs", "gap at most"), quantiles),
     ]
