@@ -24,13 +24,11 @@ from fcdm_opt.show.plots import (
     listed,
     name_curve,
     name_sides,
-    pieces,
     plane,
-    reaching,
-    window,
 )
-from fcdm_opt.show.scene import Scene, draw_directions, draw_scene
-from fcdm_opt.show.tables import motion_text
+from fcdm_opt.show.scales import pieces, reaching, window
+from fcdm_opt.show.scene import ShownPair, draw_directions, draw_scene
+from fcdm_opt.show.texts import motion_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +56,7 @@ def figure_3() -> Figure:
     )  # fmt: skip
     for k, left in ((1, 0.0), (2, PAGE / 2)):
         asked = cases(k)[0]
-        _scene(sheet, left, f"({'ab'[k - 1]})  Example {k}", Scene.of(asked.movable, asked.static))
+        _scene(sheet, left, f"({'ab'[k - 1]})  Example {k}", ShownPair.of(asked.movable, asked.static))
     return sheet.figure
 
 
@@ -88,7 +86,7 @@ def figure_5() -> Figure:
         caption=f"Green: features in contact; circles: contact points. {NOTE_ON_BODIES}",
     )  # fmt: skip
     for point, left in zip(asked.curve.switching_points, (0.0, PAGE / 2), strict=True):
-        shown = Scene.of(asked.movable, asked.static, rho=point.rho)
+        shown = ShownPair.of(asked.movable, asked.static, rho=point.rho)
         rho = f"({point.rho[0]:.4f}, {point.rho[1]:.4f})"
         title = f"({'ab'[point.index - 1]})  SW{point.index} at {rho}"
         labels = [feature.label for feature in point.contact_features]
@@ -112,7 +110,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }  # fmt: skip
 
 
-def _scene(sheet: Sheet, left: float, title: str, shown: Scene, **contact: Any) -> None:
+def _scene(sheet: Sheet, left: float, title: str, shown: ShownPair, **contact: Any) -> None:
     """Draw a scene into half of the sheet, with its title above and directions below."""
     axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, **contact)
     draw_directions(sheet, axes, shown, (left + 0.1, 0.0))

@@ -15,9 +15,12 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt import cards
+from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.solution import Check
+from fcdm_opt.show.notebook.card import Card
 from fcdm_opt.show.notebook.curve_card import curve_card
+from fcdm_opt.show.notebook.pictures import Mark, Picture, drawing, plane
+from fcdm_opt.show.texts import number
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 TAGS = frozenset(re.findall(r"\w+", "div span strong b table tbody tr th td ul li svg g title path rect circle text"))
@@ -72,7 +75,9 @@ class Reader(HTMLParser):
 
 
 def read(shown: Any) -> Reader:
-    card = shown if isinstance(shown, str) else shown._repr_html_()
+    """Read the card of a result, or of what stands on one."""
+    shown = Card("a picture", picture=shown) if isinstance(shown, Picture) else shown
+    card = shown.html if isinstance(shown, Card) else shown._repr_html_()
     assert len(card.encode()) < LARGEST
     return Reader(card)
 
@@ -317,7 +322,7 @@ def test_lines_are_cut_at_the_window() -> None:
     seen = 0
     for _ in range(200):
         ends = random.uniform((0.0, 6.0), (3.0, 18.0), (2, 2))
-        reader = read(cards.plane([cards.Line(ends, "before")], window, told="a line"))
+        reader = read(plane([Mark("before", ends)], window, told="a line"))
         (frame,) = (own for tag, own in reader.marks if tag == "rect")
         left, top, width, height = (float(frame[key]) for key in ("x", "y", "width", "height"))
         drawn = drawn_points(reader, "#0072B2")
@@ -341,36 +346,36 @@ def test_lines_are_cut_at_the_window() -> None:
     [((1.0, 1.0), (0.0, 1.0)), ((0.0, math.inf), (0.0, 1.0)), ((math.nan, 1.0), (0.0, 1.0)), ((2.0, 1.0), (0.0, 1.0))],
 )
 def test_no_picture_of_no_window(window: Any) -> None:
-    marks = [cards.Line([(0.0, 0.0), (1.0, 1.0)], "before")]
-    assert cards.plane(marks, window, told="nothing") == ""
-    assert cards.drawing(marks, window, told="nothing") == ""
+    marks = [Mark("before", [(0.0, 0.0), (1.0, 1.0)])]
+    assert plane(marks, window, told="nothing") is None
+    assert drawing(marks, window, told="nothing") is None
 
 
 @pytest.mark.parametrize("end", [1.0 + 1e-9, 1.0 + 1e-15, 1e300])
 def test_windows_of_any_width(end: float) -> None:
     marks = [
-        cards.Line([(1.0, 1.0), (end, end), (math.nan, 1.0), (-1e308, 1e308), (1e308, -1e308)], "before"),
-        cards.Point((1.0, math.nan), "target"),
+        Mark("before", [(1.0, 1.0), (end, end), (math.nan, 1.0), (-1e308, 1e308), (1e308, -1e308)]),
+        Mark("target", (1.0, math.nan)),
     ]
-    read(cards.plane(marks, ((1.0, end), (1.0, end)), told="a window"))
+    read(plane(marks, ((1.0, end), (1.0, end)), told="a window"))
 
 
 @pytest.mark.parametrize(
     ("value", "text"), [(None, "-"), (math.nan, "-"), (math.inf, "infinite"), (-math.inf, "-infinite"), (0.5, "0.5")]
 )
 def test_numbers(value: float | None, text: str) -> None:
-    assert cards.number(value) == text
+    assert number(value) == text
 
 
 @pytest.mark.parametrize(
     ("bound", "text"), [(0.1234567, "0.123456"), (0.07 - 1e-17, "0.07"), (99999.99, "99999.9"), (1e-310, "1e-310")]
 )
 def test_bounds_are_not_rounded_up(bound: float, text: str) -> None:
-    assert cards.floored(bound, 6) == text
+    assert floored(bound, 6) == text
 
 
 def test_long_texts_keep_both_ends() -> None:
-    (text,) = read(cards.card("A" * 500 + "Z" * 500)).text
+    (text,) = read(Card("A" * 500 + "Z" * 500)).text
     assert len(text) < 200
     assert text.startswith("AAAA")
     assert text.endswith("ZZZZ")

@@ -21,7 +21,7 @@ from fcdm_opt.problem.solution import Certificate, Check, Solution, Status
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 HELP = "import sys; from fcdm_opt.cli import main; sys.argv = ['fcdm-opt', '--help']"
-HEAVY = ("numpy", "scipy", "numba", "casadi", "coal", "matplotlib", "pydantic", "rich")
+HEAVY = ("numpy", "scipy", "numba", "casadi", "coal", "matplotlib", "pydantic", "rich", "jinja2")
 
 # Two unit cubes two apart along x, seeds in the middle: the gap at (rho_1, rho_2) is 2 - rho_1 / 2 - rho_2 / 2.
 CUBES = """

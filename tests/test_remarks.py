@@ -41,7 +41,7 @@ def test_no_motion_is_not_large() -> None:
 
 
 def test_steps_that_do_nothing_are_left_out_of_the_words() -> None:
-    from fcdm_opt.show.tables import motion_text
+    from fcdm_opt.show.texts import motion_text
 
     one, two = fo.Body.convex(CUBE), fo.Body.convex(CUBE + np.array([1.2, 0.0, 0.0]))
     both = fo.Translation("y") >> fo.Translation("x")

@@ -13,9 +13,9 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
+from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES
 from fcdm_opt.show.report.gather import gather
-from fcdm_opt.show.report.left_out import left_out
 from fcdm_opt.show.report.page import LAYOUT
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.text import Text
-from mpl_toolkits.mplot3d import proj3d
 from picture_checks import check_texts, shown
 
 from fcdm_opt.curve.decision_curve import decision_curve
@@ -20,8 +19,9 @@ from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
-from fcdm_opt.show.lettering import Sheet, crossed, fitted
-from fcdm_opt.show.plots import before_after_figure, clipped, decision_curve_figure
+from fcdm_opt.show.lettering import Sheet, fitted
+from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
+from fcdm_opt.show.scales import clipped, crossed
 from fcdm_opt.show.scene import scene_figure, true_edges
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
@@ -157,8 +157,7 @@ def test_which_pieces_pass_through_a_box() -> None:
     lines[:50, 1, 0] = lines[:50, 0, 0]  # upright ones
     box = np.array([[0.0, 0.0], [1.0, 1.0]])
     found = crossed(lines, box)
-    for (start, end), through in zip(lines, found, strict=True):
-        assert through == (clipped(start, end, box.T) is not None)
+    np.testing.assert_array_equal(found, clipped(lines, box.T)[1])
     assert 50 < found.sum() < 250
     assert not len(crossed(np.zeros((0, 2, 2)), box))
 
@@ -218,15 +217,15 @@ def test_without_a_motion_only_the_curve_before_is_drawn() -> None:
 
 def test_clipping_a_straight_piece() -> None:
     window = ((0.0, 1.0), (0.0, 1.0))
-    np.testing.assert_allclose(clipped((-1, -1), (2, 2), window), [[0, 0], [1, 1]], atol=1e-15)
-    np.testing.assert_allclose(clipped((0.5, 2), (0.5, -1), window), [[0.5, 1], [0.5, 0]], atol=1e-15)
-    np.testing.assert_allclose(clipped((0.2, 0.3), (0.4, 0.1), window), [[0.2, 0.3], [0.4, 0.1]], atol=1e-15)
-    assert clipped((0, 2), (2, 1.1), window) is None
-    assert clipped((2, 0), (2, 1), window) is None
+    lines = [((-1, -1), (2, 2)), ((0.5, 2), (0.5, -1)), ((0.2, 0.3), (0.4, 0.1)), ((0, 2), (2, 1.1)), ((2, 0), (2, 1))]
+    parts, inside = clipped(lines, window)
+    expected = [[[0, 0], [1, 1]], [[0.5, 1], [0.5, 0]], [[0.2, 0.3], [0.4, 0.1]]]
+    np.testing.assert_allclose(parts, expected, atol=1e-15)
+    assert inside.tolist() == [True, True, True, False, False]
     random = np.random.default_rng(5)
     kept = 0
     for start, end in random.uniform(-2, 3, (200, 2, 2)):
-        piece = clipped(start, end, window)
+        (piece,) = parts if len(parts := clipped([start, end], window)[0]) else (None,)
         if piece is None:  # then a dense sample stays outside too
             sample = start + np.linspace(0, 1, 501)[:, None] * (end - start)
             assert not np.any(np.all((sample > 0) & (sample < 1), axis=1))
@@ -259,11 +258,8 @@ def test_a_scene_numbers_every_vertex_at_one_scale() -> None:
     numbers = [int(text) for text in texts(figure) if text.isdigit()]
     assert [numbers.count(k) for k in range(1, 13)] == [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1]
     (axes,) = figure.axes
-    figure.draw_without_rendering()
-    origin_and_units = np.vstack([np.zeros(3), np.eye(3)])
-    x, y, _ = proj3d.proj_transform(*origin_and_units.T, axes.get_proj())
-    page = axes.transData.transform(np.column_stack([x, y]))
-    rows = (page[1:] - page[0]).T  # of a rotation, times one scale: orthogonal, of equal length
+    origin, *units = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    rows = np.array(units) - origin  # of one scale: orthogonal, of equal length
     gram = rows @ rows.T
     np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])
     assert "contact points" in texts(figure)

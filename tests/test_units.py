@@ -17,7 +17,7 @@ import fcdm_opt as fo
 from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.keys import ProblemFile
-from fcdm_opt.show import design_tables, tables
+from fcdm_opt.show import design_tables, tables, texts
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.report.gather import gather
@@ -222,7 +222,7 @@ def test_words_say_it() -> None:
     assert example("mm").motion.describe([0.25, math.pi], unit="mm") == "TZ 0.25 mm + RZ 180 deg"
     screw = fo.Screw(((0, 0, 0), (0, 0, 1)), pitch="free")
     assert screw.describe([0.5, math.pi], unit="in") == "Screw 0.5 in, 180 deg"
-    assert tables.motion_text(solved("mm").solution).endswith(" mm")
+    assert texts.motion_text(solved("mm").solution).endswith(" mm")
     assert solved("mm").solution.to_dict()["motion"].endswith(" mm")
     assert solved("").solution.to_dict()["motion"] == solved("mm").solution.to_dict()["motion"].removesuffix(" mm")
 

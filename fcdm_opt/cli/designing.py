@@ -138,7 +138,7 @@ def whatif_command(
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
         solution: Solution | None = solve(problem) if plain else None
         if conflicts or (solution is not None and not solution.verified):
-            yield "conflicts", clashing(problem), tables.print_conflicts
+            yield "conflicts", clashing(problem), tables.print_lines
         if drop or (solution is not None and solution.verified):
             yield "drop", costs(problem if solution is None else solution), tables.print_costs
         if compare:
@@ -189,7 +189,7 @@ def map_command(
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
             say(f"wrote {out / f'{stem}.{ending}'}")
-        yield "map", found, tables.print_map
+        yield "map", found, tables.print_lines
         if budget is not None:
             scattered = _normal(found.box) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
@@ -229,7 +229,7 @@ def pose_command(
         drawn = clearances(problem, sizes=pairs, box=within)
         yield "as drawn", drawn, partial(tables.print_clearances, where="as drawn")
         best = best_pose(problem, sizes=pairs, box=within, clearance=ends)
-        yield "best pose", best, tables.print_best_pose
+        yield "best pose", best, tables.print_lines
         if best.transform is not None:
             made = clearances(problem, sizes=pairs, box=within, pose=best.transform)
             yield "at the best pose", made, partial(tables.print_clearances, where="at the best pose")

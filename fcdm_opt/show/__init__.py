@@ -1,4 +1,12 @@
-"""Pictures for print and screen: what they share.
+"""What is shown: pictures for print and screen, tables on a terminal, cards of notebooks, and reports.
+
+texts            numbers, questions and answers in words, for all of these; `remarks` are sentences
+scales           the plane of scales: windows, and what lies inside
+rendering        HTML from `templates`, for `notebook` and `report`
+solved           cases as tables and reports show them; the one place that calls the solver
+tables           what the command line prints; `design_tables` for studies, what-ifs, maps, yields and poses
+
+Pictures, and here what they share:
 
 plots            decision curves, before and after a motion
 scene            the pair of bodies in space
@@ -15,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,6 +98,14 @@ DOTS, SMALL, COLOURS = 300, 1000, 128
 """Dots per inch in print, where a wider picture is reduced to the page; pixels across and colours for a README."""
 
 
+def write_svg(figure: Figure, to: Path | IO[str]) -> None:
+    """Write a figure as SVG. Text stays text, so that labels can be searched; identifiers have a fixed salt."""
+    from matplotlib import rc_context
+
+    with rc_context({"svg.hashsalt": "fcdm_opt", "svg.fonttype": "none"}):
+        figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
+
+
 def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path, ...]:
     """Write a figure as PNG and SVG; the same figure gives the same bytes.
 
@@ -106,21 +122,18 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     tuple of Path
         The PNG and the SVG file, and the small one.
     """
-    from matplotlib import rc_context
     from PIL import Image
 
     base = Path(path)
     base.parent.mkdir(parents=True, exist_ok=True)
     png, svg = (base.with_name(f"{base.name}.{suffix}") for suffix in ("png", "svg"))
-    # Text stays text in the SVG, so that labels can be searched; identifiers are hashed with a fixed salt.
     width = figure.get_figwidth()
-    with rc_context({"svg.hashsalt": "fcdm_opt", "svg.fonttype": "none"}):
-        figure.savefig(png, format="png", dpi=DOTS * min(1.0, PAGE / width), metadata={"Software": None})
-        figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
-        if not small:
-            return png, svg
-        less = base.with_name(f"{base.name}-small.png")
-        figure.savefig(less, format="png", dpi=SMALL / width, metadata={"Software": None})
+    figure.savefig(png, format="png", dpi=DOTS * min(1.0, PAGE / width), metadata={"Software": None})
+    write_svg(figure, svg)
+    if not small:
+        return png, svg
+    less = base.with_name(f"{base.name}-small.png")
+    figure.savefig(less, format="png", dpi=SMALL / width, metadata={"Software": None})
     with Image.open(less) as image:
         image.convert("RGB").quantize(COLOURS).save(less, optimize=True)
     return png, svg, less

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import save
 
 if TYPE_CHECKING:
@@ -62,10 +61,10 @@ class Album:
         from fcdm_opt.show.plots import decision_curve_figure
         from fcdm_opt.show.scene import scene_figure
 
-        own = self._once(stem)
-        self._write(f"{own}-curve", decision_curve_figure(curve, title=title))
+        name = self._once(stem)
+        self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
         scene = scene_figure(curve.movable, curve.static, unit=unit, title=title, caption="as drawn")
-        self._write(f"{own}-scene", scene)
+        self._write(f"{name}-scene", scene)
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
@@ -73,20 +72,20 @@ class Album:
         from fcdm_opt.show.plots import before_after_figure
         from fcdm_opt.show.scene import scene_figure
         from fcdm_opt.show.sensitivities import sensitivities_figure
-        from fcdm_opt.show.tables import amount_text, asked_text, motion_text
+        from fcdm_opt.show.texts import amount_text, asked_text, motion_text
 
         problem = solution.problem
-        own = self._once(f"{stem}-{problem.name}")
+        name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
         if solution.status.found:
-            amount = measured(amount_text(solution.amount), problem.amount_unit)
+            amount = amount_text(solution.amount, problem.amount_unit)
             outside = "outside the fit, not to be used: " * (solution.status.name == "OUTSIDE_FIT")
             caption = (
                 f"{outside}{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
                 f"amount {amount}; pair made: {solution.pair_state}"
             )
-        self._write(f"{own}-curve", before_after_figure(problem, solution, title=title, caption=caption))
+        self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho
         moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
         scene = scene_figure(
@@ -101,33 +100,33 @@ class Album:
             title=title,
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
         )
-        self._write(f"{own}-scene", scene)
+        self._write(f"{name}-scene", scene)
         if solution.status.found and solution.amount > 0.0:
-            self._write(f"{own}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
+            self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
 
-    def add_range(self, stem: str, title: str, found: CoherentRange) -> None:
+    def add_range(self, stem: str, title: str, coherent: CoherentRange) -> None:
         """Add the family of decision curves over a coherent range."""
         from fcdm_opt.show.family import family_figure
 
-        problem = found.problem
-        own = self._once(f"{stem}-{problem.name}")
+        problem = coherent.problem
+        name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}, coherent range"
-        caption = " & ".join(feature.label for feature in found.features)
-        self._write(f"{own}-range", family_figure(found, title=title, caption=caption))
+        caption = " & ".join(feature.label for feature in coherent.features)
+        self._write(f"{name}-range", family_figure(coherent, title=title, caption=caption))
 
-    def add_yield(self, stem: str, found: AssemblyYield, *, title: str = "") -> None:
+    def add_yield(self, stem: str, result: AssemblyYield, *, title: str = "") -> None:
         """Add how the amounts of all part pairs are spread about the budget."""
         from fcdm_opt.show.yields import yield_figure
 
-        self._write(self._once(stem), yield_figure(found, title=title or f"yield: {stem}"))
+        self._write(self._once(stem), yield_figure(result, title=title or f"yield: {stem}"))
 
-    def add_map(self, stem: str, title: str, found: CompensationMap) -> str:
+    def add_map(self, stem: str, title: str, sizes: CompensationMap) -> str:
         """Add the amount over the box of sizes, with the regions of a compensation map; return the picture's stem."""
         from fcdm_opt.show.maps import map_figure
 
-        own = f"{self._once(stem)}-map"
-        self._write(own, map_figure(found, title=title))
-        return own
+        name = f"{self._once(stem)}-map"
+        self._write(name, map_figure(sizes, title=title))
+        return name
 
     def add_study(self, stem: str, result: StudyResult) -> None:
         """Add the amount over what a study varied."""

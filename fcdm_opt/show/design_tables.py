@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.geometry.units import measured
-from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, units_text, wrapped
-from fcdm_opt.show.tables import amount_text, asked_text, bound_text, motion_text
+from fcdm_opt.show.printing import CELL_WIDTH, console, print_rows, print_text, wrapped
+from fcdm_opt.show.texts import amount_text, asked_text, bound_line, motion_text, numbers, outcome_text, units_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
@@ -22,15 +21,6 @@ if TYPE_CHECKING:
     from fcdm_opt.design.whatif.whatif import WhatIf
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
-
-UNUSABLE = {
-    "INFEASIBLE": "impossible",
-    "OUTSIDE_FIT": "outside the fit",
-    "NOT_VERIFIED": "not verified",
-    "NOT_IN_STEPS": "none in whole steps",
-    "LEFT_COHERENT_RANGE": "only beyond coherent range",
-}
-"""Outcomes without a motion to use, by name of the status; all others are "no motion found"."""
 
 
 def print_case(file: str, problem: Problem) -> None:
@@ -48,53 +38,56 @@ def print_study(result: StudyResult) -> None:
     out.print()
 
 
-def print_whatif(found: WhatIf) -> None:
+def print_lines(result: BestPose | CompensationMap | Conflicts) -> None:
+    """Print what the result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
+    out = console()
+    for line in str(result).splitlines():
+        print_text(out, line, indent="   ")
+    out.print()
+
+
+def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives foretold, and what else changed."""
     out = console()
-    rows = [_solved("before", found.before), _solved("after", found.after)]
-    foretold = amount_text(found.predicted_amount)
+    rows = [_solved("before", answer.before), _solved("after", answer.after)]
+    foretold = amount_text(answer.predicted_amount)
     rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
     print_rows(out, rows, numbers=("amount",))
-    for reason in found.prediction.reasons:
+    for reason in answer.prediction.reasons:
         print_text(out, f"foretold: {reason}", indent="   ")
-    for what in found.differences:
+    for what in answer.differences:
         if what.name in ("features", "active", "status"):
             print_text(out, f"{what.name}: {_words(what.before)} -> {_words(what.after)}", indent="   ")
     out.print()
 
 
-def print_budgets(found: Budgets) -> None:
+def print_budgets(budgets: Budgets) -> None:
     """Print the largest tolerance of each requirement, and what ends it."""
     out = console()
-    limit = "its own limits" if found.limit is None else f"an amount of {found.limit:g}"
+    limit = "its own limits" if budgets.limit is None else f"an amount of {budgets.limit:g}"
     out.print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
     rows = [
         {
-            "requirement": own.requirement,
-            "tolerance": f"{100 * own.tolerance:.7g} %",
-            "amount there": amount_text(own.amount),
-            "above it": own.end.value,
-            "smaller ones": "proved" if own.proved else f"sampled, {own.points} points",
+            "requirement": budget.requirement,
+            "tolerance": f"{100 * budget.tolerance:.7g} %",
+            "amount there": amount_text(budget.amount),
+            "above it": budget.end.value,
+            "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
         }
-        for own in found.values()
+        for budget in budgets.values()
     ]
     print_rows(out, rows, numbers=("tolerance", "amount there"))
-    for own in found.values():
-        print_text(out, f"{own.requirement}: {own.reason}", indent="   ")
+    for budget in budgets.values():
+        print_text(out, f"{budget.requirement}: {budget.reason}", indent="   ")
     out.print()
 
 
-def print_conflicts(found: Conflicts) -> None:
-    """Print the smallest clashes, and what cures them."""
-    _print_lines(str(found))
-
-
-def print_costs(found: Costs) -> None:
+def print_costs(costs: Costs) -> None:
     """Print what each constraint costs."""
     out = console()
-    amount = measured(amount_text(found.solution.amount), found.solution.problem.amount_unit)
-    out.print(f"as asked: amount {amount}, {motion_text(found.solution)}")
-    rows = [_dropped("drop", row) for row in found.rows] + [_dropped("ask for", row) for row in found.goals]
+    amount = amount_text(costs.solution.amount, costs.solution.problem.amount_unit)
+    out.print(f"as asked: amount {amount}, {motion_text(costs.solution)}")
+    rows = [_dropped("drop", row) for row in costs.rows] + [_dropped("ask for", row) for row in costs.goals]
     if rows:
         foretold = any(row["foretold"] for row in rows)
         kept = [{name: cell for name, cell in row.items() if name != "foretold" or foretold} for row in rows]
@@ -106,76 +99,59 @@ def print_costs(found: Costs) -> None:
     out.print()
 
 
-def print_comparison(found: Comparison) -> None:
+def print_comparison(comparison: Comparison) -> None:
     """Print the families of motions, the cheapest first."""
     out = console()
-    out.print(str(found))
+    out.print(str(comparison))
     rows = [
         {
             "family": row.name,
             "amount": amount_text(row.amount),
-            "proved at least": "" if row.solution is None else bound_text(row.solution).replace("\n", ", "),
+            "proved at least": "" if row.solution is None else bound_line(row.solution),
             "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
             "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
         }
-        for row in found.table
+        for row in comparison.table
     ]
     print_rows(out, rows, numbers=("amount", "proved at least"))
-    for row in found.table:
+    for row in comparison.table:
         if row.note:
             print_text(out, f"{row.name}: {row.note}", indent="   ")
     out.print()
 
 
-def print_map(found: CompensationMap) -> None:
-    """Print what the map holds: regions, error, effort."""
-    _print_lines(str(found))
-
-
-def print_yield(found: AssemblyYield) -> None:
+def print_yield(result: AssemblyYield) -> None:
     """Print the share of pairs that pass, and which body's tolerance contributes how much."""
     out = console()
-    print_text(out, str(found), indent="   ")
+    print_text(out, str(result), indent="   ")
     rows = [
         {
-            "body": own.body,
-            "of the variance alone": f"{own.first_order:.2%}",
-            "with the other": f"{own.total:.2%}",
-            "yield without its scatter": f"{own.share_without:.3%}",
+            "body": share.body,
+            "of the variance alone": f"{share.first_order:.2%}",
+            "with the other": f"{share.total:.2%}",
+            "yield without its scatter": f"{share.share_without:.3%}",
         }
-        for own in found.contributions
+        for share in result.contributions
     ]
     print_rows(out, rows, numbers=tuple(rows[0])[1:])
     out.print()
 
 
-def print_clearances(found: Clearances, *, where: str = "") -> None:
+def print_clearances(clearances: Clearances, *, where: str = "") -> None:
     """Print the range of the gap over all sizes at a pose, and how it is spread."""
     out = console()
-    print_text(out, f"{where}: {found}" if where else str(found), indent="   ")
+    print_text(out, f"{where}: {clearances}" if where else str(clearances), indent="   ")
     rows = [
         {
             "end": name,
             "gap": f"{end.gap:+.6g}",
-            "at sizes": ", ".join(f"{x:.6g}" for x in end.rho),
+            "at sizes": numbers(end.rho),
             "between": end.feature,
         }
-        for name, end in (("least", found.least), ("largest", found.most))
+        for name, end in (("least", clearances.least), ("largest", clearances.most))
     ]
     print_rows(out, rows, numbers=("gap",))
-    out.print()
-
-
-def print_best_pose(found: BestPose) -> None:
-    """Print the pose that is best for all sizes, and how well that is proved."""
-    _print_lines(str(found))
-
-
-def _print_lines(text: str) -> None:
-    out = console()
-    for line in text.splitlines():
-        print_text(out, line, indent="   ")
     out.print()
 
 
@@ -188,11 +164,6 @@ def _solved(name: str, solution: Solution) -> dict[str, str]:
         "pair made": solution.pair_state,
         "outcome": outcome_text(solution),
     }
-
-
-def outcome_text(solution: Solution) -> str:
-    """Return how a solve ended, in words for the cell of a table."""
-    return "verified" if solution.usable else UNUSABLE.get(solution.status.name, "no motion found")
 
 
 def _dropped(word: str, row: Dropped) -> dict[str, str]:

@@ -11,7 +11,8 @@ from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
-from fcdm_opt.show.plots import ALONG, pieces, plane
+from fcdm_opt.show.plots import ALONG, plane
+from fcdm_opt.show.scales import path, pieces
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +39,7 @@ INSIDE = 1.0 - 2.0**-20
 
 
 @styled
-def family_figure(found: CoherentRange, *, title: str = "", caption: str = "") -> Figure:
+def family_figure(coherent: CoherentRange, *, title: str = "", caption: str = "") -> Figure:
     """Draw the decision curves over a coherent range, and the tracked scale pair against the motion.
 
     Left: the family, from the lower end (blue) over rest (black) to the upper end (vermillion); what the tracked
@@ -47,18 +48,19 @@ def family_figure(found: CoherentRange, *, title: str = "", caption: str = "") -
 
     Parameters
     ----------
-    found : CoherentRange
+    coherent : CoherentRange
     title, caption : str
         Text above and below the picture.
     """
     words = [
-        f"{name} x = {event.x:.9g}: {_short(event)}" for name, event in zip(("low", "high"), found.events, strict=True)
+        f"{name} x = {event.x:.9g}: {_short(event)}"
+        for name, event in zip(("low", "high"), coherent.events, strict=True)
     ]
     sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join([*words, caption] if caption else words))
     left, right = (sheet.axes(x, 0.9, 2.62, 2.62) for x in (0.48, 3.88))
-    ends = [drawn_end(found, sign) for sign in (-1.0, 1.0)]
-    draw_family(left, found, ends)
-    _draw_scales(right, found, ends)
+    ends = [drawn_end(coherent, sign) for sign in (-1.0, 1.0)]
+    draw_family(left, coherent, ends)
+    _draw_scales(right, coherent, ends)
     left.set_title("decision curves over the range")
     right.set_title("scales of the tracked point")
     handles, labels = (
@@ -74,18 +76,18 @@ def _short(event: Event) -> str:
     return f"{event.kind}{' (grazing)' if event.grazing else ''}, {what}" if what else event.kind
 
 
-def drawn_end(found: CoherentRange, sign: float) -> float:
+def drawn_end(coherent: CoherentRange, sign: float) -> float:
     """Return up to which x a side of the range is drawn: its end, or where the tracked point leaves the box."""
-    low, high = np.asarray(found.problem.box, dtype=float).T
+    low, high = np.asarray(coherent.problem.box, dtype=float).T
 
     def seen(x: float) -> bool:
-        rho = found.rho(x)
+        rho = coherent.rho(x)
         return bool(((rho >= low) & (rho <= high)).all())
 
-    end = abs(found.high if sign > 0 else found.low) * INSIDE
+    end = abs(coherent.high if sign > 0 else coherent.low) * INSIDE
     if end == 0.0 or not seen(0.0):
         return 0.0
-    near, far = 0.0, min(end, found.natural_step / 2**10)
+    near, far = 0.0, min(end, coherent.natural_step / 2**10)
     for _ in range(DOUBLINGS):
         if not seen(sign * far):
             break
@@ -101,52 +103,54 @@ def drawn_end(found: CoherentRange, sign: float) -> float:
     return sign * near
 
 
-def _is_end(found: CoherentRange, x: float) -> bool:
-    return x in (found.low * INSIDE, found.high * INSIDE)
+def _is_end(coherent: CoherentRange, x: float) -> bool:
+    return x in (coherent.low * INSIDE, coherent.high * INSIDE)
 
 
-def draw_family(axes: Any, found: CoherentRange, ends: list[float]) -> None:
+def draw_family(axes: Any, coherent: CoherentRange, ends: list[float]) -> None:
     """Draw the family of curves up to both ends, what the tracked segments sweep, and the track."""
     from matplotlib.collections import PolyCollection
 
-    plane(axes, found.problem.box)
+    plane(axes, coherent.problem.box)
     low, high = ends
     track = np.unique(np.concatenate([np.linspace(low, 0.0, FINE + 1), np.linspace(0.0, high, FINE + 1)]))
-    swept = [_own(found, x) for x in track]
+    swept = [_own(coherent, x) for x in track]
     cells = [
         [before.start, before.end, after.end, after.start]
         for one, two in pairwise(swept)
-        for before, after in ((one[f], two[f]) for f in found.features if f in one and f in two)
+        for before, after in ((one[f], two[f]) for f in coherent.features if f in one and f in two)
     ]
     if cells:
         axes.add_collection(PolyCollection(cells, facecolor="#DDEFE8", edgecolor="#DDEFE8", linewidth=0.5, zorder=0.5))
     for end, colour in ((low, BLUE), (high, VERMILLION)):
         for x in np.linspace(0.0, end, CURVES + 1)[1:-1]:
-            draw_at(axes, found, x, colour, 0.6, 0.45)
+            draw_at(axes, coherent, x, colour, 0.6, 0.45)
         if end:
             name = "low" if end < 0 else "high"
-            at = "end" if _is_end(found, end) else "leaves the box"
-            draw_at(axes, found, end, colour, DOUBLE, 1.0, f"x = {end:.4g} ({name}, {at})")
-    draw_at(axes, found, 0.0, BLACK, 1.3, 1.0, "at rest")
-    names = Names(axes, np.concatenate([pieces(found.curve(x)) for x in (low, 0.0, high)]))
-    names.keep(found.rho(0.0), 10.0)
+            at = "end" if _is_end(coherent, end) else "leaves the box"
+            draw_at(axes, coherent, end, colour, DOUBLE, 1.0, f"x = {end:.4g} ({name}, {at})")
+    draw_at(axes, coherent, 0.0, BLACK, 1.3, 1.0, "at rest")
+    names = Names(axes, np.concatenate([pieces(coherent.curve(x)) for x in (low, 0.0, high)]))
+    names.keep(coherent.rho(0.0), 10.0)
     for x, colour, name in ((low, BLUE, "low"), (high, VERMILLION, "high")):
-        spots = np.array([s.start + share * (s.end - s.start) for s in found.curve(x).segments for share in ALONG])
+        spots = np.array([s.start + share * (s.end - s.start) for s in coherent.curve(x).segments for share in ALONG])
         if x and len(spots):  # where it is furthest from the curve at rest, on the outer side
-            gaps = np.array([found.curve(0.0).gap(spot) for spot in spots])
+            gaps = np.array([coherent.curve(0.0).gap(spot) for spot in spots])
             order = np.argsort(-np.abs(gaps))
             names.put(name, spots[order], -np.sign(gaps[order[0]] or -1.0) * np.ones(2), colour=colour)
-    pairs = np.array([found.rho(x) for x in track])
+    pairs = np.array([coherent.rho(x) for x in track])
     axes.plot(*pairs.T, color=GREEN, linewidth=1.6, zorder=4, label="track of the tracked point")
-    axes.plot(*found.rho(0.0), marker="*", markersize=8, color=BLACK, linestyle="none", zorder=5, label="tracked point")
+    axes.plot(
+        *coherent.rho(0.0), marker="*", markersize=8, color=BLACK, linestyle="none", zorder=5, label="tracked point"
+    )
 
 
-def _own(found: CoherentRange, x: float) -> dict[Any, Segment]:
+def _own(coherent: CoherentRange, x: float) -> dict[Any, Segment]:
     """Return the tracked features' segments at x, those at the tracked point."""
-    rho = found.rho(x)
+    rho = coherent.rho(x)
     near: dict[Any, tuple[float, Segment]] = {}
-    for segment in found.curve(x).segments:
-        if segment.feature in found.features:
+    for segment in coherent.curve(x).segments:
+        if segment.feature in coherent.features:
             away = float(np.abs(segment.nearest(rho) - rho).max())
             if segment.feature not in near or away < near[segment.feature][0]:
                 near[segment.feature] = (away, segment)
@@ -154,16 +158,13 @@ def _own(found: CoherentRange, x: float) -> dict[Any, Segment]:
 
 
 def draw_at(
-    axes: Any, found: CoherentRange, x: float, colour: str, width: float, alpha: float, label: str | None = None
+    axes: Any, coherent: CoherentRange, x: float, colour: str, width: float, alpha: float, label: str | None = None
 ) -> None:
     """Draw the curve at x in points of width; of width `DOUBLE` as a double line."""
-    ends = pieces(found.curve(x))
+    ends = pieces(coherent.curve(x))
     if not len(ends):
         return
-    joined = np.flatnonzero(np.abs(ends[1:, 0] - ends[:-1, 1]).max(axis=1, initial=0.0) > 0.0) + 1
-    chains = [np.vstack([chain[:, 0], chain[-1:, 1]]) for chain in np.split(ends, joined)]
-    path = np.concatenate([np.vstack([chain, [[np.nan, np.nan]]]) for chain in chains])  # nan parts the chains
-    axes.plot(*path.T, color=colour, linewidth=width, alpha=alpha, solid_capstyle="butt", solid_joinstyle="miter",
+    axes.plot(*path(ends).T, color=colour, linewidth=width, alpha=alpha, solid_capstyle="butt", solid_joinstyle="miter",
               zorder=3, label=label, path_effects=_double(colour) if width == DOUBLE else None)  # fmt: skip
 
 
@@ -173,17 +174,19 @@ def _double(colour: str) -> list[Any]:
     return [Stroke(linewidth=DOUBLE, foreground=colour), Stroke(linewidth=DOUBLE / 2.4, foreground="white")]
 
 
-def _draw_scales(axes: Any, found: CoherentRange, ends: list[float]) -> None:
+def _draw_scales(axes: Any, coherent: CoherentRange, ends: list[float]) -> None:
     low, high = ends
     xs = np.linspace(low, high, 4 * FINE + 1) if high > low else np.zeros(1)
-    pairs: Array = np.array([found.rho(x) for x in xs])
+    pairs: Array = np.array([coherent.rho(x) for x in xs])
     for column, colour, style in ((0, BLUE, "-"), (1, VERMILLION, "--")):
         axes.plot(xs, pairs[:, column], color=colour, linestyle=style, linewidth=1.3, label=SCALES[column])
     for x, colour in ((low, BLUE), (high, VERMILLION)):
-        if x and _is_end(found, x):
+        if x and _is_end(coherent, x):
             axes.axvline(x, color=colour, linewidth=DOUBLE, path_effects=_double(colour))
     axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.set_xlabel(f"x, multiples of {found.problem.motion.describe(found.direction, unit=found.problem.unit)}")
+    axes.set_xlabel(
+        f"x, multiples of {coherent.problem.motion.describe(coherent.direction, unit=coherent.problem.unit)}"
+    )
     axes.set_ylabel(r"scales $\rho_1$, $\rho_2$  (1 = as drawn)")
     axes.locator_params(nbins=6)
     axes.grid(visible=True)

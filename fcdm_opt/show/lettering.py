@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import DARK, NOTE, TITLE, new_figure
+from fcdm_opt.show.scales import crossed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -251,17 +252,3 @@ class Names:
 
     def _page(self, points: Array) -> Array:
         return np.asarray(self._axes.transData.transform(points))
-
-
-def crossed(lines: Array, box: Array) -> Any:
-    """Tell which straight pieces (n, 2, 2) pass through a box (2, 2), lower corner first."""
-    if not len(lines):
-        return np.zeros(0, dtype=bool)
-    start, step = lines[:, 0], lines[:, 1] - lines[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.sort((box[None] - start[:, None]) / step[:, None], axis=1)  # (n, low or high, axis)
-    still = step == 0.0
-    inside = (box[0] <= start) & (start <= box[1])
-    enter = np.where(still, np.where(inside, -np.inf, np.inf), ends[:, 0]).max(axis=1)
-    leave = np.where(still, np.where(inside, np.inf, -np.inf), ends[:, 1]).min(axis=1)
-    return np.maximum(enter, 0.0) <= np.minimum(leave, 1.0)

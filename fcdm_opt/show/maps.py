@@ -31,7 +31,7 @@ SHARE = 0.004
 
 
 @styled
-def map_figure(found: CompensationMap, *, title: str = "", caption: str = "") -> Figure:
+def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") -> Figure:
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
     Boundaries at which the motion jumps are double lines; where there is no motion the plane is hatched. Star: nominal
@@ -39,49 +39,49 @@ def map_figure(found: CompensationMap, *, title: str = "", caption: str = "") ->
 
     Parameters
     ----------
-    found : CompensationMap
+    sizes : CompensationMap
     title, caption : str
         Text above and below the picture.
     """
     sheet = Sheet.of(PAGE, 3.2, title=title, caption=caption)
     axes, bar = sheet.axes(0.5, 0.38, 2.75, 2.75), sheet.axes(3.33, 0.38, 0.09, 2.75)
-    box = np.asarray(found.box)
+    box = np.asarray(sizes.box)
     margin = 0.04 * np.ptp(box, axis=1)
     plane(axes, box + np.outer(margin, [-1.0, 1.0]))
     axes.grid(visible=False)
-    _fill(sheet.figure, axes, bar, found)
-    for boundary in found.boundaries:
+    _fill(sheet.figure, axes, bar, sizes)
+    for boundary in sizes.boundaries:
         line = boundary.points.T
         if boundary.jumps:
             axes.plot(*line, color=BLACK, linewidth=3.2, zorder=3, solid_capstyle="butt")
             axes.plot(*line, color="white", linewidth=1.6, zorder=3.1, solid_capstyle="butt")
         else:
             axes.plot(*line, color=BLACK, linewidth=1.0, zorder=3)
-    _number(axes, found)
-    _mark(axes, found)
+    _number(axes, sizes)
+    _mark(axes, sizes)
     lines = []
-    for number, region in enumerate(found.regions[:LISTED], 1):
+    for number, region in enumerate(sizes.regions[:LISTED], 1):
         least, largest = region.amounts
         amount = "" if np.isnan(least) else f", amount {least:.4g} to {largest:.4g}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
         lines.append(f"     {region}")
-    if len(found.regions) > LISTED:
-        lines.append(f"and {len(found.regions) - LISTED} more")
-    error = measured(f"{found.reached:.2g}", found.unit)
-    lines += ["", f"error at most {error}; {found.solved} pairs solved and judged"]
+    if len(sizes.regions) > LISTED:
+        lines.append(f"and {len(sizes.regions) - LISTED} more")
+    error = measured(f"{sizes.reached:.2g}", sizes.unit)
+    lines += ["", f"error at most {error}; {sizes.solved} pairs solved and judged"]
     sheet.list(4.25, 3.13, PAGE - 4.25 - 0.1, lines)
     return sheet.figure
 
 
-def _fill(figure: Figure, axes: Any, bar: Any, found: CompensationMap) -> None:
+def _fill(figure: Figure, axes: Any, bar: Any, sizes: CompensationMap) -> None:
     """Fill the box by amount, with contour lines."""
     from matplotlib.patches import Rectangle
     from matplotlib.ticker import MaxNLocator
 
-    box = np.asarray(found.box)
+    box = np.asarray(sizes.box)
     sides = [np.linspace(low, high, FINE) for low, high in box]
     grid = np.meshgrid(*sides)
-    amount = np.ma.masked_invalid(found.at(*grid).amount)
+    amount = np.ma.masked_invalid(sizes.at(*grid).amount)
     low, high = box[:, 0], box[:, 1]
     axes.add_patch(Rectangle(tuple(low), *(high - low), facecolor="white", edgecolor=GREY, hatch="//", zorder=0.5))
     if amount.count() == 0:
@@ -92,11 +92,11 @@ def _fill(figure: Figure, axes: Any, bar: Any, found: CompensationMap) -> None:
     axes.contour(*grid, amount, levels=np.linspace(0.0, top, LEVELS + 1)[1:-1], colors="white", linewidths=0.5,
                  alpha=0.7, zorder=2)  # fmt: skip
     figure.colorbar(filled, cax=bar, format="%.3g", ticks=MaxNLocator(6))
-    bar.set_ylabel(f"amount of the smallest motion ({found.unit or 'length units'})")
+    bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
 
 
-def _number(axes: Any, found: CompensationMap) -> None:
-    for number, region in enumerate(found.regions[:LISTED], 1):
+def _number(axes: Any, sizes: CompensationMap) -> None:
+    for number, region in enumerate(sizes.regions[:LISTED], 1):
         if region.share >= SHARE:
             axes.text(
                 *region.place, str(number), ha="center", va="center", fontsize=NOTE, zorder=5,
@@ -104,9 +104,9 @@ def _number(axes: Any, found: CompensationMap) -> None:
             )  # fmt: skip
 
 
-def _mark(axes: Any, found: CompensationMap) -> None:
+def _mark(axes: Any, sizes: CompensationMap) -> None:
     """Mark the nominal pair and the corners that the requirements ask for."""
-    box = np.asarray(found.box)
+    box = np.asarray(sizes.box)
     corners: dict[str, Array] = {
         name: np.array([box[0, one], box[1, two]])
         for name, one, two in (("A", 1, 1), ("B", 1, 0), ("C", 0, 1), ("D", 0, 0))
@@ -117,5 +117,5 @@ def _mark(axes: Any, found: CompensationMap) -> None:
         axes.annotate(name, tuple(corner), xytext=tuple(shift), textcoords="offset points", ha="center", va="center",
                       color=BLACK, zorder=6, bbox={"boxstyle": "square,pad=0.12", "facecolor": "white",
                                                    "edgecolor": "none", "alpha": 0.8})  # fmt: skip
-    if ((box[:, 0] <= found.nominal) & (found.nominal <= box[:, 1])).all():
-        axes.plot(*found.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
+    if ((box[:, 0] <= sizes.nominal) & (sizes.nominal <= box[:, 1])).all():
+        axes.plot(*sizes.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, TEXT, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
+from fcdm_opt.show.scales import clipped, marked, path, pieces, reaching, tolerance_box, window
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,9 +20,6 @@ if TYPE_CHECKING:
 
 ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)
 """Where along a segment its name stands, the best place first."""
-
-MARGIN, LEAST_EXTENT = 0.3, 0.05
-"""Room around what the enlarged panel must show, as a share of its extent; the extent is at least this share of rho."""
 
 
 @styled
@@ -87,9 +82,9 @@ def before_after_figure(problem: Problem, solution: Solution, *, title: str = ""
     outward = -1.0 if solution.rho is not None and before.gap(solution.rho) > 0 else 1.0  # names keep clear of `after`
     for axes, size, seen in ((whole, 0.6, problem.box), (zoom, 0.85, limits)):
         draw_tolerance(axes, problem)
-        own = reaching(before, seen)
-        draw_curve(axes, own, BLUE, "-", "decision curve before")
-        lines = [pieces(own)]
+        curve = reaching(before, seen)
+        draw_curve(axes, curve, BLUE, "-", "decision curve before")
+        lines = [pieces(curve)]
         if after is not None:
             moved = reaching(after, seen)
             draw_curve(axes, moved, VERMILLION, (0, (5, 1.5)), "after the motion")
@@ -122,51 +117,16 @@ def plane(axes: Any, box: ArrayLike) -> None:
     axes.grid(visible=True)
 
 
-def reaching(curve: DecisionCurve, window: ArrayLike) -> DecisionCurve:
-    """Return the curve listed over its box and a window, which may reach beyond it."""
-    box, seen = np.asarray(curve.box), np.asarray(window, dtype=float)
-    low, high = np.minimum(box[:, 0], seen[:, 0]), np.maximum(box[:, 1], seen[:, 1])
-    if (low == box[:, 0]).all() and (high == box[:, 1]).all():
-        return curve
-    (a, b), (c, d) = np.column_stack([low, high]).tolist()
-    return replace(curve, box=((a, b), (c, d)))
-
-
-def pieces(curve: DecisionCurve) -> Array:
-    """Return the ends of a curve's segments, (n, 2, 2)."""
-    return np.array([[segment.start, segment.end] for segment in curve.segments]).reshape(-1, 2, 2)
-
-
 def draw_curve(axes: Any, curve: DecisionCurve, colour: str, style: Any, label: str) -> None:
     """Draw a curve with its switching points; what fits snugly stands out."""
-    snug = [segment for segment in curve.segments if segment.snug]
-    for k, segment in enumerate(snug):
-        axes.plot(
-            *np.column_stack([segment.start, segment.end]),
-            color=PURPLE,
-            linewidth=4.0,
-            alpha=0.5,
-            zorder=2.5,
-            label="snug fit" if k == 0 else None,
-        )
-    for k, segment in enumerate(curve.segments):
-        axes.plot(
-            *np.column_stack([segment.start, segment.end]),
-            color=colour,
-            linestyle=style,
-            linewidth=1.3,
-            label=label if k == 0 else None,
-            zorder=3,
-        )
-    if curve.switching_points:
-        axes.plot(
-            *np.array([point.rho for point in curve.switching_points]).T,
-            linestyle="none",
-            marker="o",
-            markersize=3.0,
-            color=colour,
-            zorder=3.5,
-        )
+    ends, snug = pieces(curve), np.array([segment.snug for segment in curve.segments], dtype=bool)
+    wide = {"color": PURPLE, "linewidth": 4.0, "alpha": 0.5, "zorder": 2.5, "label": "snug fit"}
+    thin = {"color": colour, "linestyle": style, "linewidth": 1.3, "zorder": 3, "label": label}
+    for some, look in ((ends[snug], wide), (ends, thin)):
+        if len(some):
+            axes.plot(*path(some).T, **look)
+    for point in curve.switching_points:
+        axes.plot(*point.rho, marker="o", markersize=3.0, color=colour, zorder=3.5)
 
 
 def name_curve(
@@ -178,9 +138,9 @@ def name_curve(
     for point in curve.switching_points:
         names.put(f"SW{point.index}{mark}", point.rho, sides[1] * np.ones(2), colour=colour)
     for segment in curve.segments:
-        inside = clipped(segment.start, segment.end, limits)
-        if inside is not None:
-            spots = inside[0] + np.outer(ALONG, inside[1] - inside[0])
+        parts, _ = clipped([segment.start, segment.end], limits)
+        for start, end in parts:
+            spots = start + np.outer(ALONG, end - start)
             across = segment.line[:2] / per_unit
             side = sides[0] if across.sum() >= 0 else -sides[0]
             names.put(f"S{segment.index}{mark}", spots, side * across, colour=colour)
@@ -199,96 +159,27 @@ def draw_tolerance(axes: Any, problem: Problem) -> None:
     """Shadow of the tolerances around the nominal pair, and the quadrant that goal "beyond" asks for."""
     from matplotlib.patches import Rectangle
 
+    areas = []
     if problem.tolerance is not None:
-        low, high = tolerance_box(problem)
-        axes.add_patch(
-            Rectangle(
-                tuple(low), *(high - low), facecolor=GREY, alpha=0.3, edgecolor="none", zorder=1, label="tolerance"
-            )
-        )
+        areas.append((*tolerance_box(problem), {"facecolor": GREY, "alpha": 0.3, "zorder": 1, "label": "tolerance"}))
     if problem.goal == "beyond":
-        far = np.where(
-            problem.signs > 0, [axes.get_xlim()[1], axes.get_ylim()[1]], [axes.get_xlim()[0], axes.get_ylim()[0]]
-        )
-        corner = problem.target
-        axes.add_patch(
-            Rectangle(
-                tuple(corner),
-                *(far - corner),
-                facecolor=GREEN,
-                alpha=0.1,
-                edgecolor="none",
-                zorder=0,
-                label=f"required{f' by {problem.requirement}' if problem.requirement else ''}",
-            )
-        )
+        limits = np.array([axes.get_xlim(), axes.get_ylim()])
+        far = np.where(problem.signs > 0, limits[:, 1], limits[:, 0])
+        name = f"required by {problem.requirement}" if problem.requirement else "required"
+        areas.append((problem.target, far, {"facecolor": GREEN, "alpha": 0.1, "zorder": 0, "label": name}))
+    for corner, opposite, look in areas:
+        axes.add_patch(Rectangle(tuple(corner), *(opposite - corner), edgecolor="none", **look))
 
 
 def draw_points(axes: Any, problem: Problem, solution: Solution, size: float) -> None:
     """Mark the tracked point before and after, and the target pair; sizes relative to that of a large panel."""
-    common = {"linestyle": "none", "zorder": 5, "markeredgewidth": 1.3 * size}
-    hollow = {**common, "markerfacecolor": "none"}
     tracked = problem.goal in TRACKING  # else the pair made is all there is to follow
-    axes.plot(
-        *problem.nominal_pair,
-        marker="*",
-        markersize=7 * size,
-        color=BLACK,
-        label="tracked point before" if tracked else "nominal pair",
-        **common,
-    )
-    axes.plot(
-        *problem.target,
-        marker="D",
-        markersize=8.5 * size,
-        markeredgecolor=GREEN,
-        label="target pair (parts made)",
-        **hollow,
-    )
+    points = [
+        (problem.nominal_pair, "*", 7, {"color": BLACK}, "tracked point before" if tracked else "nominal pair"),
+        (problem.target, "D", 8.5, {"color": GREEN, "markerfacecolor": "none"}, "target pair (parts made)"),
+    ]
     if tracked and solution.rho is not None:
-        axes.plot(
-            *solution.rho,
-            marker="o",
-            markersize=13 * size,
-            markeredgecolor=VERMILLION,
-            label="tracked point after",
-            **hollow,
-        )
-
-
-def marked(problem: Problem, solution: Solution) -> list[Array]:
-    """Return the points that are marked: nominal pair, target, and the tracked point after the motion."""
-    return [problem.nominal_pair, problem.target, *([] if solution.rho is None else [solution.rho])]
-
-
-# -------------------------------------------------------------------------------------------------------------- windows
-
-
-def tolerance_box(problem: Problem) -> Array:
-    """Corners (2, 2) of the tolerance box around the nominal pair, lower then upper; without tolerances the pair."""
-    minus, plus = np.zeros((2, 2)) if problem.tolerance is None else np.transpose(problem.tolerance)
-    return np.array([problem.nominal_pair * (1.0 - minus), problem.nominal_pair * (1.0 + plus)])
-
-
-def window(problem: Problem, solution: Solution, more: Sequence[Array] = ()) -> Array:
-    """Limits (2, 2) of the enlarged panel: tolerance box, marked points and `more`, with a margin; never empty."""
-    points = [*marked(problem, solution), *tolerance_box(problem), *more]
-    low, high = np.min(points, axis=0), np.max(points, axis=0)
-    extent = np.maximum(high - low, LEAST_EXTENT * high)
-    margin = MARGIN * np.maximum(extent, extent.max() / 2)
-    return np.column_stack([np.maximum(low - margin, 0.0), high + margin])
-
-
-def clipped(start: ArrayLike, end: ArrayLike, window: ArrayLike) -> Array | None:
-    """Return the end points (2, 2) of the part of a straight piece inside a window, None if it passes outside."""
-    p, q = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-    enter, leave = 0.0, 1.0
-    for k, (low, high) in enumerate(np.asarray(window, dtype=float)):
-        step = q[k] - p[k]
-        if step == 0.0:
-            if not low <= p[k] <= high:
-                return None
-            continue
-        first, last = sorted(((low - p[k]) / step, (high - p[k]) / step))
-        enter, leave = max(enter, first), min(leave, last)
-    return None if enter >= leave else np.array([p + enter * (q - p), p + leave * (q - p)])
+        points.append((solution.rho, "o", 13, {"color": VERMILLION, "markerfacecolor": "none"}, "tracked point after"))
+    for place, marker, extent, look, label in points:
+        axes.plot(*place, marker=marker, markersize=extent * size, markeredgewidth=1.3 * size, linestyle="none",
+                  zorder=5, label=label, **look)  # fmt: skip

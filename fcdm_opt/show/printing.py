@@ -7,6 +7,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from fcdm_opt.show.texts import units_text
+
 PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
 """Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
 
@@ -66,11 +68,6 @@ def print_head(out: Any, name: str, title: str, note: str, *, unit: str = "") ->
     if unit:
         out.print(units_text(unit))
     out.print()
-
-
-def units_text(unit: str) -> str:
-    """Return what the numbers of a table are in."""
-    return f"lengths in {unit}, angles in degrees"
 
 
 def wrapped(text: str, width: int, indent: str = "") -> str:

@@ -14,6 +14,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet, literal
+from fcdm_opt.show.texts import shortened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,7 +87,7 @@ def scene_figure(
     title, caption : str
         Text above and below the picture.
     """
-    shown = Scene.of(movable, static, rho=rho, transform=transform, keep_out=keep_out)
+    shown = ShownPair.of(movable, static, rho=rho, transform=transform, keep_out=keep_out)
     rows = 2 + len(shown.keep_out) + (len(features) > 0) + (np.size(contacts) > 0)
     foot = max(FOOT, 0.16 * rows)
     height = float(np.clip(shown.slenderness * (WIDTH - 0.3), LEAST, MOST))
@@ -101,7 +102,7 @@ def scene_figure(
 
 
 @dataclass(frozen=True)
-class Scene:
+class ShownPair:
     """Bodies where and as large as they are shown, and the view they are seen from.
 
     Attributes
@@ -129,7 +130,7 @@ class Scene:
         rho: ArrayLike = (1.0, 1.0),
         transform: ArrayLike | None = None,
         keep_out: Sequence[Body] = (),
-    ) -> Scene:
+    ) -> ShownPair:
         """Return the bodies at given scales and pose, seen from where they hide least of each other."""
         sizes = np.asarray(rho, dtype=float)
         one, two = movable.scaled(float(sizes[0])), static.scaled(float(sizes[1]))
@@ -145,42 +146,36 @@ class Scene:
     @property
     def slenderness(self) -> float:
         """Height over width on the page."""
-        width, height = np.ptp(self.points @ _page(*self.view), axis=0)
+        width, height = np.ptp(self.points @ page_directions(*self.view), axis=0)
         return float(height / width)
 
 
 def draw_scene(
     sheet: Sheet,
     area: tuple[float, float, float, float],
-    shown: Scene,
+    shown: ShownPair,
     *,
     features: Sequence[Feature] = (),
     contacts: ArrayLike = (),
 ) -> Any:
     """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend."""
-    axes = _axes_for(sheet, area, shown)
-    (one, two), figure = shown.bodies, sheet.figure
-    _draw_body(axes, one, BLUE, "solid", 0.16, f"1, movable: {_short(one.name)}")
-    _draw_body(axes, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {_short(two.name)}")
+    axes, page = _axes_for(sheet, area, shown), page_directions(*shown.view)
+    one, two = shown.bodies
+    _draw_body(axes, page, one, BLUE, "solid", 0.16, f"1, movable: {shortened(one.name, LONGEST_NAME)}")
+    _draw_body(axes, page, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {shortened(two.name, LONGEST_NAME)}")
     for body in shown.keep_out:
-        _draw_body(axes, body, GREY, "dotted", 0.08, f"keep-out: {_short(body.name)}")
+        _draw_body(axes, page, body, GREY, "dotted", 0.08, f"keep-out: {shortened(body.name, LONGEST_NAME)}")
     for feature in features:
         for body, element in ((one, feature.one), (two, feature.two)):
-            _draw_element(axes, body, element)
+            _draw_element(axes, page, body, element)
     if features:
-        axes.plot([], [], [], color=GREEN, linewidth=3.2, alpha=0.55, label="in contact")
-    spots = np.asarray(contacts, dtype=float).reshape(-1, 3)
+        axes.plot([], [], color=GREEN, linewidth=3.2, alpha=0.55, label="in contact")
+    spots = np.asarray(contacts, dtype=float).reshape(-1, 3) @ page
     if len(spots):
-        axes.scatter(
-            *spots.T, s=55, marker="o", facecolors="none", edgecolors=BLACK, linewidths=1.1, zorder=5,
-            depthshade=False, label="contact point" if len(spots) == 1 else "contact points",
-        )  # fmt: skip
-    _number(figure, axes, ((one, BLUE), (two, VERMILLION)), _within(sheet, area))
+        axes.scatter(*spots.T, s=55, marker="o", facecolors="none", edgecolors=BLACK, linewidths=1.1, zorder=5,
+                     label="contact point" if len(spots) == 1 else "contact points")  # fmt: skip
+    _number(axes, page, ((one, BLUE), (two, VERMILLION)))
     return axes
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
 
 
 def true_edges(body: Body) -> dict[tuple[int, ...], Array]:
@@ -197,12 +192,12 @@ def own_polygons(body: Body) -> list[Array]:
     """Return convex polygons that make up the body's own faces, (k, 3) each; not those of cuts."""
     if body.skin:
         return [body.vertices[list(triangle)] for face in body.skin for triangle in face]
-    own = set(body.faces)
+    faces = set(body.faces)
     return [
         part.vertices[list(loop)]
         for part in body.parts
         for loop, element in zip(part.loops, part.elements["F"], strict=True)
-        if element.vertices in own
+        if element.vertices in faces
     ]
 
 
@@ -211,49 +206,49 @@ def face_polygons(body: Body, face: Element) -> list[Array]:
 
     A part that overlaps others may carry the face beyond where it is the solid's.
     """
-    own = (
+    skin = (
         [triangles for labels, triangles in zip(body.faces, body.skin, strict=True) if labels == face.vertices]
         if body.skin
         else []
     )
-    if own:
-        return [body.vertices[list(triangle)] for triangle in own[0]]
+    if skin:
+        return [body.vertices[list(triangle)] for triangle in skin[0]]
     return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
 
 
-def _draw_body(axes: Any, body: Body, colour: str, style: Any, alpha: float, label: str) -> None:
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+def _draw_body(axes: Any, page: Array, body: Body, colour: str, style: Any, alpha: float, label: str) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
 
-    polygons = own_polygons(body)
-    axes.add_collection3d(Poly3DCollection(polygons, facecolors=colour, edgecolors="none", alpha=alpha, zorder=1))
-    edges = list(true_edges(body).values())
-    axes.add_collection3d(Line3DCollection(edges, colors=colour, linestyles=[style], linewidths=1.1, zorder=3))
-    axes.plot([], [], [], color=colour, linestyle=style, linewidth=1.1, label=label)
-    axes.scatter(*body.seed, s=22, marker="x", color=colour, depthshade=False, zorder=3)
+    polygons = [polygon @ page for polygon in own_polygons(body)]
+    axes.add_collection(PolyCollection(polygons, facecolors=colour, edgecolors="none", alpha=alpha, zorder=1))
+    edges = [ends @ page for ends in true_edges(body).values()]
+    axes.add_collection(LineCollection(edges, colors=colour, linestyles=[style], linewidths=1.1, zorder=3))
+    axes.plot([], [], color=colour, linestyle=style, linewidth=1.1, label=label)
+    axes.scatter(*(body.seed @ page), s=22, marker="x", color=colour, zorder=3)
 
 
-def _draw_element(axes: Any, body: Body, element: Element) -> None:
+def _draw_element(axes: Any, page: Array, body: Body, element: Element) -> None:
     """Emphasise a vertex, an edge or a face."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+    from matplotlib.collections import PolyCollection
 
-    points = body.vertices[[label - 1 for label in element.vertices]]
+    points = body.vertices[[label - 1 for label in element.vertices]] @ page
     if element.kind == "V":
-        axes.scatter(*points.T, s=20, color=GREEN, depthshade=False, zorder=4)
+        axes.scatter(*points.T, s=20, color=GREEN, zorder=4)
     elif element.kind == "E":
         axes.plot(*points.T, color=GREEN, linewidth=3.2, alpha=0.55, zorder=2)
     else:
-        polygons = face_polygons(body, element)
-        axes.add_collection3d(Poly3DCollection(polygons, facecolors=GREEN, edgecolors="none", alpha=0.25, zorder=2))
+        polygons = [polygon @ page for polygon in face_polygons(body, element)]
+        axes.add_collection(PolyCollection(polygons, facecolors=GREEN, edgecolors="none", alpha=0.25, zorder=2))
 
 
-def draw_directions(sheet: Sheet, axes: Any, shown: Scene, corner: tuple[float, float], unit: str = "") -> None:
+def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[float, float], unit: str = "") -> None:
     """Draw the world's directions at a corner of a sheet (inches), and beside them a bar of known length."""
     x, y, *_ = sheet.place(*corner, 0.0, 0.0)
     start = np.array([x, y]) * 72.0 * sheet.figure.get_size_inches() + [24.0, 20.0]
     points: dict[str, Any] = {"xycoords": "figure points", "textcoords": "figure points"}
     arrow = {"arrowstyle": "->", "color": DARK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 6}
     letters: list[Array] = []
-    for direction, name in zip(_page(*shown.view), "xyz", strict=True):
+    for direction, name in zip(page_directions(*shown.view), "xyz", strict=True):
         axes.annotate("", start + 13.0 * direction, start, arrowprops=arrow, **points)
         length = float(np.linalg.norm(direction))
         if length > SEEN:
@@ -262,9 +257,8 @@ def draw_directions(sheet: Sheet, axes: Any, shown: Scene, corner: tuple[float, 
                 tip = tip + direction / length
             letters.append(tip)
             axes.annotate(name, tip, xycoords="figure points", color=DARK, fontsize=NOTE, ha="center", va="center")
-    right = _page(*shown.view)[:, 0]
-    ends = _on_page(sheet.figure, axes, np.vstack([shown.points[0], shown.points[0] + right])) * 72.0 / sheet.figure.dpi
-    scale = float(ends[1, 0] - ends[0, 0])
+    (here, _), (there, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
+    scale = float(there - here) * 72.0 / sheet.figure.dpi  # points a unit of length
     power = 10.0 ** np.floor(np.log10(LONGEST_BAR / scale))
     length = power * max(step for step in (1, 2, 5) if step * power * scale <= LONGEST_BAR)
     left = start + np.array([24.0, -12.0])
@@ -279,7 +273,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: Scene, corner: tuple[float, 
 # ------------------------------------------------------------------------------------------------------------ the view
 
 
-def _page(elevation: float, azimuth: float) -> Array:
+def page_directions(elevation: float, azimuth: float) -> Array:
     """Return the page's two directions (3, 2) for a view in degrees: right and up."""
     up, turn = np.radians([elevation, azimuth])
     right = [-np.sin(turn), np.cos(turn), 0.0]
@@ -291,7 +285,7 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
     """Choose the view that keeps the vertices apart on the page, body 1 in front but not hiding where they meet."""
 
     def merit(view: tuple[float, float]) -> float:
-        page = _page(*view)
+        page = page_directions(*view)
         flat = points @ page
         distances = np.linalg.norm(flat[:, None] - flat[None], axis=2)
         spread = distances[np.triu_indices(len(flat), 1)].min() * np.linalg.norm(offset @ page)
@@ -301,62 +295,30 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
     return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=merit)
 
 
-def _within(sheet: Sheet, area: tuple[float, float, float, float]) -> Any:
-    """Return an area of a sheet in pixels."""
-    from matplotlib.transforms import Bbox
-
-    return Bbox.from_bounds(*sheet.place(*area)).transformed(sheet.figure.transFigure)
-
-
-def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: Scene) -> Any:
-    """Return 3-D axes of one scale that let the scene fill an area, but for what numbers need at its edges."""
-    figure, view, points = sheet.figure, shown.view, shown.points
-    box = _within(sheet, area)
-    whole, room = figure.get_size_inches(), box.size / figure.dpi - 2.0 * MARGIN
-    middle, side = (
-        (box.min + box.max) / 2.0 / figure.dpi,
-        2.0 * whole.max(),
-    )  # mplot3d clips to a square: larger than all
-    axes: Any = figure.add_axes(
-        (*((middle - side / 2) / whole), *(side / whole)), projection="3d", proj_type="ortho", computed_zorder=False
-    )
-    low, high = points.min(axis=0), points.max(axis=0)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownPair) -> Any:
+    """Return axes of one scale over an area that the scene fills, but for what numbers need at its edges."""
+    flat = shown.points @ page_directions(*shown.view)
+    size = np.array(area[2:])
+    half = float((np.ptp(flat, axis=0) / (size - 2.0 * MARGIN)).max()) * size / 2.0
+    middle = (flat.min(axis=0) + flat.max(axis=0)) / 2.0
+    axes = sheet.axes(*area)
+    axes.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]))
     axes.set_axis_off()
-    axes.patch.set_visible(False)  # it covers the whole sheet
-    axes.view_init(*view)
-    axes.set_box_aspect(high - low)
-    drawn = _on_page(figure, axes, points) / figure.dpi
-    axes.set_box_aspect(high - low, zoom=float((room / np.ptp(drawn, axis=0)).min()))
-    drawn = _on_page(figure, axes, points) / figure.dpi
-    shift = middle - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
-    axes.set_position((*((middle + shift - side / 2) / whole), *(side / whole)))
     return axes
 
 
-def _on_page(figure: Figure, axes: Any, points: Array) -> Array:
-    """Return points (n, 3) in pixels of the page (n, 2)."""
-    from mpl_toolkits.mplot3d import proj3d
-
-    figure.draw_without_rendering()  # fixes the projection
-    x, y, _ = proj3d.proj_transform(*points.T, axes.get_proj())
-    return np.asarray(axes.transData.transform(np.column_stack([x, y])))
-
-
-def _number(figure: Figure, axes: Any, bodies: Sequence[tuple[Body, str]], within: Any) -> None:
+def _number(axes: Any, page: Array, bodies: Sequence[tuple[Body, str]]) -> None:
     """Write each corner's number beside it, outwards if it can stand there; not those of cuts."""
-    own = [np.array(body.corners) for body, _ in bodies]
-    if sum(map(len, own)) > MOST_NUMBERS:
+    labels = [np.array(body.corners) for body, _ in bodies]
+    if sum(map(len, labels)) > MOST_NUMBERS:
         return
-    back = axes.transData.inverted().transform
-    corners = [_on_page(figure, axes, body.vertices[some - 1]) for (body, _), some in zip(bodies, own, strict=True)]
-    edges = [np.concatenate(list(true_edges(body).values())) for body, _ in bodies]
-    lines = np.concatenate([_on_page(figure, axes, ends) for ends in edges])
-    names = Names(axes, back(lines).reshape(-1, 2, 2), within=within)
+    corners = [body.vertices[some - 1] @ page for (body, _), some in zip(bodies, labels, strict=True)]
+    edges = [np.array(list(true_edges(body).values())) @ page for body, _ in bodies]
+    names = Names(axes, np.concatenate(edges))
     for place in np.concatenate(corners):
-        names.keep(back(place), 3.0)
-    for (_, colour), some, places in zip(bodies, own, corners, strict=True):
+        names.keep(place, 3.0)
+    for (_, colour), some, places in zip(bodies, labels, corners, strict=True):
         middle = places.mean(axis=0)
         for label, place in zip(some.tolist(), places, strict=True):
             away = place - middle
-            names.put(str(label), back(place), away if away.any() else (0.0, 1.0), colour=colour)
+            names.put(str(label), place, away if away.any() else (0.0, 1.0), colour=colour)

@@ -11,6 +11,7 @@ import numpy as np
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.texts import shortened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,8 +74,8 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     title, caption : str
         Text above and below the picture.
     """
-    found, problem = solution.sensitivity, solution.problem
-    every = bars(found, problem)
+    derivatives, problem = solution.sensitivity, solution.problem
+    every = bars(derivatives, problem)
     few = [bar for bar in every if not bar.name.startswith(SHAPE)]
     shape = sorted((bar for bar in every if bar.name.startswith(SHAPE)), key=lambda bar: -abs(bar.value))
     shown = [*few, *shape[: max(MOST - len(few), LEAST)]]
@@ -86,11 +87,11 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
         )
     if len(shown) < len(every):
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
-    missing = sum(map(math.isnan, found.faces.values()))
+    missing = sum(map(math.isnan, derivatives.faces.values()))
     if every and missing:
         notes.append(f"{missing} faces have no derivative of their own: their shift would part a corner that matters")
-    if not found.exists:
-        notes.append("derivatives are one-sided or not unique: " + "; ".join(found.reasons))
+    if not derivatives.exists:
+        notes.append("derivatives are one-sided or not unique: " + "; ".join(derivatives.reasons))
     sheet = Sheet.of(PAGE, BELOW + ROW * max(len(shown), 2), title=title, caption="\n".join(notes))
     axes = sheet.axes(NAMES, BELOW, PAGE - NAMES - STEPS, sheet.size[1] - BELOW)
     axes.set(ylim=(max(len(shown), 2) - 0.5, -0.5))
@@ -101,7 +102,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     if not shown:
-        text = "nothing nearby changes the amount" if found.exists else "no derivatives"
+        text = "nothing nearby changes the amount" if derivatives.exists else "no derivatives"
         axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=DARK)
         axes.set_xticks([])
         return sheet.figure
@@ -129,8 +130,7 @@ def _short(name: str) -> str:
     corners = last.split(",")
     if len(corners) > CORNERS:
         last = f"{','.join(corners[:CORNERS])}... ({len(corners)})"
-    name = " ".join([*head, last])
-    return name if len(name) <= LETTERS else f"{name[: LETTERS - 3]}..."
+    return shortened(" ".join([*head, last]), LETTERS)
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
@@ -152,44 +152,44 @@ def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
     list of Bar
         Empty where no derivative exists, as without a motion, and where nothing matters, as where none is needed.
     """
-    found = list(_all(sensitivity, problem))
-    largest = max((abs(bar.value) for bar in found if math.isfinite(bar.value)), default=0.0)
+    every = list(_all(sensitivity, problem))
+    largest = max((abs(bar.value) for bar in every if math.isfinite(bar.value)), default=0.0)
     if largest == 0.0:
         return []
     least = NEGLIGIBLE * largest
-    return [bar for k, bar in enumerate(found) if k < len(BODIES) or not abs(bar.value) <= least]
+    return [bar for k, bar in enumerate(every) if k < len(BODIES) or not abs(bar.value) <= least]
 
 
-def _all(found: Sensitivity, problem: Problem) -> Iterator[Bar]:
+def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     shift = STEP * problem.length
     length, percent = measured(f"+{shift:.3g}", problem.unit), f"+{STEP:.0%}".replace("%", " %")
-    for body, value, size in zip(BODIES, found.target.tolist(), problem.target.tolist(), strict=True):
+    for body, value, size in zip(BODIES, derivatives.target.tolist(), problem.target.tolist(), strict=True):
         yield Bar(f"size of {body}", STEP * size * value, percent, "the size made; all else as it is")
-    if found.nominal.any():
-        for body, value, size in zip(BODIES, found.nominal.tolist(), problem.nominal_pair.tolist(), strict=True):
+    if derivatives.nominal.any():
+        for body, value, size in zip(BODIES, derivatives.nominal.tolist(), problem.nominal_pair.tolist(), strict=True):
             yield Bar(f"nominal size of {body}", STEP * size * value, percent, "the size made follows it")
-    if found.tolerance is not None:
-        for body, row in zip(BODIES, found.tolerance.tolist(), strict=True):
+    if derivatives.tolerance is not None:
+        for body, row in zip(BODIES, derivatives.tolerance.tolist(), strict=True):
             for sign, value in zip("-+", row, strict=True):
                 yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "of the nominal size")
     for parameter, (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
         rotates = parameter.kind != "translation"
         step, unit = (STEP, f"+{math.degrees(STEP):.3g} deg") if rotates else (shift, length)
-        for side, value in zip(("lower", "upper"), found.limits[parameter.name], strict=True):
+        for side, value in zip(("lower", "upper"), derivatives.limits[parameter.name], strict=True):
             if side == "lower" or low != high:  # equal limits are one datum
                 yield Bar(f"{side} limit of {parameter.name}", step * value, unit, "the limit raised")
-    yield Bar("clearance", shift * found.clearance, length, "")
-    for name, value in found.keep_out.items():
+    yield Bar("clearance", shift * derivatives.clearance, length, "")
+    for name, value in derivatives.keep_out.items():
         yield Bar(f"clearance from {name}", shift * value, length, "keep-out")
     names = [parameter.name for parameter in problem.motion.parameters]
-    for name, weight, value in zip(names, problem.weights.tolist(), found.weights.values(), strict=True):
+    for name, weight, value in zip(names, problem.weights.tolist(), derivatives.weights.values(), strict=True):
         yield Bar(f"weight of {name}", STEP * weight * value, percent, "of the amount")
-    for label, value in _largest(found.faces):
+    for label, value in _largest(derivatives.faces):
         yield Bar(f"face {label}", shift * value, length, "its plane shifted outwards")
-    if np.isnan(list(found.faces.values())).any():
-        for label, value in _largest({name: _norm(row) for name, row in found.vertices.items()}):
+    if np.isnan(list(derivatives.faces.values())).any():
+        for label, value in _largest({name: _norm(row) for name, row in derivatives.vertices.items()}):
             yield Bar(f"vertex {label}", shift * value, length, "moved in the direction that costs most")
-    for label, value in _largest({name: _norm(row) for name, row in found.seeds.items()}):
+    for label, value in _largest({name: _norm(row) for name, row in derivatives.seeds.items()}):
         yield Bar(f"seed of {label}", shift * value, length, "moved in the direction that costs most")
 
 

@@ -13,6 +13,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, styled
 from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.texts import shortened, status_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +55,7 @@ BAR = 0.8
 """Inches beside the panels for a scale of colours."""
 
 
-class _Axis(NamedTuple):
+class _StudyAxis(NamedTuple):
     """What a study varied: its label, its values, and the dimension of the results that it is."""
 
     label: str
@@ -80,10 +81,10 @@ def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> 
     title, caption : str
         Text above and below the picture; by default the study's title, and how its points ended.
     """
-    axes = [_Axis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
+    axes = [_StudyAxis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -len(axis.values))
-    data = _Data.of(result)
-    counts = ", ".join(f"{count} {_words(status)}" for status, count in result.counts.items())
+    data = _StudyAmounts.of(result)
+    counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
     words = title or result.definition.get("title", ""), caption or f"{len(result.points)} points: {counts}"
     if "draw" in result.axes or not numeric:
         return _shares(data, [axis for axis in axes if axis.label == "case"], result, words)
@@ -92,7 +93,7 @@ def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> 
     return _lines(data, numeric[0], [axis for axis in axes if axis is not numeric[0]], words)
 
 
-class _Data(NamedTuple):
+class _StudyAmounts(NamedTuple):
     """Amounts (nan without a usable motion) and statuses, over the axes of the study; label of an axis of amounts."""
 
     amounts: Array
@@ -100,7 +101,7 @@ class _Data(NamedTuple):
     amount: str
 
     @classmethod
-    def of(cls, result: StudyResult) -> _Data:
+    def of(cls, result: StudyResult) -> _StudyAmounts:
         shape = [len(values) for values in result.axes.values()]
         rows = result.rows()
         amounts = [row["amount"] if row["usable"] else math.nan for row in rows]
@@ -110,7 +111,7 @@ class _Data(NamedTuple):
             f"amount ({result.unit or 'length units'})",
         )
 
-    def at(self, axes: Sequence[_Axis], places: Sequence[int]) -> _Data:
+    def at(self, axes: Sequence[_StudyAxis], places: Sequence[int]) -> _StudyAmounts:
         """Return what is left where some axes have a given value."""
         chosen = dict(zip((axis.place for axis in axes), places, strict=True))
         index = tuple(chosen.get(place, slice(None)) for place in range(self.amounts.ndim))
@@ -120,17 +121,17 @@ class _Data(NamedTuple):
 # ----------------------------------------------------------------------------------------------------- kinds of figures
 
 
-def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str, str]) -> Figure:
+def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis], words: tuple[str, str]) -> Figure:
     """Draw the amount along one axis: the first of several other axes makes panels, the rest makes lines."""
     panels, lines = (others[:1], others[1:]) if len(others) > 1 and len(others[0].values) <= PANELS else ([], others)
     markers = _markers(data)
-    keys = [*(name for _, name in _combinations(lines)), *map(_words, markers)]
+    keys = [*(name for _, name in _combinations(lines)), *map(status_text, markers)]
     sheet, spots = _panels(panels, data.amount, words, keys)
     for place, axes in spots:
-        own = data.at(panels, place)
+        chosen = data.at(panels, place)
         left = [axis._replace(place=axis.place - len(panels)) for axis in lines]
         for k, (at, name) in enumerate(_combinations(left)):
-            part = own.at(left, at)
+            part = chosen.at(left, at)
             colour = COLOURS[k % len(COLOURS)]
             style = DASHES[(k + k // len(COLOURS)) % len(DASHES)]
             axes.plot(along.values, part.amounts, color=colour, linestyle=style, marker=SPOTS[k % len(SPOTS)],
@@ -151,12 +152,14 @@ def _lines(data: _Data, along: _Axis, others: Sequence[_Axis], words: tuple[str,
     return _keyed(sheet, spots[0][1], markers)
 
 
-def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], words: tuple[str, str]) -> Figure:
+def _fields(
+    data: _StudyAmounts, along: _StudyAxis, across: _StudyAxis, others: Sequence[_StudyAxis], words: tuple[str, str]
+) -> Figure:
     """Draw the amount over two axes as a field, one for each value of the other axes."""
     from matplotlib.colors import Normalize
 
     markers = _markers(data)
-    sheet, spots = _panels(others, _told(across.label), words, [*map(_words, markers)], beside=BAR)
+    sheet, spots = _panels(others, _told(across.label), words, [*map(status_text, markers)], beside=BAR)
     known = data.amounts[np.isfinite(data.amounts)]
     scale = Normalize(0.0, float(known.max()) if known.size else 1.0)
     for place, axes in spots:
@@ -180,10 +183,10 @@ def _fields(data: _Data, along: _Axis, across: _Axis, others: Sequence[_Axis], w
     return _keyed(sheet, spots[0][1], markers)
 
 
-def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult, words: tuple[str, str]) -> Figure:
+def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line a case, with the budget."""
-    found = result.assembly_yield
-    told = "" if found is None else _budget(found, result.unit)
+    within = result.assembly_yield
+    told = "" if within is None else _budget(within, result.unit)
     keys = [*(name or POINTS for _, name in _combinations(cases)), *([told] if told else [])]
     sheet, spots = _panels([], "share of points with at most this amount", words, keys)
     (_, axes), *_ = spots
@@ -198,8 +201,8 @@ def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult, words: tup
                 color=COLOURS[k % len(COLOURS)], linestyle=DASHES[(k + k // len(COLOURS)) % len(DASHES)],
                 label=name or POINTS,
             )  # fmt: skip
-    if found is not None:
-        axes.axvline(found.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
+    if within is not None:
+        axes.axvline(within.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
     known = data.amounts[np.isfinite(data.amounts)]
     if known.size and known.min() > 0.0 and math.log10(known.max() / known.min()) > DECADES:
         axes.set_xscale("log")
@@ -208,16 +211,16 @@ def _shares(data: _Data, cases: Sequence[_Axis], result: StudyResult, words: tup
     return _keyed(sheet, axes, {})
 
 
-def _budget(found: Any, unit: str) -> str:
-    low, high = found.interval
-    return f"budget {measured(f'{found.budget:g}', unit)}: {found.share:.1%} within ({low:.1%} to {high:.1%})"
+def _budget(within: Any, unit: str) -> str:
+    low, high = within.interval
+    return f"budget {measured(f'{within.budget:g}', unit)}: {within.share:.1%} within ({low:.1%} to {high:.1%})"
 
 
 # ---------------------------------------------------------------------------------------------------- parts of a figure
 
 
 def _panels(
-    axes: Sequence[_Axis], label: str, words: tuple[str, str], keys: Sequence[str], *, beside: float = 0.0
+    axes: Sequence[_StudyAxis], label: str, words: tuple[str, str], keys: Sequence[str], *, beside: float = 0.0
 ) -> tuple[Sheet, list[tuple[list[int], Any]]]:
     """Return a sheet with a panel for each combination of values, and their places; room below for keys."""
     spots = list(_combinations(axes))[:PANELS]
@@ -244,19 +247,19 @@ def _panels(
     return sheet, made
 
 
-def _combinations(axes: Sequence[_Axis]) -> Iterator[tuple[list[int], str]]:
+def _combinations(axes: Sequence[_StudyAxis]) -> Iterator[tuple[list[int], str]]:
     """Yield the places of every combination of values, and its name; one without a name where there are no axes."""
     for place in product(*(range(len(axis.values)) for axis in axes)):
         told = [_value(axis, axis.values[k]) for axis, k in zip(axes, place, strict=True)]
         yield list(place), ", ".join(told)
 
 
-def _value(axis: _Axis, value: Any) -> str:
+def _value(axis: _StudyAxis, value: Any) -> str:
     if type(value) in (int, float):
         return f"{axis.label} = {value:g}"
     text = value if isinstance(value, str) else ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
     text = text if axis.label == "case" or isinstance(value, str) else f"{axis.label}: {text}"
-    return text if len(text) <= NAME else f"{text[: NAME - 3]}..."
+    return shortened(text, NAME)
 
 
 def _told(label: str) -> str:
@@ -268,11 +271,7 @@ def _told(label: str) -> str:
     return f"{label}  ({plain})" if plain else label
 
 
-def _words(status: str) -> str:
-    return status.replace("_", " ").lower()
-
-
-def _markers(data: _Data) -> dict[str, str]:
+def _markers(data: _StudyAmounts) -> dict[str, str]:
     """Return a marker for each status that leaves gaps."""
     gaps = sorted(set(data.statuses[np.isnan(data.amounts)].tolist()))
     return {status: GAPS[k % len(GAPS)] for k, status in enumerate(gaps)}
@@ -285,7 +284,7 @@ def _keyed(sheet: Sheet, axes: Any, markers: Mapping[str, str]) -> Figure:
     handles, labels = axes.get_legend_handles_labels()
     named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
     named += [
-        (Line2D([], [], color=DARK, marker=marker, linestyle="none", markersize=3.5), _words(status))
+        (Line2D([], [], color=DARK, marker=marker, linestyle="none", markersize=3.5), status_text(status))
         for status, marker in markers.items()
     ]
     sheet.legend([handle for handle, _ in named], [label for _, label in named], bottom=0.02, most=COLUMNS)

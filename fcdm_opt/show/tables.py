@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.geometry.units import floored
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
+from fcdm_opt.show.texts import NOTHING, advised, amount_text, asked_text, bound_text, motion_text
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -22,43 +21,13 @@ if TYPE_CHECKING:
 
 NUMBERS = ("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"')
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
-CLOSED = 1e-9  # relative gap of a closed form
-NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
 DOUBT_WIDTH = 12  # characters, of what is said below an amount
-NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( \w+)?")
-NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
 
 
 def slope(segment: Any) -> float:
     """Return d rho_2 / d rho_1 of a segment, infinite for a vertical one."""
     a, b, _ = segment.line
     return float(-a / b) if b else math.inf
-
-
-def _signs(problem: Problem) -> str:
-    return "(" + ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs) + ")"
-
-
-def motion_text(solution: Solution, *, unit: bool = True) -> str:
-    """Return the motion found in words, lengths with their unit or without."""
-    weighted = zip(solution.parameters.values(), solution.problem.weights, strict=False)
-    values = [q if abs(w * q) > NOTHING * solution.amount else 0.0 for q, w in weighted]
-    problem = solution.problem
-    return _without_zeros(problem.motion.describe(values, unit=problem.unit if unit else "")) if values else "-"
-
-
-def _without_zeros(motion: str) -> str:
-    """Leave out the steps of a sequence that do nothing, but for one."""
-    steps = motion.split(" + ")
-    kept = [step for step in steps if not NO_STEP.fullmatch(step)]
-    return " + ".join(kept or steps[:1])
-
-
-def asked_text(problem: Problem) -> str:
-    """Return requirement and signs, or the target."""
-    if problem.requirement:
-        return f"{problem.requirement} {_signs(problem)}"
-    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
 
 
 def print_curves(
@@ -178,46 +147,15 @@ def _verdict(solution: Solution) -> str:
     return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
 
 
-def advised(case: SolvedCase) -> str:
-    """Return a case's advice, and up to which tolerance the parts fit where that is known."""
-    told, fits = case.solution.advice, case.fits_up_to
-    if fits is None:
-        return told
-    table = case.solution.problem.tolerance
-    if not fits > 0.0 or table is None:
-        return f"{told} The parts fit at no tolerance."
-    others = "" if table.max() == table.min() else ", the largest of these tolerances"
-    return f"{told} The parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
-
-
-def amount_text(amount: float | None) -> str:
-    """Return an amount to five digits."""
-    return "-" if amount is None or not math.isfinite(amount) else f"{amount:.5g}"
-
-
-def bound_text(solution: Solution) -> str:
-    """Return the lower bound, rounded down to five digits, and how near the amount it comes."""
-    if not math.isfinite(solution.lower_bound):
-        return "impossible"
-    if not solution.lower_bound > 0:
-        return "0"
-    rounded = floored(solution.lower_bound, 5)
-    if not math.isfinite(solution.gap):
-        return rounded
-    if abs(solution.gap) < CLOSED:
-        return f"{amount_text(solution.amount)}\nexact"
-    return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
-
-
 def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
     """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
     out = console()
     print_head(out, name, title, note, unit=rows[0][0].problem.unit)
     lines = []
-    for found, _ in rows:
-        problem = found.problem
-        for end, event in zip(("low", "high"), found.events, strict=True):
-            at = problem.motion.describe(event.x * found.direction) if math.isfinite(event.x) else "-"
+    for coherent, _ in rows:
+        problem = coherent.problem
+        for end, event in zip(("low", "high"), coherent.events, strict=True):
+            at = problem.motion.describe(event.x * coherent.direction) if math.isfinite(event.x) else "-"
             lines.append(
                 {
                     "case": wrapped(problem.name, CELL_WIDTH) if end == "low" else "",
@@ -232,14 +170,14 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
             )
     print_rows(out, lines, numbers=("x",))
     out.print()
-    for found, times in rows:
-        problem = found.problem
-        tracked = " & ".join(feature.label for feature in found.features)
-        along = problem.motion.describe(found.direction, unit=problem.unit)
+    for coherent, times in rows:
+        problem = coherent.problem
+        tracked = " & ".join(feature.label for feature in coherent.features)
+        along = problem.motion.describe(coherent.direction, unit=problem.unit)
         print_text(out, f"{problem.name}: x in multiples of {along}; {tracked}")
-        for end, event in zip(("low", "high"), found.events, strict=True):
+        for end, event in zip(("low", "high"), coherent.events, strict=True):
             print_text(out, f"   {end}: {event.what}", indent="      ")
-        if not found.proved:
+        if not coherent.proved:
             print_text(out, "   a condition touches zero at rest: what is near there is not proved")
         states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
         print_text(out, f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")

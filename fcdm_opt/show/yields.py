@@ -24,20 +24,20 @@ INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"
 
 
 @styled
-def yield_figure(found: AssemblyYield, *, title: str = "", caption: str = "") -> Figure:
+def yield_figure(result: AssemblyYield, *, title: str = "", caption: str = "") -> Figure:
     """Draw how the amounts of all pairs are spread about the budget, and what either body's tolerance contributes.
 
     Parameters
     ----------
-    found : AssemblyYield
+    result : AssemblyYield
     title, caption : str
         Text above and below the picture; the default caption tells the share and what fails otherwise.
     """
-    sheet = Sheet.of(PAGE, 2.95, title=title, caption=caption or str(found))
+    sheet = Sheet.of(PAGE, 2.95, title=title, caption=caption or str(result))
     amounts = sheet.axes(0.55, 0.65, 3.0, 2.2)
-    _draw_amounts(amounts, found)
-    _draw_indices(sheet.axes(4.75, 1.85, 1.8, 0.72), found)
-    _draw_shares(sheet.axes(4.75, 0.4, 1.8, 0.85), found)
+    _draw_amounts(amounts, result)
+    _draw_indices(sheet.axes(4.75, 1.85, 1.8, 0.72), result)
+    _draw_shares(sheet.axes(4.75, 0.4, 1.8, 0.85), result)
     handles, labels = amounts.get_legend_handles_labels()
     if handles:
         x, y, *_ = sheet.place(2.05, 0.0, 0.0, 0.0)
@@ -46,22 +46,22 @@ def yield_figure(found: AssemblyYield, *, title: str = "", caption: str = "") ->
     return sheet.figure
 
 
-def _draw_amounts(axes: Any, found: AssemblyYield) -> None:
+def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
     """Draw the histogram of the amount, with the budget and quantiles."""
-    edges, heights = found.amounts, found.counts / found.count
-    within = (edges[:-1] + edges[1:]) / 2.0 <= found.budget
-    below = "within the budget" if math.isfinite(found.budget) else "pairs with a motion"
+    edges, heights = result.amounts, result.counts / result.count
+    within = (edges[:-1] + edges[1:]) / 2.0 <= result.budget
+    below = "within the budget" if math.isfinite(result.budget) else "pairs with a motion"
     for chosen, colour, name in ((within, BLUE, below), (~within, VERMILLION, "beyond the budget")):
         if (heights[chosen] > 0.0).any():
             axes.bar(
                 edges[:-1][chosen], heights[chosen], np.diff(edges)[chosen], align="edge", color=colour, label=name
             )
-    highest = max(float(heights.max()), 1.0 / found.count)
+    highest = max(float(heights.max()), 1.0 / result.count)
     axes.set_ylim(0.0, HIGHEST * highest)
-    if math.isfinite(found.budget):
-        budget = measured(f"{found.budget:.6g}", found.unit)
-        axes.axvline(found.budget, color=BLACK, linewidth=1.2, label=f"budget {budget}")
-    for share, amount in found.quantiles.items():
+    if math.isfinite(result.budget):
+        budget = measured(f"{result.budget:.6g}", result.unit)
+        axes.axvline(result.budget, color=BLACK, linewidth=1.2, label=f"budget {budget}")
+    for share, amount in result.quantiles.items():
         if math.isfinite(amount):
             axes.axvline(amount, color=GREY, linewidth=0.6, linestyle=":")
             axes.annotate(
@@ -75,18 +75,18 @@ def _draw_amounts(axes: Any, found: AssemblyYield) -> None:
                 fontsize=NOTE,
                 color=DARK,
             )
-    axes.set_xlabel(f"amount of the motion ({found.unit or 'length units'})")
+    axes.set_xlabel(f"amount of the motion ({result.unit or 'length units'})")
     axes.set_ylabel("share of all pairs in a bin")
     if not heights.any():
         axes.text(0.5, 0.5, "no pair has a motion", transform=axes.transAxes, ha="center", color=DARK)
 
 
-def _draw_indices(axes: Any, found: AssemblyYield) -> None:
+def _draw_indices(axes: Any, result: AssemblyYield) -> None:
     """Draw first-order and total indices of both bodies."""
     from matplotlib.patches import Patch
 
-    for row, own in enumerate(found.contributions):
-        bars = (own.first_order, own.first_order_error), (own.total, own.total_error)
+    for row, share in enumerate(result.contributions):
+        bars = (share.first_order, share.first_order_error), (share.total, share.total_error)
         for offset, (value, error), (_, colour, hatch) in zip((-0.2, 0.2), bars, INDICES, strict=True):
             if math.isfinite(value):
                 axes.barh(row + offset, value, 0.38, xerr=error, color=colour, hatch=hatch, edgecolor="white",
@@ -98,19 +98,19 @@ def _draw_indices(axes: Any, found: AssemblyYield) -> None:
     keys = [Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=name) for name, colour, hatch in INDICES]
     axes.legend(handles=keys, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0, borderpad=0.2,
                 handlelength=1.6, columnspacing=1.0)  # fmt: skip
-    _rows(axes, [own.body for own in found.contributions])
+    _rows(axes, [share.body for share in result.contributions])
 
 
-def _draw_shares(axes: Any, found: AssemblyYield) -> None:
+def _draw_shares(axes: Any, result: AssemblyYield) -> None:
     """Draw the yield as it is, and with one body's size held at its median."""
-    shares = [found.share, *(own.share_without for own in found.contributions)]
-    low, high = found.interval
+    shares = [result.share, *(body.share_without for body in result.contributions)]
+    low, high = result.interval
     for row, (share, end) in enumerate(zip(shares, (high, *shares[1:]), strict=True)):
         axes.barh(row, share, 0.6, color=GREY if row else BLACK)
         _number(axes, row, end, f"{share:.2%}")
     axes.plot([low, high], [0, 0], color=ORANGE, linewidth=2.5, solid_capstyle="butt")
     axes.set_title("pairs that pass", loc="left")
-    _rows(axes, ["as it is", *(f"{own.body} at its median" for own in found.contributions)])
+    _rows(axes, ["as it is", *(f"{body.body} at its median" for body in result.contributions)])
 
 
 def _number(axes: Any, row: float, end: float, text: str) -> None:

@@ -2,8 +2,8 @@
 
 A card is one piece of HTML that depends on nothing: no script, no style sheet, no identifier, nothing from outside.
 Notebook viewers drop all of these; what is left even without inline styles can still be read. Text takes the colour of
-the page, light or dark, and no state is told by colour alone. Equal results give equal bytes, and every text that
-comes from a user is escaped by the pieces in `words` and `pictures`, which are all that make `Html`.
+the page, light or dark, and no state is told by colour alone. Equal results give equal bytes. The modules of this
+package gather what a card says as plain values; the template `card.html` escapes and draws them.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from __future__ import annotations
 from fcdm_opt.doors import Shown, upper
 
 CARDS = {
-    "Body": "body_card.body_card",
-    "DecisionCurve": "curve_card.curve_card",
-    "Problem": "problem_card.problem_card",
-    "Solution": "solution_card.solution_card",
-    "Certificate": "solution_card.certificate_card",
-    "CoherentRange": "solution_card.range_card",
-    "WhatIf": "design_cards.whatif_card",
-    "AssemblyYield": "design_cards.yield_card",
-    "CompensationMap": "design_cards.map_card",
-    "BestPose": "design_cards.best_pose_card",
-    "Clearances": "design_cards.clearances_card",
-    "StudyResult": "design_cards.study_card",
+    "Body": "body_card:body_card",
+    "DecisionCurve": "curve_card:curve_card",
+    "Problem": "problem_card:problem_card",
+    "Solution": "solution_card:solution_card",
+    "Certificate": "solution_card:certificate_card",
+    "CoherentRange": "solution_card:range_card",
+    "WhatIf": "design_cards:whatif_card",
+    "AssemblyYield": "design_cards:yield_card",
+    "CompensationMap": "design_cards:map_card",
+    "BestPose": "design_cards:best_pose_card",
+    "Clearances": "design_cards:clearances_card",
+    "StudyResult": "design_cards:study_card",
 }
-"""The function of this package that draws each class's card."""
+"""The function of this package that says what stands on each class's card."""
 
 
 def card_of(result: Shown) -> str:
     """Return the card of a result."""
-    name = next(CARDS[own.__name__] for own in type(result).__mro__ if own.__name__ in CARDS)
-    made: str = upper(f"show.notebook.{name.replace('.', ':')}")(result)
-    return made
+    name = next(CARDS[base.__name__] for base in type(result).__mro__ if base.__name__ in CARDS)
+    html: str = upper(f"show.notebook.{name}")(result).html
+    return html

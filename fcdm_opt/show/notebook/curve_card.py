@@ -1,12 +1,15 @@
-"""How a decision curve is drawn on a notebook's card: what `cards.plane` takes."""
+"""What a decision curve's card says, and its lines in the plane of scales."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.show.notebook.pictures import Line, Mark, Point, plane
-from fcdm_opt.show.notebook.words import Html, card, counted, listing, numbers, rows
+from fcdm_opt.show.notebook.card import Card
+from fcdm_opt.show.notebook.pictures import Mark, plane
+from fcdm_opt.show.texts import counted, numbers
 
 if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
@@ -16,47 +19,48 @@ TIPPED = 24
 """Most segments, or switching points, that are marks of their own; of more only the lines are drawn."""
 
 
-def curve_lines(curve: DecisionCurve, style: str, name: str) -> list[Line]:
+def curve_lines(curve: DecisionCurve, style: str, name: str) -> list[Mark]:
     """Return the lines of a curve, those of a snug fit with a wide one below."""
-    wide = [Line((own.start, own.end), "snug", "", "snug fit") for own in curve.segments if own.snug]
     if len(curve.segments) <= TIPPED:
-        return [*wide, *(Line((own.start, own.end), style, _tip(own), name) for own in curve.segments)]
-    wide = [
-        Line([run[0].start, *(own.end for own in run)], "snug", "", "snug fit")
-        for branch in curve.branches
-        for snug, group in groupby(branch.segments, lambda own: own.snug)
-        if snug and (run := list(group))
-    ]
-    whole = [[branch.segments[0].start, *(own.end for own in branch.segments)] for branch in curve.branches]
-    return [*wide, *(Line(points, style, "", name) for points in whole)]
+        runs = [[segment] for segment in curve.segments if segment.snug]
+        lines = [Mark(style, (segment.start, segment.end), _tip(segment), name) for segment in curve.segments]
+    else:
+        runs = [
+            list(run) for branch in curve.branches for snug, run in groupby(branch.segments, attrgetter("snug")) if snug
+        ]
+        lines = [Mark(style, _corners(branch.segments), "", name) for branch in curve.branches]
+    return [*(Mark("snug", _corners(run), "", "snug fit") for run in runs), *lines]
 
 
-def switching_points(curve: DecisionCurve) -> list[Point]:
+def switching_points(curve: DecisionCurve) -> list[Mark]:
     """Return the switching points as marks, none where they are too many to tell apart."""
     points = curve.switching_points
     if len(points) > TIPPED:
         return []
-    return [Point(own.rho, "switch", f"SW{own.index} ({numbers(own.rho)}): {own.label}") for own in points]
+    return [Mark("switch", point.rho, f"SW{point.index} ({numbers(point.rho)}): {point.label}") for point in points]
 
 
-def curve_card(curve: DecisionCurve) -> Html:
+def curve_card(curve: DecisionCurve) -> Card:
     """Return the card of a decision curve: its picture in the box, and its features."""
     segments, points = curve.segments, curve.switching_points
-    (low_1, high_1), (low_2, high_2) = curve.box
-    marks: list[Mark] = [*curve_lines(curve, "before", ""), *switching_points(curve)]
+    marks = [*curve_lines(curve, "before", ""), *switching_points(curve)]
     counts = [counted(len(curve.branches), "chain"), counted(len(segments), "segment")]
-    facts = rows(
-        [
-            ("bodies", f"{curve.movable.name} (movable), {curve.static.name} (static)"),
-            ("box of scales", f"[{numbers((low_1, high_1))}] x [{numbers((low_2, high_2))}]"),
-            ("curve", ", ".join([*counts, counted(len(points), "switching point")]) if marks else "none in the box"),
-        ]
-    )
-    features = listing("contact along it", [_tip(own) for own in segments])
-    changes = listing("contact changes at", [f"SW{own.index} ({numbers(own.rho)}), {own.kind}" for own in points])
+    facts = [
+        ("bodies", f"{curve.movable.name} (movable), {curve.static.name} (static)"),
+        ("box of scales", " x ".join(f"[{numbers(side)}]" for side in curve.box)),
+        ("curve", ", ".join([*counts, counted(len(points), "switching point")]) if marks else "none in the box"),
+    ]
+    lists = {
+        "contact along it": [_tip(segment) for segment in segments],
+        "contact changes at": [f"SW{point.index} ({numbers(point.rho)}), {point.kind}" for point in points],
+    }
     told = f"decision curve, {counted(len(segments), 'segment')}"
     picture = plane(marks, curve.box, told=told) if marks else None
-    return card("Decision curve", facts, features, changes, state=curve.status, picture=picture)
+    return Card("Decision curve", facts=facts, lists=lists, state=curve.status, picture=picture)
+
+
+def _corners(run: Sequence[Segment]) -> list[Any]:
+    return [run[0].start, *(segment.end for segment in run)]
 
 
 def _tip(segment: Segment) -> str:

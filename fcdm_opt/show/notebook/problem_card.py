@@ -1,4 +1,4 @@
-"""How a problem is drawn on a notebook's card: in the plane of scales, about the tolerance box."""
+"""What a problem's card says, and the plane of scales about its tolerance box."""
 
 from __future__ import annotations
 
@@ -8,45 +8,43 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt.problem.problem import TRACKING
-from fcdm_opt.show.notebook.pictures import Area, Mark, Point, plane
-from fcdm_opt.show.notebook.words import Html, card, counted, listing, number, numbers, rows
+from fcdm_opt.show.notebook.card import Card
+from fcdm_opt.show.notebook.pictures import Mark, Picture, plane
+from fcdm_opt.show.scales import tolerance_box, window
+from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_units
 
 if TYPE_CHECKING:
-    from fcdm_opt.geometry.arrays import Array
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.problem.problem import Problem
-
-MARGIN, LEAST = 0.4, 0.05
-"""Room about what must be seen, as a share of its extent, which is at least this share of the scales."""
+    from fcdm_opt.problem.solution import Solution
 
 
-def problem_card(problem: Problem) -> Html:
+def problem_card(problem: Problem) -> Card:
     """Return the card of a problem: what is asked, and the plane of scales about it."""
-    parameters = problem.motion.parameters
-    length = problem.unit or "length"
-    units = [(name, "deg" if kind == "rotation" else length) for name, kind in parameters]
-    held = [
+    names = [name for name, _ in problem.motion.parameters]
+    limits = [
         f"{name} from {number(in_unit(low, unit))} to {number(in_unit(high, unit))} {unit}"
-        for (name, unit), (low, high) in zip(units, problem.limits.tolist(), strict=True)
+        for name, unit, (low, high) in zip(names, parameter_units(problem), problem.limits.tolist(), strict=True)
         if math.isfinite(low) or math.isfinite(high)
     ]
     asked = f"requirement {problem.requirement}" if problem.requirement else "explicit target"
-    facts = rows(
-        [
-            ("movable", _body(problem.movable)),
-            ("static", _body(problem.static)),
-            ("keep-outs", ", ".join(own.name for own in problem.keep_out)),
-            ("motion", ", ".join(name for name, _ in parameters)),
-            ("goal", f'"{problem.goal}"'),
-            ("made at", f"({numbers(problem.target)})", f"from ({numbers(problem.nominal_pair)}), {asked}"),
-            ("clearance", number(problem.clearance) if problem.clearance else "", length),
-            ("pair made must", {"clear": "be clear", "touch": "touch"}.get(problem.pair, "")),
-        ]
+    facts = [
+        ("movable", _body(problem.movable)),
+        ("static", _body(problem.static)),
+        ("keep-outs", ", ".join(keep_out.name for keep_out in problem.keep_out)),
+        ("motion", ", ".join(names)),
+        ("goal", f'"{problem.goal}"'),
+        ("made at", f"({numbers(problem.target)})", f"from ({numbers(problem.nominal_pair)}), {asked}"),
+        ("clearance", number(problem.clearance) if problem.clearance else "", problem.unit or "length"),
+        ("pair made must", {"clear": "be clear", "touch": "touch"}.get(problem.pair, "")),
+    ]
+    return Card(
+        card_title("Problem", problem),
+        facts=facts,
+        lists={"limits": limits, "tracked contact": [feature.label for feature in problem.tracked_features]},
+        state="to be solved",
+        picture=scales_picture(problem),
     )
-    picture = scales_picture(problem)
-    tracked = listing("tracked contact", [own.label for own in problem.tracked_features])
-    lists = listing("limits", held), tracked
-    return card(card_title("Problem", problem), facts, *lists, state="to be solved", picture=picture)
 
 
 def card_title(what: str, problem: Problem) -> str:
@@ -58,12 +56,7 @@ def _body(body: Body) -> str:
     return f"{body.name}, {counted(len(body.corners), 'corner')}, {counted(len(body.parts), 'part')}"
 
 
-def in_unit(value: float, unit: str) -> float:
-    """Return a parameter in the unit that it is shown in."""
-    return math.degrees(value) if unit == "deg" else value
-
-
-def scales_picture(problem: Problem, pose: Array | None = None, rho: Array | None = None) -> Html:
+def scales_picture(problem: Problem, solution: Solution | None = None) -> Picture | None:
     """Return the curve about the nominal pair, tolerances, and the pair made; after a motion, the curve then too.
 
     Star: nominal pair; diamond: the pair made; circle: the tracked point after the motion.
@@ -71,38 +64,27 @@ def scales_picture(problem: Problem, pose: Array | None = None, rho: Array | Non
     from fcdm_opt.curve.decision_curve import decision_curve
     from fcdm_opt.show.notebook.curve_card import curve_lines, switching_points
 
-    tracked = problem.goal in TRACKING
     nominal, made = problem.nominal_pair, problem.target
-    points = [
-        Point(nominal, "nominal", f"nominal pair ({numbers(nominal)})", "nominal pair"),
-        Point(made, "target", f"pair made ({numbers(made)})", "pair made"),
+    pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)
+    signs = [
+        Mark("nominal", nominal, f"nominal pair ({numbers(nominal)})", "nominal pair"),
+        Mark("target", made, f"pair made ({numbers(made)})", "pair made"),
     ]
-    if tracked and rho is not None:
-        points.append(Point(rho, "after", f"tracked contact after ({numbers(rho)})", "tracked contact after"))
-    areas, corners = [], [np.asarray(point.at, dtype=np.float64) for point in points]
+    if problem.goal in TRACKING and rho is not None:
+        signs.append(Mark("tracked", rho, f"tracked contact after ({numbers(rho)})", "tracked contact after"))
+    areas = []
     if problem.tolerance is not None:
-        minus, plus = np.transpose(problem.tolerance)
-        low, high = nominal * (1.0 - minus), nominal * (1.0 + plus)
-        corners += [low, high]
-        areas.append(Area(tuple(zip(low, high, strict=True)), "tolerance", "", "tolerance"))
+        areas.append(Mark("tolerance", tolerance_box(problem).T, "", "tolerance"))
     if problem.goal == "beyond":
-        sides = zip(made.tolist(), problem.signs.tolist(), strict=True)
-        quadrant = tuple((at, math.inf) if sign > 0 else (-math.inf, at) for at, sign in sides)
-        areas.append(Area(quadrant, "required", "", "required"))
-    window = _window(corners)
-    lines: list[Mark] = []
-    for transform, style, name in ((None, "before", "curve as drawn"), (pose, "after", "curve after the motion")):
-        if style == "before" or transform is not None:
-            curve = decision_curve(problem.movable, problem.static, box=window, transform=transform)
-            lines += [*curve_lines(curve, style, name), *(switching_points(curve) if style == "before" else ())]
+        far = np.where(problem.signs > 0, np.inf, -np.inf)
+        areas.append(Mark("required", np.sort(np.column_stack([made, far]), axis=1), "", "required"))
+    limits = window(problem, solution if problem.goal in TRACKING else None)
+    (a, b), (c, d) = limits.tolist()
+    box = (a, b), (c, d)
+    before = decision_curve(problem.movable, problem.static, box=box)
+    lines = [*curve_lines(before, "before", "curve as drawn"), *switching_points(before)]
+    if pose is not None:
+        after = decision_curve(problem.movable, problem.static, box=box, transform=pose)
+        lines += curve_lines(after, "after", "curve after the motion")
     told = f"decision curve{'' if pose is None else ' before and after the motion'}, nominal pair and pair made"
-    return plane([*areas, *lines, *points], window, told=told)
-
-
-def _window(corners: list[Array]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return a box about scale pairs with some room around, above 0."""
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-    extent = np.maximum(high - low, LEAST * high)
-    room = MARGIN * np.maximum(extent, extent.max() / 2.0)
-    (a, c), (b, d) = np.maximum(low - room, low / 2.0).tolist(), (high + room).tolist()
-    return (a, b), (c, d)
+    return plane([*areas, *lines, *signs], limits, told=told)

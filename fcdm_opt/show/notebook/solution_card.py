@@ -1,4 +1,4 @@
-"""How an answer is drawn on a notebook's card: beside its problem, with the curve after the motion."""
+"""What the cards of an answer, of its certificate and of a coherent range say."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from fcdm_opt.along.coherent_range import KINDS
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
-from fcdm_opt.show.notebook.problem_card import card_title, in_unit, scales_picture
-from fcdm_opt.show.notebook.words import Html, card, counted, listing, number, numbers, rows, sentence, table
+from fcdm_opt.show.notebook.card import Card
+from fcdm_opt.show.notebook.problem_card import card_title, scales_picture
+from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_units
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -21,35 +22,40 @@ CHECKS_SHOWN = 30
 """Checks that a certificate's card lists."""
 
 
-def solution_card(solution: Solution) -> Html:
+def mood_of(solution: Solution) -> str:
+    """Return the mood of a card about an answer."""
+    return "bad" if not solution.usable else "mind" if solution.status.name == "PAIR_OVERLAPS" else "good"
+
+
+def solution_card(solution: Solution) -> Card:
     """Return the card of an answer: the advice, the motion, how small it is, and what it does to the pair made."""
-    problem, status = solution.problem, solution.status.name
-    mood = "bad" if not solution.usable else "mind" if status == "PAIR_OVERLAPS" else "good"
-    motion, after = [], solution.rho
+    problem, after = solution.problem, solution.rho
     length, amount = problem.unit or "length", problem.amount_unit or "length"
-    for (name, kind), q, weight in zip(
-        problem.motion.parameters, solution.parameters.values(), problem.weights, strict=False
-    ):
-        unit = "deg" if kind == "rotation" else length
+    named = zip(solution.parameters.items(), parameter_units(problem), problem.weights, strict=False)
+    motion = []
+    for (name, q), unit, weight in named:
         small = abs(weight * q) <= DEFAULT.tie * solution.amount  # rounding
         motion.append((f"motion {name}", number(0.0 if small else in_unit(q, unit)), unit))
-    contact = listing("contact", [own.label for own in solution.features])
-    facts = rows(
-        [
-            *motion,
-            ("amount", number(solution.amount), f"{amount}, {solution.doubt}" if solution.doubt else amount),
-            ("proved at least", *_bound(solution, amount)),
-            ("pair made", f"({numbers(solution.pair)})"),
-            ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} {length}"),
-            ("tracked contact at", f"({numbers(after)})" if after is not None and problem.goal in TRACKING else ""),
-            ("verified", _verdict(solution)),
-            ("settled by", solution.stage),
-            ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
-        ]
+    facts = [
+        *motion,
+        ("amount", number(solution.amount), f"{amount}, {solution.doubt}" if solution.doubt else amount),
+        ("proved at least", *_bound(solution, amount)),
+        ("pair made", f"({numbers(solution.pair)})"),
+        ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} {length}"),
+        ("tracked contact at", f"({numbers(after)})" if after is not None and problem.goal in TRACKING else ""),
+        ("verified", _verdict(solution)),
+        ("settled by", solution.stage),
+        ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
+    ]
+    return Card(
+        card_title("Solution", problem),
+        said=solution.advice,
+        facts=facts,
+        lists={"contact": [feature.label for feature in solution.features]},
+        state=solution.status.name,
+        mood=mood_of(solution),
+        picture=scales_picture(problem, solution),
     )
-    picture = scales_picture(problem, solution.transform, solution.rho)
-    title = card_title("Solution", problem)
-    return card(title, sentence(solution.advice), facts, contact, state=status, mood=mood, picture=picture)
 
 
 def _bound(solution: Solution, unit: str) -> tuple[str, str]:
@@ -73,39 +79,46 @@ def _verdict(solution: Solution) -> str:
     return f"no: {', '.join(check.name for check in certificate.failed) or 'no checks'}"
 
 
-def certificate_card(certificate: Certificate) -> Html:
+def certificate_card(certificate: Certificate) -> Card:
     """Return the card: every check, those that failed first."""
     words = {True: "\u2713 passed", False: "\u2717 failed"}
     lines = [
-        (words[bool(own.passed)], own.name, number(own.value), number(own.limit), own.note)
-        for own in sorted(certificate.checks, key=lambda own: bool(own.passed))
+        (words[bool(check.passed)], check.name, number(check.value), number(check.limit), check.note)
+        for check in sorted(certificate.checks, key=lambda check: bool(check.passed))
     ]
-    told = f"{len(certificate.checks) - len(certificate.failed)} of {counted(len(certificate.checks), 'check')} passed"
-    shown = table(("check", "of", "value", "limit", "note"), lines, most=CHECKS_SHOWN)
-    state, mood = ("passed", "good") if certificate.passed else ("not passed", "bad")
-    return card("Certificate", sentence(told), shown, state=state, mood=mood)
+    held = len(certificate.checks) - len(certificate.failed)
+    return Card(
+        "Certificate",
+        said=f"{held} of {counted(len(certificate.checks), 'check')} passed",
+        tables=[(("check", "of", "value", "limit", "note"), lines)],
+        state="passed" if certificate.passed else "not passed",
+        mood="good" if certificate.passed else "bad",
+        most=CHECKS_SHOWN,
+    )
 
 
-def range_card(found: CoherentRange) -> Html:
+def range_card(coherent: CoherentRange) -> Card:
     """Return the card: the interval, the motion at both ends, and what ends it there."""
-    describe = partial(found.problem.motion.describe, unit=found.problem.unit)
+    describe = partial(coherent.problem.motion.describe, unit=coherent.problem.unit)
     ends = [
         (
             side,
-            number(own.x, 9),
-            describe(own.x * found.direction) if math.isfinite(own.x) else "-",
-            own.what or KINDS[own.kind],
-            "; ".join(new.label for new in own.successors),
+            number(event.x, 9),
+            describe(event.x * coherent.direction) if math.isfinite(event.x) else "-",
+            event.what or KINDS[event.kind],
+            "; ".join(feature.label for feature in event.successors),
         )
-        for side, own in zip(("low", "high"), found.events, strict=True)
+        for side, event in zip(("low", "high"), coherent.events, strict=True)
     ]
-    facts = rows(
-        [
-            ("from, to", f"{number(found.low, 9)}, {number(found.high, 9)}"),
-            ("in multiples of", describe(found.direction)),
-            ("contact", " & ".join(own.label for own in found.features)),
-        ]
+    facts = [
+        ("from, to", f"{number(coherent.low, 9)}, {number(coherent.high, 9)}"),
+        ("in multiples of", describe(coherent.direction)),
+        ("contact", " & ".join(feature.label for feature in coherent.features)),
+    ]
+    return Card(
+        "Coherent range",
+        facts=facts,
+        tables=[(("end", "x", "motion there", "what ends it", "takes over"), ends)],
+        state="proved" if coherent.proved else "not all proved",
+        mood="good" if coherent.proved else "mind",
     )
-    shown = table(("end", "x", "motion there", "what ends it", "takes over"), ends)
-    state, mood = ("proved", "good") if found.proved else ("not all proved", "mind")
-    return card("Coherent range", facts, shown, state=state, mood=mood)

@@ -15,15 +15,14 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn, plain
-from fcdm_opt.show.plots import tolerance_box, window
-from fcdm_opt.show.remarks import remarks
+from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
-from fcdm_opt.show.report.frames import Frames, shown_parameters
-from fcdm_opt.show.report.left_out import left_out
+from fcdm_opt.show.report.frames import Frames
 from fcdm_opt.show.report.scenes import scene
+from fcdm_opt.show.scales import tolerance_box, window
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.tables import advised, asked_text, bound_text, motion_text
+from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 PROOF = "proof"
@@ -63,7 +62,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "lower_bound": plain(solution.lower_bound),
         "gap": plain(solution.gap),
         "doubt": solution.doubt,
-        "bound_text": bound_text(solution).replace("\n", ", "),
+        "bound_text": bound_line(solution),
         "published": published if problem.published_text or problem.published is not None else None,
         "touch_amount": plain(case.touch_amount),
         "parameters": _parameters(problem, solution),
@@ -83,7 +82,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
 def _parameters(problem: Problem, solution: Solution) -> list[dict[str, Any]]:
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
-    shown = shown_parameters(problem, solution.parameters)
+    shown = parameter_texts(problem, solution.parameters)
     return [
         {"name": name, "value": value, "unit": kinds[name], "shown": text}
         for (name, value), text in zip(solution.parameters.items(), shown, strict=True)
@@ -127,7 +126,7 @@ def _grounds(solution: Solution) -> dict[str, Any]:
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
     listed = [("movable", problem.movable), ("static", problem.static)]
     listed += [("keep-out", keep_out.body) for keep_out in problem.keep_out]
-    found = [
+    told = [
         {
             "name": body.name,
             "role": role,
@@ -139,11 +138,11 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
         }
         for role, body in listed
     ]
-    for own, keep_out in zip(found[2:], problem.keep_out, strict=True):
+    for body, keep_out in zip(told[2:], problem.keep_out, strict=True):
         low, high = keep_out.ends
         scale = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-        own["notes"].insert(0, f"scale {scale}, clearance {measured(f'{keep_out.clearance:g}', problem.unit)}")
-    return found
+        body["notes"].insert(0, f"scale {scale}, clearance {measured(f'{keep_out.clearance:g}', problem.unit)}")
+    return told
 
 
 def _modelled(solution: Solution) -> list[dict[str, Any]]:
@@ -160,23 +159,23 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     """Return what the proof is made of, and whether the judge passed it."""
     if solution.evidence is None:
         return None
-    own = solution.evidence
+    evidence = solution.evidence
     checks = [] if solution.certificate is None else solution.certificate.checks
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
-    text = f"{len(own.reasons)} cells of motions that will not do, in {len(own.fronts)} columns of directions"
-    beside = not solution.status.found and np.isfinite(own.bound)  # a closed form says more: that nothing does
-    return {"bound": plain(own.bound), "text": text, "checked": all(proof) if proof and not beside else None}
+    text = f"{len(evidence.reasons)} cells of motions that will not do, in {len(evidence.fronts)} columns of directions"
+    beside = not solution.status.found and np.isfinite(evidence.bound)  # a closed form says more: that nothing does
+    return {"bound": plain(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not solution.status.found:
         return None
-    found = solution.sensitivity
+    derivatives = solution.sensitivity
     text = "first derivatives of the least amount"
-    if not found.exists:
-        why = "; ".join(found.reasons)
+    if not derivatives.exists:
+        why = "; ".join(derivatives.reasons)
         text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
-    return {"bars": [plain(bar._asdict()) for bar in bars(found, solution.problem)], "text": text}
+    return {"bars": [plain(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
 
 
 # ------------------------------------------------------------------------------------------------------------ pictures

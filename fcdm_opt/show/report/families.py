@@ -14,9 +14,9 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show.report.frames import Frames, shown_parameters
-from fcdm_opt.show.tables import motion_text
-from fcdm_opt.solver import solve
+from fcdm_opt.show.report.frames import Frames
+from fcdm_opt.show.solved import solved_again
+from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 FACTORS = tuple(k / 10 for k in range(21))
@@ -45,7 +45,7 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
         if factor == AS_ASKED:
             return frames.solved(solution)
         try:
-            return frames.solved(solve(resized(problem, factor), effort="quick"))
+            return frames.solved(solved_again(problem, effort="quick", **_resized(problem, factor)))
         except InputError:
             refused.append(factor)
             return None
@@ -60,17 +60,11 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
     }
 
 
-def resized(problem: Problem, factor: float) -> Problem:
-    """Return the same question with all tolerances, or the way from the nominal pair to the target, times a factor.
-
-    Raises
-    ------
-    InputError
-        Where the problem does not allow that target.
-    """
+def _resized(problem: Problem, factor: float) -> dict[str, Any]:
+    """Return what makes all tolerances, or the way from the nominal pair to the target, so many times as large."""
     if problem.tolerance is not None:
-        return problem.changed(tolerance=tuple(map(tuple, (factor * problem.tolerance).tolist())))
-    return problem.changed(target=tuple(target_at(problem, factor).tolist()))
+        return {"tolerance": tuple(map(tuple, (factor * problem.tolerance).tolist()))}
+    return {"target": tuple(target_at(problem, factor).tolist())}
 
 
 def target_at(problem: Problem, factor: float) -> Array:
@@ -94,7 +88,6 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
     if solution.transform is None or not q.any():
         return None
     problem, task = solution.problem, Task.of(solution.problem)
-
     lost: list[float] = []
 
     def frame(share: float) -> dict[str, Any] | None:
@@ -113,7 +106,7 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
             motion=motion_text(replace(solution, parameters=values, amount=amount)),
             amount=amount,
             gap=task.gap(here),
-            parameters=shown_parameters(problem, values),
+            parameters=parameter_texts(problem, values),
             note=_limits_passed(problem, here),
         )
 
@@ -131,7 +124,7 @@ def _limits_passed(problem: Problem, q: Array) -> str:
     slack = DEFAULT.requirement * problem.length / problem.weights
     low, high = problem.limits.T
     beyond = (q < low - slack) | (q > high + slack)
-    names = [own.name for own, passed in zip(problem.motion.parameters, beyond, strict=True) if passed]
+    names = [parameter.name for parameter, passed in zip(problem.motion.parameters, beyond, strict=True) if passed]
     return f"beyond the limits of {', '.join(names)}" if names else ""
 
 
@@ -143,17 +136,17 @@ def _refined(
 ) -> tuple[dict[float, dict[str, Any]], list[str]]:
     """Return frames by value, increasing, and what to say where the time did not suffice for all."""
     end = perf_counter() + seconds
-    found: dict[float, dict[str, Any]] = {}
+    frames: dict[float, dict[str, Any]] = {}
     asked = 0
     for value in _coarse_to_fine(values):
         if asked >= LEAST and perf_counter() > end:
             break
         asked += 1
-        own = frame(value)
-        if own is not None:
-            found[value] = own
+        made = frame(value)
+        if made is not None:
+            frames[value] = made
     late = [f"{asked} of {len(values)} values: the others were left out for time"] if asked < len(values) else []
-    return dict(sorted(found.items())), late
+    return dict(sorted(frames.items())), late
 
 
 def _coarse_to_fine(values: Sequence[float]) -> Iterator[float]:
@@ -162,13 +155,13 @@ def _coarse_to_fine(values: Sequence[float]) -> Iterator[float]:
     yield from chosen
     left = [value for value in values if value not in chosen]
     while left:
-        farthest = max(left, key=lambda value: (round(min(abs(value - own) for own in chosen), 9), -value))
+        farthest = max(left, key=lambda value: (round(min(abs(value - before) for before in chosen), 9), -value))
         left.remove(farthest)
         chosen.append(farthest)
         yield farthest
 
 
-def _listed(found: dict[float, dict[str, Any]], shown: list[str]) -> dict[str, Any]:
-    values = list(found)
+def _listed(frames: dict[float, dict[str, Any]], shown: list[str]) -> dict[str, Any]:
+    values = list(frames)
     start = values.index(AS_ASKED)
-    return {"values": values, "shown": shown, "start": start, "frames": list(found.values())}
+    return {"values": values, "shown": shown, "start": start, "frames": list(frames.values())}

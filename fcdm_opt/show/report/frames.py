@@ -19,13 +19,12 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY
-from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn
-from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.report.scenes import Shapes
-from fcdm_opt.show.tables import motion_text
+from fcdm_opt.show.report.scenes import ContactShapes
+from fcdm_opt.show.scales import reaching
+from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 NO_MOTION = "none"
@@ -45,7 +44,7 @@ class Frames:
     ----------
     box : pair of intervals
         Scales over which curves are listed: those of the problem's box and of the window.
-    shapes : Shapes
+    shapes : ContactShapes
         Of the features that are in contact in some frame.
     """
 
@@ -55,7 +54,7 @@ class Frames:
         self._labels: dict[Feature, int] = {}
         self._moved: tuple[Array | None, DecisionCurve] = None, self._rest
         self.box: Box = self._rest.box
-        self.shapes = Shapes(problem.movable, problem.static)
+        self.shapes = ContactShapes(problem.movable, problem.static)
 
     @property
     def labels(self) -> list[str]:
@@ -75,7 +74,7 @@ class Frames:
             motion=motion_text(solution),
             amount=solution.amount,
             gap=solution.pair_gap,
-            parameters=shown_parameters(self._problem, solution.parameters),
+            parameters=parameter_texts(self._problem, solution.parameters),
             status=solution.status.name,
             usable=solution.usable,
             note=note,
@@ -182,24 +181,24 @@ class Frames:
         if state != "touching":
             return none
         place = np.asarray(sizes)
-        found = curve.locate(place)
-        if found is None:  # touching within `contact_slack`, which is wider than a place on the curve
+        place_on = curve.locate(place)
+        if place_on is None:  # touching within `contact_slack`, which is wider than a place on the curve
             place = curve.nearest(place)
             if not (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all():
                 return none
-            found = curve.locate(place)
-        if found is None:
+            place_on = curve.locate(place)
+        if place_on is None:
             return none
         sets: dict[Feature, list[Array]] = {}
-        if isinstance(found, SwitchingPoint):
-            for contact, corners in zip(found.touching, found.contact_sets, strict=True):
+        if isinstance(place_on, SwitchingPoint):
+            for contact, corners in zip(place_on.touching, place_on.contact_sets, strict=True):
                 sets.setdefault(contact.feature, []).append(corners)
             return _places(sets)
-        bodies, piece = (self._problem.movable, self._problem.static), found.piece_at(place)
+        bodies, piece = (self._problem.movable, self._problem.static), place_on.piece_at(place)
         others = meetings(*bodies, curve.pose, place, DEFAULT.nominal * self._problem.size)
         met = [Meeting(piece.parts, piece.contact), *(other for other in others if other.parts != piece.parts)]
-        for own in met:
-            sets.setdefault(own.contact.feature, []).append(shared(bodies, curve.pose, own, place))
+        for meeting in met:
+            sets.setdefault(meeting.contact.feature, []).append(shared(bodies, curve.pose, meeting, place))
         return _places(sets)
 
     def _lost(self, curve: DecisionCurve, rho: Array | None) -> str:
@@ -222,15 +221,6 @@ def _places(sets: Mapping[Feature, list[Array]]) -> tuple[Array, tuple[Feature, 
 
     def place(shares: list[Array]) -> Array:
         whole = middle(shares)
-        return min((own.mean(axis=0) for own in shares), key=lambda point: float(np.linalg.norm(point - whole)))
+        return min((share.mean(axis=0) for share in shares), key=lambda point: float(np.linalg.norm(point - whole)))
 
     return np.array([place(shares) for shares in sets.values()]), tuple(sets)
-
-
-def shown_parameters(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
-    """Return parameters in words: lengths with their unit, if it is known, angles in degrees."""
-    kinds = [parameter.kind for parameter in problem.motion.parameters]
-    return [
-        measured(f"{x:.6g}", problem.unit) if kind == "translation" else f"{math.degrees(x):.6g} deg"
-        for kind, x in zip(kinds, parameters.values(), strict=False)
-    ]

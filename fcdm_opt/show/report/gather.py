@@ -138,7 +138,7 @@ def _meshes(path: Path) -> list[str]:
         return []
     bodies = contents.get("bodies", {})
     tables = [*(bodies.values() if isinstance(bodies, dict) else ()), *contents.get("keep_out", ())]
-    named = [own["file"] for own in tables if isinstance(own, dict) and isinstance(own.get("file"), str)]
+    named = [table["file"] for table in tables if isinstance(table, dict) and isinstance(table.get("file"), str)]
     return list(dict.fromkeys(named))
 
 
@@ -166,4 +166,4 @@ def _tolerances() -> list[list[Any]]:
         else:
             name = line.strip()
             meanings[name] = []
-    return [[own.name, getattr(DEFAULT, own.name), " ".join(meanings[own.name])] for own in fields(Tolerances)]
+    return [[each.name, getattr(DEFAULT, each.name), " ".join(meanings[each.name])] for each in fields(Tolerances)]

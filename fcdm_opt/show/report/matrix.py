@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import plain
-from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.tables import bound_text, motion_text
-from fcdm_opt.solver import solve
-
-
-@dataclass
-class _Table:
-    """Cases that ask the same but for the requirement: letter -> (number of the case, case)."""
-
-    question: Any
-    cells: dict[str, tuple[int, SolvedCase]] = field(default_factory=dict)
+from fcdm_opt.show.solved import SolvedCase, solved_again
+from fcdm_opt.show.texts import bound_line, motion_text, tolerance_text
 
 
 def matrices(problems: Sequence[Problem], cases: Sequence[SolvedCase], *, first: int = 0) -> list[dict[str, Any]]:
@@ -38,19 +28,17 @@ def matrices(problems: Sequence[Problem], cases: Sequence[SolvedCase], *, first:
     first : int
         Number of the first case in the report.
     """
-    tables: list[_Table] = []
-    asked: list[Problem] = []
+    tables: list[tuple[Any, Problem, dict[str, tuple[int, Solution]]]] = []
     for number, (problem, case) in enumerate(zip(problems, cases, strict=True), first):
         if problem.requirement is None:
             continue
         question, letter = _question(problem), problem.requirement
-        table = next((own for own in tables if own.question == question and letter not in own.cells), None)
-        if table is None:
-            table = _Table(question)
-            tables.append(table)
-            asked.append(problem)
-        table.cells[letter] = number, case
-    return [_listed(table, problem) for table, problem in zip(tables, asked, strict=True)]
+        cells = next((cells for asked, _, cells in tables if asked == question and letter not in cells), None)
+        if cells is None:
+            cells = {}
+            tables.append((question, problem, cells))
+        cells[letter] = number, case.solution
+    return [_listed(problem, cells) for _, problem, cells in tables]
 
 
 def _question(problem: Problem) -> tuple[Any, ...]:
@@ -69,51 +57,39 @@ def _question(problem: Problem) -> tuple[Any, ...]:
     )
 
 
-def _listed(table: _Table, first: Problem) -> dict[str, Any]:
-    names = [case.solution.problem.name for _, case in table.cells.values()]
-    cells = {
-        letter: _known(*table.cells[letter]) if letter in table.cells else _missing(first, letter) for letter in SIGNS
-    }
+def _listed(first: Problem, known: dict[str, tuple[int, Solution]]) -> dict[str, Any]:
+    names = [solution.problem.name for _, solution in known.values()]
+    cells = {letter: _cell(*known[letter]) if letter in known else _missing(first, letter) for letter in SIGNS}
     return {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first), "cells": cells}
-
-
-def tolerance_text(problem: Problem) -> str:
-    """Return the tolerances: "2 %", or both bodies' downward and upward ones where they differ."""
-    rows = [] if problem.tolerance is None else (100.0 * problem.tolerance).tolist()
-    if len({x for row in rows for x in row}) == 1:
-        return f"{rows[0][0]:.6g} %"
-    texts = [f"{minus:.6g} %" if minus == plus else f"-{minus:.6g} / +{plus:.6g} %" for minus, plus in rows]
-    return ", ".join(f"rho_{k} {text}" for k, text in enumerate(texts, 1))
-
-
-def _known(number: int, case: SolvedCase) -> dict[str, Any]:
-    return {"case": number, **_cell(case.solution), "from_file": True, "note": ""}
 
 
 def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
-        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
+        solution = solved_again(first, requirement=letter, name="", published=None, published_text="")
     except InputError as reason:
         nothing = {
             **dict.fromkeys(("amount", "bound", "published")),
             **{"motion": "-", "bound_text": "", "pair_state": "unknown", "status": "", "verified": False},
         }
         return {"case": None, **nothing, "from_file": False, "note": f"{note}; {reason}"}
-    return {"case": None, **_cell(solution), "from_file": False, "note": note}
+    return _cell(None, solution, note=note)
 
 
-def _cell(solution: Solution) -> dict[str, Any]:
+def _cell(case: int | None, solution: Solution, *, note: str = "") -> dict[str, Any]:
     return {
+        "case": case,
         "motion": motion_text(solution),
         "amount": plain(solution.amount),
         "amount_unit": solution.problem.amount_unit,
         "doubt": solution.doubt,
         "bound": plain(solution.lower_bound),
-        "bound_text": bound_text(solution).replace("\n", ", "),
+        "bound_text": bound_line(solution),
         "published": solution.problem.published_text or None,
         "pair_state": solution.pair_state,
         "status": solution.status.name,
         "verified": solution.usable,
+        "from_file": case is not None,
+        "note": note,
     }

@@ -32,13 +32,13 @@ def scene(problem: Problem) -> dict[str, Any]:
 
 def _surface(body: Body) -> dict[str, Any]:
     """Return the body's own faces as triangles and its true edges; each corner is listed once."""
-    rows = _Rows()
+    rows = _Corners()
     triangles = [fan for polygon in own_polygons(body) for fan in _fans(rows.of(polygon))]
     edges = [rows.of(ends) for ends in true_edges(body).values()]
     return {"points": drawn(rows.points), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
 
 
-class _Rows:
+class _Corners:
     """Points, each listed once, in the order in which they were first asked for."""
 
     def __init__(self) -> None:
@@ -47,13 +47,13 @@ class _Rows:
 
     def of(self, corners: Array) -> list[int]:
         """Return the rows of points (k, 3)."""
-        found = []
+        places = []
         for corner in corners + 0.0:  # -0.0 and 0.0 are one
             row = self._known.setdefault(corner.tobytes(), len(self.points))
             if row == len(self.points):
                 self.points.append(corner)
-            found.append(row)
-        return found
+            places.append(row)
+        return places
 
 
 def _fans(loop: list[int]) -> list[list[int]]:
@@ -61,7 +61,7 @@ def _fans(loop: list[int]) -> list[list[int]]:
     return [[loop[0], loop[k], loop[k + 1]] for k in range(1, len(loop) - 1)]
 
 
-class Shapes:
+class ContactShapes:
     """The features that frames name, each once, with what to draw for it.
 
     Parameters
@@ -93,7 +93,7 @@ class Shapes:
 
 
 def _shape(place: int, body: Body, element: Element) -> dict[str, Any]:
-    rows, triangles = _Rows(), list[list[int]]()
+    rows, triangles = _Corners(), list[list[int]]()
     if element.kind == "F":
         triangles = [fan for polygon in face_polygons(body, element) for fan in _fans(rows.of(polygon))]
     else:

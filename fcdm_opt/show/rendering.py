@@ -1,0 +1,71 @@
+"""HTML from the folder `templates`: texts are escaped wherever they stand, equal data give equal bytes."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.show.texts import NONE, number, shown, status_text
+
+LONGEST = 160
+"""Characters of a text that a card shows; faces with hundreds of corners have labels of thousands."""
+
+UNMEASURED = (NONE, "impossible")
+"""Texts that stand for a number and take no unit."""
+
+
+def rendered(template: str, **data: Any) -> str:
+    """Return a template of this package filled with plain data; a name that is not there is an error."""
+    made: str = environment().get_template(template).render(**data)
+    return made
+
+
+def source(name: str) -> str:
+    """Return a script or style sheet beside the templates, as it is."""
+    text: str = environment().loader.get_source(environment(), name)[0]
+    return text
+
+
+@cache
+def environment() -> Any:
+    """Return where templates are found, with the filters that they use; jinja2 is imported here, when one is drawn."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("fcdm_opt.show"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {
+        "clean": cleaned,
+        "in_unit": in_unit,
+        "number": number,
+        "paragraphs": paragraphs,
+        "shown": shown,
+        "words": status_text,
+    }
+    return made
+
+
+def cleaned(text: object, longest: int = LONGEST) -> str:
+    """Return a text without what no page may hold, on one line, and its middle left out where it is too long."""
+    whole = str(text).encode("utf-8", "replace").decode()
+    half = longest // 2
+    if len(whole) > longest:
+        whole = f"{whole[:half]} \u2026 {whole[-half:]}"
+    kept = "".join(sign if sign.isprintable() or sign.isspace() else "\ufffd" for sign in whole)
+    return " ".join(kept.split())
+
+
+def paragraphs(text: str | None) -> list[str]:
+    """Return the paragraphs of a text, which are parted by empty lines."""
+    return [line for piece in re.split(r"\n\s*\n", text or "") if (line := " ".join(piece.split()))]
+
+
+def in_unit(text: str, unit: str | None) -> str:
+    """Return a number with its unit, alone where there is no unit or no number."""
+    return text if text in UNMEASURED else measured(text, unit or "")

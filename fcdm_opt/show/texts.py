@@ -1,0 +1,172 @@
+"""How numbers, answers and questions are told in words: the one place for terminal, pictures, cards and reports."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from fcdm_opt.geometry.units import floored, measured
+
+if TYPE_CHECKING:
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.show.solved import SolvedCase
+
+NONE = "\u2013"
+"""An en dash, where a page has no value."""
+
+CLOSED = 1e-9  # relative gap of a closed form
+NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
+NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
+NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( \w+)?")
+
+UNUSABLE = {
+    "INFEASIBLE": "impossible",
+    "OUTSIDE_FIT": "outside the fit",
+    "NOT_VERIFIED": "not verified",
+    "NOT_IN_STEPS": "none in whole steps",
+    "LEFT_COHERENT_RANGE": "only beyond coherent range",
+}
+"""Outcomes without a motion to use, by name of the status; all others are "no motion found"."""
+
+
+# ------------------------------------------------------------------------------------------------------- words, numbers
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """Return a number; a dash for nan and None."""
+    if value is None or math.isnan(value):
+        return "-"
+    return f"{float(value):.{digits}g}" if math.isfinite(value) else "infinite" if value > 0 else "-infinite"
+
+
+def numbers(values: Iterable[float | None], digits: int = 6) -> str:
+    """Return numbers, separated by commas."""
+    return ", ".join(number(value, digits) for value in values)
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number of things: "1 part", "2 parts"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def shown(value: Any, digits: int = 6) -> str:
+    """Return a value of JSON: numbers with so many digits, lists with commas, an en dash for nothing."""
+    if value is None or value == "":
+        return NONE
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.{digits}g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(shown(item, digits) for item in value) or NONE
+    return str(value)
+
+
+def status_text(status: str) -> str:
+    """Return the name of a status in words."""
+    return status.lower().replace("_", " ")
+
+
+def shortened(text: str, longest: int) -> str:
+    """Return a text of at most so many letters, its end left out where it is longer."""
+    return text if len(text) <= longest else f"{text[: longest - 3]}..."
+
+
+# ------------------------------------------------------------------------------------------------------------- question
+
+
+def asked_text(problem: Problem) -> str:
+    """Return requirement and signs, or the target."""
+    if problem.requirement:
+        signs = ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs)
+        return f"{problem.requirement} ({signs})"
+    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
+
+
+def tolerance_text(problem: Problem) -> str:
+    """Return the tolerances: "2 %", or both bodies' downward and upward ones where they differ."""
+    rows = [] if problem.tolerance is None else (100.0 * problem.tolerance).tolist()
+    if len({x for row in rows for x in row}) == 1:
+        return f"{rows[0][0]:.6g} %"
+    texts = [f"{minus:.6g} %" if minus == plus else f"-{minus:.6g} / +{plus:.6g} %" for minus, plus in rows]
+    return ", ".join(f"rho_{k} {text}" for k, text in enumerate(texts, 1))
+
+
+def units_text(unit: str) -> str:
+    """Return what the numbers of a table are in."""
+    return f"lengths in {unit}, angles in degrees"
+
+
+def parameter_units(problem: Problem) -> list[str]:
+    """Return what each parameter is shown in: the unit of lengths, or degrees."""
+    return ["deg" if kind == "rotation" else problem.unit or "length" for _, kind in problem.motion.parameters]
+
+
+def in_unit(value: float, unit: str) -> float:
+    """Return a parameter in the unit that it is shown in."""
+    return math.degrees(value) if unit == "deg" else value
+
+
+def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
+    """Return parameters in words: lengths with their unit, if it is known, angles in degrees."""
+    named = zip(parameter_units(problem), parameters.values(), strict=False)
+    return [measured(f"{in_unit(x, unit):.6g}", unit if unit == "deg" else problem.unit) for unit, x in named]
+
+
+# --------------------------------------------------------------------------------------------------------------- answer
+
+
+def motion_text(solution: Solution, *, unit: bool = True) -> str:
+    """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
+    weighted = zip(solution.parameters.values(), solution.problem.weights, strict=False)
+    values = [q if abs(w * q) > NOTHING * solution.amount else 0.0 for q, w in weighted]
+    if not values:
+        return "-"
+    problem = solution.problem
+    steps = problem.motion.describe(values, unit=problem.unit if unit else "").split(" + ")
+    kept = [step for step in steps if not NO_STEP.fullmatch(step)]
+    return " + ".join(kept or steps[:1])
+
+
+def amount_text(amount: float | None, unit: str = "") -> str:
+    """Return an amount to five digits, with its unit where one is given."""
+    return "-" if amount is None or not math.isfinite(amount) else measured(f"{amount:.5g}", unit)
+
+
+def bound_text(solution: Solution) -> str:
+    """Return the lower bound, rounded down to five digits, and below it how near the amount it comes."""
+    if not math.isfinite(solution.lower_bound):
+        return "impossible"
+    if not solution.lower_bound > 0:
+        return "0"
+    rounded = floored(solution.lower_bound, 5)
+    if not math.isfinite(solution.gap):
+        return rounded
+    if abs(solution.gap) < CLOSED:
+        return f"{amount_text(solution.amount)}\nexact"
+    return f"{rounded}\n" + (f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it")
+
+
+def bound_line(solution: Solution) -> str:
+    """Return the lower bound and how near it is, on one line."""
+    return bound_text(solution).replace("\n", ", ")
+
+
+def outcome_text(solution: Solution) -> str:
+    """Return how a solve ended, in words for the cell of a table."""
+    return "verified" if solution.usable else UNUSABLE.get(solution.status.name, "no motion found")
+
+
+def advised(case: SolvedCase) -> str:
+    """Return a case's advice, and up to which tolerance the parts fit where that is known."""
+    told, fits = case.solution.advice, case.fits_up_to
+    if fits is None:
+        return told
+    table = case.solution.problem.tolerance
+    if not fits > 0.0 or table is None:
+        return f"{told} The parts fit at no tolerance."
+    others = "" if table.max() == table.min() else ", the largest of these tolerances"
+    return f"{told} The parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
