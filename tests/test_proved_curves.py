@@ -230,7 +230,7 @@ def test_the_region_of_a_pair_stands_alone():
 
 @pytest.mark.skipif(PLAIN, reason="nothing is compiled")
 def test_the_first_call_says_that_it_compiles_and_later_processes_do_not(tmp_path: Path) -> None:
-    """A small kernel stands for all: they share cache and announcement."""
+    """A small kernel stands for all: they share what is kept and what is said."""
     call = "import numpy as np; from fcdm_opt.curve import kernels; kernels.first_not_rigid(np.eye(4)[None], 1e-9)"
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     first, second = (

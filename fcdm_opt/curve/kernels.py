@@ -1,4 +1,4 @@
-"""All numba kernels, in one file (the disk cache does not follow imports between files).
+"""The kernels of the decision curve.
 
 They take a part's packed arrays (`packing`: vertices relative to the seed, face normals with error bounds, half-edges)
 and a pose, (12,): the rotation R of body 1, row by row, then d = s_2 - s_1 with the moved seed. Body 1 stays in its own
@@ -11,13 +11,9 @@ in world axes, and the contact line a rho_1 + b rho_2 = c.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
-from typing import Any
-
-import numba
 import numpy as np
-from numba.core import event
+
+from fcdm_opt.compiling import kernel, light, step
 
 F1V2, V1F2, E1E2 = 0, 1, 2
 # how a walk ended: done, left to exact arithmetic, no room for the answer, no overlap at any scale pair
@@ -42,44 +38,6 @@ LOST = 2.0**-40  # an offset that cancels to less than this is known to too few 
 R, D, COFACTORS, D_OWN = 0, 9, 12, 21
 RADIUS_1, RADIUS_2, OFFSET_BOUND, APEX_BOUND_1, APEX_BOUND_2, RAY_BOUND_1, RAY_BOUND_2, SPOKE_BOUND = range(24, 32)
 SIZE, FRAME = 32, 33
-
-
-class _Announcement(event.Listener):
-    """Says once that kernels are being compiled; those found in the cache are not."""
-
-    said = False
-
-    def on_start(self, event: Any) -> None:
-        if not self.said and event.data["dispatcher"].py_func.__module__ == __name__:
-            self.said = True
-            logging.getLogger("fcdm_opt").warning(
-                "compiling numerical kernels that were not used before: minutes in all, kept for later runs"
-            )
-
-    def on_end(self, event: Any) -> None:
-        pass
-
-
-event.register("numba:compile", _Announcement())
-
-
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile with the options all kernels share.
-
-    Cached, as compiling takes seconds; no fastmath, as NaN and the order of sums matter; no bounds checks; "numpy"
-    division, so that nothing tests for zero twice.
-    """
-    try:
-        return numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    except RuntimeError:  # nowhere to write a cache: compile anew in every process
-        return numba.njit(error_model="numpy", nogil=True)(function)
-
-
-def step(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile into every kernel that calls it: handing over six arrays costs more than most steps of the walk."""
-    # nothing is allocated here, so arrays need no counting of references, which would take half of the time
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "_nrt": False}
-    return numba.njit(**options)(function)
 
 
 # ------------------------------------------------------------------------------------------------- vectors as tuples
@@ -230,6 +188,7 @@ def _set_pose(transform, seed1, seed2, pose):
     return np.abs(pose[9]) + np.abs(pose[10]) + np.abs(pose[11]) > LOST * size
 
 
+@light
 @kernel
 def relative_pose(transform, seed1, seed2):
     """Return the pose, (12,), of a 4 x 4 transform of body 1: R row by row, then d = s_2 - moved s_1."""
@@ -991,6 +950,7 @@ def _excluded(reals1, ints1, reals2, ints2, frame, n):
     return False
 
 
+@light
 @kernel
 def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     """Walk the overlay of the two Gauss maps along the boundary of the pair's overlap region in the open quadrant.
@@ -1080,6 +1040,7 @@ def _on_border(line, box, border):
     return (line[2] - line[1] * box[border]) / line[0], box[border]
 
 
+@light
 @kernel
 def state_in_box(rows, points, chains, box, least, sure):
     """Return CONTACT where a walked curve passes a box; else WALKED where the bodies are apart in it, or OVERLAPPING.
@@ -1098,6 +1059,7 @@ def state_in_box(rows, points, chains, box, least, sure):
     return _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
 
 
+@light
 @kernel
 def clip(start, end, endless, line, box, least):
     """Return what `_clip` does, for callers from Python."""
@@ -1236,6 +1198,7 @@ def _starts_before(points, chains, one, two):
     return p[0] < q[0] or (p[0] == q[0] and p[1] < q[1])
 
 
+@light
 @kernel
 def piece_table(rows, points, chains):
     """Return what a walk's pieces are as stretches of lines, (k, 6), chain by chain with the overlap on the left.
@@ -1263,6 +1226,7 @@ def piece_table(rows, points, chains):
 # ----------------------------------------------------------------------------------------------- all facet directions
 
 
+@light
 @kernel
 def facet_rows(reals1, ints1, reals2, ints2, pose):
     """Return sites and rows of all facet directions of the Minkowski difference.
@@ -1402,6 +1366,7 @@ def _list(sites, rows, k, kind, i, j, row):
     rows[k, 3], rows[k, 4], rows[k, 5] = row[1], row[2], row[3]
 
 
+@light
 @kernel
 def least_separation(reals1, ints1, reals2, ints2, pose, rho):
     """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2.
@@ -1415,6 +1380,7 @@ def least_separation(reals1, ints1, reals2, ints2, pose, rho):
     return best
 
 
+@light
 @kernel
 def separation(reals1, ints1, reals2, ints2, pose, rho, n):
     """Return the separation c - a rho_1 - b rho_2 along one unit direction from body 1 to body 2."""
@@ -1429,6 +1395,7 @@ def separation(reals1, ints1, reals2, ints2, pose, rho, n):
 # ------------------------------------------------------------------------------------------- a feature that is tracked
 
 
+@light
 @kernel
 def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
     """Return the row of a site at a pose; parallel edges give nan.
@@ -1653,6 +1620,7 @@ def relevant_pairs(
     )  # fmt: skip
 
 
+@light
 @kernel
 def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, rho):
     """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2).
@@ -1703,6 +1671,7 @@ def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1,
     return gaps, owners
 
 
+@light
 @kernel
 def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     """Return a lower bound of each part pair's distance at a scale pair, (parts 1, parts 2); negative where unknown.
@@ -1724,6 +1693,7 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     return bounds
 
 
+@light
 @kernel
 def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
     """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import kernel, step
+from fcdm_opt.compiling import kernel, step
 
 LOW_1, LOW_2, HIGH_1, HIGH_2, RIM = range(5)  # places in `bounds`: the box, and how far outside it is still inside
 CHUNK = 512  # pairs: what is known of them between two loops stays in the innermost cache
