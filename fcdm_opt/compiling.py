@@ -274,25 +274,24 @@ def stamp_of(function: Any) -> str:
     known = _STAMPS.get(function)
     if known is None:
         _STAMPS[function] = ""  # where it calls itself
-        parts = (
-            _OPTIONS,
-            _STEP,
-            function.__defaults__,
-            *_read(function.__code__, function.__globals__, function.__doc__),
-        )
-        known = _STAMPS[function] = hashlib.sha256(repr(parts).encode()).hexdigest()
+        cells = [cell.cell_contents for cell in function.__closure__ or ()]
+        said = _read(function.__code__, function, cells)
+        known = _STAMPS[function] = hashlib.sha256(
+            repr((_OPTIONS, _STEP, function.__defaults__, said)).encode()
+        ).hexdigest()
     return known
 
 
-def _read(code: CodeType, names: dict[str, Any], doc: str | None) -> list[Any]:
-    """Return what some code says, but for docstrings and lines, and what stands behind the names that it uses."""
+def _read(code: CodeType, function: Any, values: list[Any]) -> list[Any]:
+    """Return what some code of a function says, but for its docstring and lines, and what stands behind its names."""
     said: list[Any] = [code.co_code, code.co_names, code.co_argcount, code.co_varnames]
     for k, constant in enumerate(code.co_consts):
         if isinstance(constant, CodeType):
-            said += _read(constant, names, None)
-        elif k or constant != doc:
+            said += _read(constant, function, [])
+        elif k or constant != function.__doc__:
             said.append(constant)
-    values = [names[name] for name in code.co_names if name in names]
+    names = function.__globals__
+    values += [names[name] for name in code.co_names if name in names]
     for value in values:
         value = getattr(value, "py_func", value)
         if isinstance(value, FunctionType):

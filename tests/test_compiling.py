@@ -19,9 +19,24 @@ from fcdm_opt.curve import joining, kernels
 
 pytestmark = pytest.mark.skipif(PLAIN, reason="nothing is compiled")
 
-CALLEE = (
-    "from fcdm_opt.compiling import {kind}\nSHARE = {share}\n@{kind}\ndef part(x):\n    return {factor} * x + SHARE\n"
-)
+
+@step
+def times(x, k):
+    return k * x.sum()
+
+
+@kernel
+def total(x, shift):
+    return times(x, 1) + times(x, 2) + shift
+
+
+CALLEE = """
+from fcdm_opt.compiling import {kind}
+SHARE = {share}
+@{kind}
+def part(x):
+    return {factor} * x + SHARE
+"""
 CALLER = "from fcdm_opt.compiling import kernel\nfrom callee import part\n@kernel\ndef whole(x):\n    return part(x)\n"
 CALL = "import sys; sys.path.insert(0, sys.argv[1]); from caller import whole; print(whole(1.0))"
 
@@ -66,21 +81,12 @@ def test_a_stamp_tells_what_a_kernel_is_made_from_and_nothing_else() -> None:
 
 
 def test_flags_of_arrays_and_known_numbers_make_no_versions() -> None:
-    @kernel
-    def total(x, shift):
-        return inner(x, 1) + inner(x, 2) + shift
-
-    @step
-    def inner(x, k):
-        return k * x.sum()
-
-    total.py_func.__globals__["inner"] = inner
     values = np.arange(4.0)
     frozen = values.copy()
     frozen.flags.writeable = False
     assert [total(x, 0.5) for x in (values, frozen, values, frozen)] == [18.5] * 4
     assert len(total.signatures) == 1
-    assert len(inner.signatures) == 1
+    assert len(times.signatures) == 1
     assert total(np.arange(8.0)[::2], 0.5) == 36.5  # not contiguous: served all the same
 
 
@@ -106,5 +112,5 @@ def test_a_kernel_that_others_call_answers_from_python_too() -> None:
 def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
     """No stamp holds an address: it would be another one in every process."""
     for made in list(compiling._ALL):
-        said = compiling._read(made.py_func.__code__, made.py_func.__globals__, made.py_func.__doc__)
+        said = compiling._read(made.py_func.__code__, made.py_func, [])
         assert " at 0x" not in repr(said), made
