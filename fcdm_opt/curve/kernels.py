@@ -1444,11 +1444,10 @@ def relevant_pairs(
     Bodies as `packing.packed_together` gives them: places (parts + 1, 2), the first row and entry of each part. Box:
     (low, high) of rho_1, then of rho_2; one that is not finite is one cell with all pairs.
 
-    Return (pairs, states, roles, sites, rows, points, chains, spans, cells, members, shares). Pairs (k, 2) were walked,
-    with the results of `walk` one after the other: spans (k + 1, 3) are the first row, point and chain of each. Of the
-    others no point is on the curve inside the box. Cells (m, 4) with members[shares[c]:shares[c + 1]], indices of
-    pairs: no others are on the curve there, and none hide it. Roles (k, 2): 1 where a pair overlaps in a whole cell,
-    and where another was left out that ends with it along one line.
+    Return (pairs, roles, cells, members, shares). Pairs (k, 2) were walked. Of the others no point is on the curve
+    inside the box. Cells (m, 4) with members[shares[c]:shares[c + 1]], indices of pairs: no others are on the curve
+    there, and none hide it. Roles (k, 2): 1 where a pair overlaps in a whole cell, and where another was left out that
+    ends with it along one line.
     """
     n1, n2 = len(places1) - 1, len(places2) - 1
     pose = relative_pose(transform, seed1, seed2)
@@ -1464,12 +1463,9 @@ def relevant_pairs(
         slack = margin * (_length(d) + box[1] * np.abs(extents1).max() + box[3] * np.abs(extents2).max())
     walked = np.full(n1 * n2, -1, np.int64)
     made = 0  # pairs walked
-    pairs, states = np.empty((16, 2), np.int64), np.empty(16, np.int64)
-    spans = np.zeros((17, 3), np.int64)
-    sites, rows = np.empty((128, 6), np.int64), np.empty((128, 6))
-    points, chains = np.empty((192, 2)), np.empty((32, 4), np.int64)
+    pairs, empty = np.empty((n1 * n2, 2), np.int64), np.empty(n1 * n2, np.bool_)
     # what covers a cell: rows of each walked pair, its own or, where they are not known, those of all facets
-    bounds, ends = np.empty((128, 6)), np.zeros(17, np.int64)
+    bounds, ends = np.empty((128, 6)), np.zeros(n1 * n2 + 1, np.int64)
     cells, shares = np.empty((64, 4)), np.zeros(65, np.int64)
     members = np.empty(256, np.int64)
     roles = np.zeros((n1 * n2, 2), np.int64)
@@ -1514,18 +1510,19 @@ def relevant_pairs(
             code = lists[own + best]
             p = walked[code]
             if p < 0:
-                p = made
-                made, pairs, states, spans, sites, rows, points, chains, bounds, ends = _walked_pair(
+                p = walked[code] = made
+                made += 1
+                pairs[p, 0], pairs[p, 1] = code // n2, code % n2
+                empty[p], bounds, ends[made] = _bounded(
                     reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-                    code, n2, made, pairs, states, spans, sites, rows, points, chains, bounds, ends,
+                    pairs[p], bounds, ends[p],
                 )  # fmt: skip
-                walked[code] = p
             value = _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
             if value > slack:
                 covered, roles[p, 0] = True, 1
                 break
             depths[best] = _INF  # tried
-            if value == -_INF or states[p] == EMPTY:
+            if value == -_INF or empty[p]:
                 continue
             # pairs that are no further on in any direction of a line that crosses the cell: inside the one tried there
             inside[:count] = 2
@@ -1573,35 +1570,15 @@ def relevant_pairs(
             code = lists[own + k]
             p = walked[code]
             if p < 0:
-                p = made
-                made, pairs, states, spans, sites, rows, points, chains, bounds, ends = _walked_pair(
-                    reals1,
-                    ints1,
-                    places1,
-                    reals2,
-                    ints2,
-                    places2,
-                    transform,
-                    seed1,
-                    seed2,
-                    pose,
-                    planarity,
-                    code,
-                    n2,
-                    made,
-                    pairs,
-                    states,
-                    spans,
-                    sites,
-                    rows,
-                    points,
-                    chains,
-                    bounds,
-                    ends,
-                )
-                walked[code] = p
+                p = walked[code] = made
+                made += 1
+                pairs[p, 0], pairs[p, 1] = code // n2, code % n2
+                empty[p], bounds, ends[made] = _bounded(
+                    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
+                    pairs[p], bounds, ends[p],
+                )  # fmt: skip
             apart = finite and _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack) == -_INF
-            if apart or states[p] == EMPTY:
+            if apart or empty[p]:
                 continue
             if used == len(members):
                 members = _longer(members)
@@ -1613,11 +1590,25 @@ def relevant_pairs(
             cells[kept, 0], cells[kept, 1], cells[kept, 2], cells[kept, 3] = x0, x1, y0, y1
             kept += 1
             shares[kept] = used
-    return (
-        pairs[:made], states[:made], roles[:made], sites[: spans[made, 0]], rows[: spans[made, 0]],
-        points[: spans[made, 1]], chains[: spans[made, 2]], spans[: made + 1], cells[:kept], members[:used],
-        shares[: kept + 1],
-    )  # fmt: skip
+    return pairs[:made], roles[:made], cells[:kept], members[:used], shares[: kept + 1]
+
+
+@kernel
+def _bounded(
+    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity, pair, bounds, used
+):
+    """Walk one more pair and append its rows; return whether it is empty, the rows and how many are used."""
+    one, two = places1[pair[0]], places1[pair[0] + 1]
+    three, four = places2[pair[1]], places2[pair[1] + 1]
+    own1, own2 = reals1[one[0] : two[0]], reals2[three[0] : four[0]]
+    table1, table2 = ints1[one[1] : two[1]], ints2[three[1] : four[1]]
+    state, _, lines, _, _ = walk(own1, table1, own2, table2, transform, seed1, seed2, planarity)
+    if state != WALKED:
+        lines = facet_rows(own1, table1, own2, table2, pose)[1]
+    while used + len(lines) > len(bounds):
+        bounds = _more_rows(bounds, used)
+    bounds[used : used + len(lines)] = lines
+    return state == EMPTY, bounds, used + len(lines)
 
 
 @light
@@ -1814,68 +1805,6 @@ def _support(reals, ints, places, part, u):
     for k in range(first, first + ints[places[part, 1]]):
         height = max(height, _dot(u, _at(reals, k)))
     return height
-
-
-@kernel
-def _walked_pair(
-    reals1,
-    ints1,
-    places1,
-    reals2,
-    ints2,
-    places2,
-    transform,
-    seed1,
-    seed2,
-    pose,
-    planarity,
-    code,
-    n2,
-    made,
-    pairs,
-    states,
-    spans,
-    sites,
-    rows,
-    points,
-    chains,
-    bounds,
-    ends,
-):
-    """Walk one more pair and append what was found; return all arrays, longer where they had to be."""
-    i, j = code // n2, code % n2
-    one, two = places1[i], places1[i + 1]
-    three, four = places2[j], places2[j + 1]
-    own1, own2 = reals1[one[0] : two[0]], reals2[three[0] : four[0]]
-    table1, table2 = ints1[one[1] : two[1]], ints2[three[1] : four[1]]
-    state, its_sites, its_rows, its_points, its_chains = walk(
-        own1, table1, own2, table2, transform, seed1, seed2, planarity
-    )
-    if state == UNDECIDED:
-        its_sites, its_rows, its_points, its_chains = its_sites[:0], its_rows[:0], its_points[:0], its_chains[:0]
-    lines = its_rows if state == WALKED else facet_rows(own1, table1, own2, table2, pose)[1]
-    if made == len(pairs):
-        pairs, states = _more_ints(pairs, made), _longer(states)
-        spans, ends = _more_ints(spans, made + 1), _longer(ends)
-    pairs[made, 0], pairs[made, 1], states[made] = i, j, state
-    row, point, chain, bound = spans[made, 0], spans[made, 1], spans[made, 2], ends[made]
-    while row + len(its_rows) > len(rows):
-        sites, rows = _more_ints(sites, row), _more_rows(rows, row)
-    while point + len(its_points) > len(points):
-        points = _more_rows(points, point)
-    while chain + len(its_chains) > len(chains):
-        chains = _more_ints(chains, chain)
-    while bound + len(lines) > len(bounds):
-        bounds = _more_rows(bounds, bound)
-    sites[row : row + len(its_rows)] = its_sites
-    rows[row : row + len(its_rows)] = its_rows
-    points[point : point + len(its_points)] = its_points
-    chains[chain : chain + len(its_chains)] = its_chains
-    bounds[bound : bound + len(lines)] = lines
-    made += 1
-    spans[made, 0], spans[made, 1] = row + len(its_rows), point + len(its_points)
-    spans[made, 2], ends[made] = chain + len(its_chains), bound + len(lines)
-    return made, pairs, states, spans, sites, rows, points, chains, bounds, ends
 
 
 @kernel
