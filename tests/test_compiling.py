@@ -47,7 +47,7 @@ def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_pat
     folder.mkdir()
     (folder / "caller.py").write_text(CALLER)
 
-    def answer(**said: Any) -> tuple[float, bool]:
+    def answer(**said: Any) -> tuple[float, int]:
         (folder / "callee.py").write_text(CALLEE.format(kind=kind, **said))
         done = subprocess.run(
             [sys.executable, "-B", "-c", CALL, str(folder)],
@@ -56,13 +56,13 @@ def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_pat
             text=True,
             check=True,
         )
-        return float(done.stdout), "compiling" in done.stderr
+        return float(done.stdout), done.stderr.count("compiling")
 
-    assert answer(factor=2.0, share=0.0) == (2.0, True)
-    assert answer(factor=2.0, share=0.0) == (2.0, False)
-    assert answer(factor=3.0, share=0.0) == (3.0, True)
-    assert answer(factor=3.0, share=0.5) == (3.5, True)
-    assert answer(factor=2.0, share=0.0) == (2.0, False)  # as it was: kept still
+    assert answer(factor=2.0, share=0.0) == (2.0, 1)
+    assert answer(factor=2.0, share=0.0) == (2.0, 0)
+    assert answer(factor=3.0, share=0.0) == (3.0, 1)
+    assert answer(factor=3.0, share=0.5) == (3.5, 1)
+    assert answer(factor=2.0, share=0.0) == (2.0, 0)  # as it was: kept still
 
 
 def test_a_stamp_tells_what_a_kernel_is_made_from_and_nothing_else() -> None:

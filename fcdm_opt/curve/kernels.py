@@ -197,23 +197,6 @@ def relative_pose(transform, seed1, seed2):
     return pose
 
 
-@kernel
-def first_not_rigid(transforms, tolerance):
-    """Return the index of the first 4 x 4 matrix that is no rigid motion, -1 if there is none."""
-    for item in range(len(transforms)):
-        T = transforms[item]
-        error = np.abs(T[3, 0]) + np.abs(T[3, 1]) + np.abs(T[3, 2]) + np.abs(T[3, 3] - 1.0)
-        for i in range(3):
-            for j in range(i, 3):
-                product = T[i, 0] * T[j, 0] + T[i, 1] * T[j, 1] + T[i, 2] * T[j, 2]
-                error = max(error, np.abs(product - (1.0 if i == j else 0.0)))
-        volume = _dot(_cross((T[0, 0], T[0, 1], T[0, 2]), (T[1, 0], T[1, 1], T[1, 2])), (T[2, 0], T[2, 1], T[2, 2]))
-        finite = np.abs(T[0, 3]) + np.abs(T[1, 3]) + np.abs(T[2, 3]) < _INF
-        if not (error <= tolerance and volume > 0.0 and finite):
-            return item
-    return -1
-
-
 @step
 def _side(ints, h):
     """Return origin, end, face on the left and next half-edge of a half-edge."""
@@ -1196,31 +1179,6 @@ def _starts_before(points, chains, one, two):
     if far1 != far2:
         return far2
     return p[0] < q[0] or (p[0] == q[0] and p[1] < q[1])
-
-
-@light
-@kernel
-def piece_table(rows, points, chains):
-    """Return what a walk's pieces are as stretches of lines, (k, 6), chain by chain with the overlap on the left.
-
-    Each is base + s travel for lo <= s <= hi: the line's point nearest to (0, 0), its unit direction, lo and hi.
-    """
-    table, made = np.empty((len(rows), 6)), 0
-    for chain in range(len(chains)):
-        first, count, forward, endless = chains[chain, 0], chains[chain, 1], chains[chain, 2], chains[chain, 3]
-        for index in range(count):
-            k = index if forward > 0 else count - 1 - index
-            a, b, c = rows[first + k, 3], rows[first + k, 4], rows[first + k, 5]
-            steep = np.sqrt(a * a + b * b)
-            x, y, u, v = c / steep * a / steep, c / steep * b / steep, b / steep, -a / steep
-            start, end = points[first + chain + k], points[first + chain + k + 1]
-            lo, hi = (start[0] - x) * u + (start[1] - y) * v, (end[0] - x) * u + (end[1] - y) * v
-            if endless > 0 and k == count - 1:
-                hi = _INF * forward
-            table[made, 0], table[made, 1], table[made, 2], table[made, 3] = x, y, u, v
-            table[made, 4], table[made, 5] = (lo, hi) if forward > 0 else (hi, lo)
-            made += 1
-    return table[:made]
 
 
 # ----------------------------------------------------------------------------------------------- all facet directions
