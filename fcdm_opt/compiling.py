@@ -92,21 +92,22 @@ class _Compiled(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         """Compile for some types, or return what serves them."""
-        return super().compile(tuple(_plain(type_) for type_ in (sig if isinstance(sig, tuple) else sig.args)))
+        return super().compile(tuple(map(types.unliteral, sig if isinstance(sig, tuple) else sig.args)))
 
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         """Return what a call from Python is to go to."""
+        self._compilation_chain_init_hook()
         given = tuple(types.Omitted(a.value) if isinstance(a, OmittedArg) else self.typeof_pyval(a) for a in args)
-        if self.patience > 0.0 and not keywords and self._is_little(args, given):
+        wanted = tuple(map(_plain, given))
+        if self.patience > 0.0 and not keywords and self._is_little(args, wanted):
             return self._interpreted
-        entry = super()._compile_for_args(*args, **keywords)
-        if given not in self.overloads and given not in self._served:
+        entry = self.compile(wanted)
+        if given != wanted and given not in self._served:
             self._served.add(given)
             self._insert([type_._code for type_ in given], entry, False)
         return entry
 
-    def _is_little(self, args: tuple[Any, ...], given: tuple[Any, ...]) -> bool:
-        wanted = tuple(_plain(type_) for type_ in given)
+    def _is_little(self, args: tuple[Any, ...], wanted: tuple[Any, ...]) -> bool:
         if wanted in self.overloads or self._cache.has(wanted, self.targetctx):
             return False
         return sum(a.size for a in args if isinstance(a, np.ndarray)) <= LITTLE
@@ -128,7 +129,12 @@ class _Inner(_Compiled):
         self.overloads[tuple(made.signature.args)] = made
 
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
-        return _outer(self)._compile_for_args(*args, **keywords)
+        entry = _outer(self)._compile_for_args(*args, **keywords)
+        given = tuple(self.typeof_pyval(a) for a in args)
+        if given not in self._served:
+            self._served.add(given)
+            self._insert([type_._code for type_ in given], entry, False)
+        return entry
 
 
 @cache
