@@ -1,10 +1,12 @@
 """How kernels are compiled: with which options, for which types of arrays, where the code is kept, and how far it is.
 
-`kernel` and `step` are numba's `njit` with four differences, as most of a first run is compiling:
+`kernel` and `step` are numba's `njit` with five differences, as most of a first run is compiling:
 
 - one version of each function, whatever the flags of the arrays and whether a number is known in advance: numba would
   compile `f` again for a read-only array, and again for each literal. What arrives read-only from Python is read as if
   it were not; a kernel writes into nothing but what its docstring says that it fills.
+- kernels call the code of others, as it was compiled once; numba would take it into each of theirs and compile it there
+  again. Steps, and functions whose names start with an underscore, are taken in: those are to be small, or called once.
 - a function that only other kernels call, named with an underscore, gets no entry from Python. Where one calls it all
   the same, as tests do, it is compiled for that too.
 - a *light* kernel takes little time on little data: its first calls on such run as plain Python, so that what is asked
@@ -22,6 +24,7 @@ import pickle
 import sys
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from types import CodeType, FunctionType, ModuleType
@@ -34,6 +37,7 @@ from numba import types
 from numba.core import config, event
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import OmittedArg
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
@@ -47,6 +51,10 @@ _INNER = _OPTIONS | {"no_cpython_wrapper": True}
 # nothing is allocated in a step, so arrays need no counting of references, which would take half of the time
 _STEP = _INNER | {"forceinline": True, "_nrt": False}
 
+
+Needed = dict[tuple[str, str, tuple[Any, ...]], str]
+"""Compiled code that other code calls: module, name and types of each kernel, and the symbol of its code."""
+_NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
 PATIENCE = 0.4  # seconds that a light kernel may take in plain Python, in all, before it is compiled
 LITTLE = 6000  # entries of all its arrays up to which it is light
@@ -84,6 +92,7 @@ class _Compiled(CPUDispatcher):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self.patience = 0.0
+        self.needed: dict[tuple[Any, ...], Needed] = {}  # of each version: others that must be there before it
         self._served: set[tuple[Any, ...]] = set()
 
     def keep(self) -> None:
@@ -92,7 +101,32 @@ class _Compiled(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         """Compile for some types, or return what serves them."""
-        return super().compile(tuple(map(types.unliteral, sig if isinstance(sig, tuple) else sig.args)))
+        args = tuple(map(types.unliteral, sig if isinstance(sig, tuple) else sig.args))
+        with global_compiler_lock:
+            if args not in self.overloads:
+                _NEEDED.append({})
+                try:
+                    super().compile(args)
+                finally:
+                    self.needed[args] = _NEEDED.pop()
+                self._register(self.overloads[args])
+            return self.overloads[args].entry_point
+
+    def _register(self, made: Any) -> None:
+        """Have kernels that call it call the code that there is, instead of each taking its code into its own."""
+        self.targetctx.remove_user_function(made.entry_point)
+        self.targetctx.insert_user_function(made.entry_point, made.fndesc, ())
+
+    def get_overload(self, sig: Any) -> Any:
+        """Return the version that a kernel calls, and note that it does."""
+        entry = super().get_overload(sig)
+        if _NEEDED:
+            _NEEDED[-1].update(self._needed_for(tuple(sig if isinstance(sig, tuple) else sig.args)))
+        return entry
+
+    def _needed_for(self, args: tuple[Any, ...]) -> Needed:
+        key = self.py_func.__module__, self.py_func.__name__, args
+        return {key: self.overloads[args].fndesc.llvm_func_name}
 
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         """Return what a call from Python is to go to."""
@@ -127,6 +161,12 @@ class _Inner(_Compiled):
     def add_overload(self, made: Any) -> None:
         """Register a version for kernels alone."""
         self.overloads[tuple(made.signature.args)] = made
+
+    def _register(self, made: Any) -> None:
+        """Leave it to be taken into the code of those that call it."""
+
+    def _needed_for(self, args: tuple[Any, ...]) -> Needed:
+        return self.needed[args]
 
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         entry = _outer(self)._compile_for_args(*args, **keywords)
@@ -211,9 +251,16 @@ class _Kept(_Cache):
             return None
         target_context.refresh()
         try:
-            return CompileResult._rebuild(target_context, *pickle.loads(path.read_bytes()))
+            needed, parts = pickle.loads(path.read_bytes())
         except (OSError, EOFError, pickle.UnpicklingError):
             return None
+        for (module, name, args), symbol in needed.items():
+            made = getattr(import_module(module), name)
+            made.compile(args)
+            if made.overloads[args].fndesc.llvm_func_name != symbol:  # compiled anew since
+                return None
+        _NEEDED[-1].update(needed)
+        return CompileResult._rebuild(target_context, *parts)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write a version, whole or not at all; what other code left under the same name goes."""
@@ -222,7 +269,7 @@ class _Kept(_Cache):
             return
         unfinished = path.with_suffix(f".{os.getpid()}")
         try:
-            unfinished.write_bytes(dumps(data._reduce()))
+            unfinished.write_bytes(dumps((_NEEDED[-1], data._replace(type_annotation="")._reduce())))
             unfinished.replace(path)
             if path.parent.name == "__pycache__":  # of this tree alone
                 name, stamp, _ = path.stem.rsplit("-", 2)
