@@ -153,7 +153,7 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
     """
     bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
     least, unknown = np.full(len(frames), np.inf), np.full(len(frames), np.inf)
-    for pair in np.argsort(np.fmin.reduce(bounds, axis=0)).tolist():
+    for pair in np.argsort(np.fmin.reduce(bounds, axis=0, initial=np.inf)).tolist():
         one, two = ones[pair // len(twos)], twos[pair % len(twos)]
         if len(one.edges) * len(two.edges) > most:
             unknown = np.fmin(unknown, bounds[:, pair])
