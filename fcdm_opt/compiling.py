@@ -34,7 +34,8 @@ from weakref import WeakKeyDictionary
 import numba
 import numpy as np
 from numba import types
-from numba.core import config, event
+from numba.core import config as numba_config
+from numba.core import event
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
@@ -44,6 +45,9 @@ from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
 from fcdm_opt.doors import upper
+
+config: Any = numba_config
+_Dispatcher: Any = CPUDispatcher
 
 # no fastmath, as NaN and the order of sums matter; no bounds checks; "numpy" division: nothing tests for zero twice
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
@@ -86,7 +90,7 @@ def step(function: Callable[..., Any]) -> Any:
     return function if config.DISABLE_JIT else _Inner(function, targetoptions=_STEP)
 
 
-class _Compiled(CPUDispatcher):
+class _Compiled(_Dispatcher):
     """A compiled function whose versions differ in what its arguments are, not in flags of arrays and known values."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -131,7 +135,9 @@ class _Compiled(CPUDispatcher):
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         """Return what a call from Python is to go to."""
         self._compilation_chain_init_hook()
-        given = tuple(types.Omitted(a.value) if isinstance(a, OmittedArg) else self.typeof_pyval(a) for a in args)
+        given: tuple[Any, ...] = tuple(
+            types.Omitted(a.value) if isinstance(a, OmittedArg) else self.typeof_pyval(a) for a in args
+        )
         wanted = tuple(map(_plain, given))
         if self.patience > 0.0 and not keywords and self._is_little(args, wanted):
             return self._interpreted
@@ -170,7 +176,7 @@ class _Inner(_Compiled):
 
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         entry = _outer(self)._compile_for_args(*args, **keywords)
-        given = tuple(self.typeof_pyval(a) for a in args)
+        given: tuple[Any, ...] = tuple(self.typeof_pyval(a) for a in args)
         if given not in self._served:
             self._served.add(given)
             self._insert([type_._code for type_ in given], entry, False)

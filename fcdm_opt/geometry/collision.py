@@ -91,7 +91,7 @@ class ScaledPair:
         self._seeds = np.array([movable.seed, static.seed])
         self._hulls = [[_Hull(part) for part in body.parts] for body in (movable, static)]
         self.reaches = np.array([max(float(np.abs(own.points).max()) for own in hulls) for hulls in self._hulls])
-        self._solids = [[hull.solid for hull in hulls] for hulls in self._hulls]
+        self._solids = [hull.solid for hull in self._hulls[0]], [hull.solid for hull in self._hulls[1]]
         self._here, self._result, self._request = coal.Transform3s(), coal.DistanceResult(), self._settings()
 
     def _settings(self) -> Any:
@@ -110,7 +110,7 @@ class ScaledPair:
             return self
         alone = copy(self)
         alone._hulls = [[self._hulls[0][i]], [self._hulls[1][j]]]
-        alone._solids = [[self._solids[0][i]], [self._solids[1][j]]]
+        alone._solids = [self._solids[0][i]], [self._solids[1][j]]
         return alone
 
     def touching(self, rho: ArrayLike, transform: Array, slack: float) -> list[tuple[int, int]]:
