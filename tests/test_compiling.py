@@ -114,3 +114,17 @@ def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
     for made in list(compiling._ALL):
         said = compiling._read(made.py_func.__code__, made.py_func, [])
         assert " at 0x" not in repr(said), made
+
+
+def test_the_curve_of_a_small_pair_compiles_nothing(tmp_path: Path) -> None:
+    problem = Path(__file__).parents[1] / "problems" / "example1.toml"
+    done = subprocess.run(
+        [sys.executable, "-c", "from fcdm_opt.cli import main; main()", "curve", str(problem)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "1 proved in floats" in done.stdout
+    assert "compiling" not in done.stderr
+    assert not list(tmp_path.rglob("*.nbc"))
