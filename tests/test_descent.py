@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
@@ -170,9 +167,3 @@ def test_equalities_are_kept_whichever_side_they_are_met_from():
     np.testing.assert_allclose(x, [-1.0, 2.0], atol=1e-14)
     assert duals.tolist() == pytest.approx([-1.0, 2.0, 0.0])
     assert not compiled.nearest(G, np.array([-1.0, 2.0, 5.0]), np.array([True, True, False]), 3, x, duals)
-
-
-def test_no_cache_keeps_kernels_of_the_curve_that_have_changed_since() -> None:
-    """Numba compiles `compiled` anew only where that file has changed, though it holds what `kernels` says."""
-    text = Path(kernels.__file__).read_text(encoding="utf-8")
-    assert hashlib.sha256(text.encode()).hexdigest().startswith(compiled.KERNELS)

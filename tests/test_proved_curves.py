@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from oracles import plane_point
-from strategies import PLAIN, SEEDS, generators, random_pair, random_pose, random_rotation, runs
+from strategies import SEEDS, generators, random_pair, random_pose, random_rotation, runs
 
 import fcdm_opt as fo
 from fcdm_opt.curve import kernels
@@ -223,20 +219,3 @@ def test_the_region_of_a_pair_stands_alone():
     assert plane_point((2, 2, 1)) == (2, 2)
     np.testing.assert_array_equal(made.sides(np.array([[1, 1], [2, 2], [3, 3]])), [1, 0, -1])
     assert DEFAULT.sign < 1e-12
-
-
-# ------------------------------------------------------------------------------------------------------- compiling
-
-
-@pytest.mark.skipif(PLAIN, reason="nothing is compiled")
-def test_the_first_call_says_that_it_compiles_and_later_processes_do_not(tmp_path: Path) -> None:
-    """A small kernel stands for all: they share cache and announcement."""
-    call = "import numpy as np; from fcdm_opt.curve import kernels; kernels.first_not_rigid(np.eye(4)[None], 1e-9)"
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    first, second = (
-        subprocess.run([sys.executable, "-c", call], env=environment, capture_output=True, text=True, check=True)
-        for _ in range(2)
-    )
-    assert "compiling" in first.stderr
-    assert first.stderr.count("compiling") == 1
-    assert second.stderr == ""

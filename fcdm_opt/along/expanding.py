@@ -24,7 +24,7 @@ from fcdm_opt.along.operations import (
     TANH,
     TWICE,
 )  # fmt: skip
-from fcdm_opt.curve.kernels import kernel
+from fcdm_opt.compiling import kernel
 
 TURNED, FIXED, CROSSED = 0.0, 1.0, 2.0  # normal of a tracked feature: of a face of body 1, of body 2, of two edges
 # forms of a condition: y along a direction fixed, turned with body 1, or the cross product of either with normal k; y

@@ -146,8 +146,12 @@ def _poses(transforms: ArrayLike) -> Array:
         poses = poses.reshape(0, 4, 4)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise InputError("transforms are an (N, 4, 4) array", key="transforms", found=f"shape {poses.shape}")
-    bad = kernels.first_not_rigid(poses, DEFAULT.rigid)
-    if bad >= 0:
+    R = poses[:, :3, :3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = np.abs(R @ R.mT - np.eye(3)).max(axis=(1, 2)) + np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).sum(axis=1)
+        rigid = (errors <= DEFAULT.rigid) & (np.linalg.det(R) > 0.0) & np.isfinite(poses[:, :3, 3]).all(axis=1)
+    if not rigid.all():
+        bad = int(np.argmin(rigid))
         rigid_transform(poses[bad], key=f"transforms[{bad}]")
         raise InputError("the transform is not a rigid motion", key=f"transforms[{bad}]", found=poses[bad].tolist())
     poses.flags.writeable = False

@@ -82,7 +82,7 @@ class Union:
             Of rho_1 and rho_2; infinite ones leave no pair out.
         """
         rim = [(low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box]
-        pairs, states, roles, sites, rows, points, chains, spans, cells, members, shares = kernels.relevant_pairs(
+        pairs, roles, cells, members, shares = kernels.relevant_pairs(
             *movable.packed,
             *static.packed,
             transform,
@@ -96,11 +96,7 @@ class Union:
 
         def region(p: int) -> Region:
             i, j = pairs[p].tolist()
-            (row, point, chain), (row_end, point_end, chain_end) = spans[p].tolist(), spans[p + 1].tolist()
-            known = states[p] in (kernels.WALKED, kernels.EMPTY)
-            walked = sites[row:row_end], rows[row:row_end], points[point:point_end], chains[chain:chain_end]
-            one, two = movable.parts[i], static.parts[j]
-            return Region(one, two, transform, (i, j), "float" if known else "exact", walked if known else None)
+            return pair_region(movable.parts[i], static.parts[j], transform, (i, j))
 
         used = set(members.tolist())
         order = sorted(used.union(np.flatnonzero(roles[:, 0]).tolist()), key=lambda p: tuple(pairs[p]))

@@ -1,6 +1,5 @@
 """Compiled: what is on the boundary of a union of overlap regions, as stretches of lines, joined to chains.
 
-Apart from `kernels`, whose functions these do not call: the disk cache does not follow imports between files.
 `limits` are (tie, line, nominal) of `Tolerances` and the least scale that lines are compared at.
 """
 
@@ -8,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import kernel
+from fcdm_opt.compiling import kernel, light
 
 
+@light
 @kernel
 def interval(lines, base, travel, limits):
     """Return what `inside` does, from the lines of a region with a boundary; limits as `_LIMITS`."""

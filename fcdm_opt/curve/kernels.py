@@ -1,4 +1,4 @@
-"""All numba kernels, in one file (the disk cache does not follow imports between files).
+"""The kernels of the decision curve.
 
 They take a part's packed arrays (`packing`: vertices relative to the seed, face normals with error bounds, half-edges)
 and a pose, (12,): the rotation R of body 1, row by row, then d = s_2 - s_1 with the moved seed. Body 1 stays in its own
@@ -11,13 +11,9 @@ in world axes, and the contact line a rho_1 + b rho_2 = c.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
-from typing import Any
-
-import numba
 import numpy as np
-from numba.core import event
+
+from fcdm_opt.compiling import kernel, light, step
 
 F1V2, V1F2, E1E2 = 0, 1, 2
 # how a walk ended: done, left to exact arithmetic, no room for the answer, no overlap at any scale pair
@@ -42,44 +38,6 @@ LOST = 2.0**-40  # an offset that cancels to less than this is known to too few 
 R, D, COFACTORS, D_OWN = 0, 9, 12, 21
 RADIUS_1, RADIUS_2, OFFSET_BOUND, APEX_BOUND_1, APEX_BOUND_2, RAY_BOUND_1, RAY_BOUND_2, SPOKE_BOUND = range(24, 32)
 SIZE, FRAME = 32, 33
-
-
-class _Announcement(event.Listener):
-    """Says once that kernels are being compiled; those found in the cache are not."""
-
-    said = False
-
-    def on_start(self, event: Any) -> None:
-        if not self.said and event.data["dispatcher"].py_func.__module__ == __name__:
-            self.said = True
-            logging.getLogger("fcdm_opt").warning(
-                "compiling numerical kernels that were not used before: minutes in all, kept for later runs"
-            )
-
-    def on_end(self, event: Any) -> None:
-        pass
-
-
-event.register("numba:compile", _Announcement())
-
-
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile with the options all kernels share.
-
-    Cached, as compiling takes seconds; no fastmath, as NaN and the order of sums matter; no bounds checks; "numpy"
-    division, so that nothing tests for zero twice.
-    """
-    try:
-        return numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    except RuntimeError:  # nowhere to write a cache: compile anew in every process
-        return numba.njit(error_model="numpy", nogil=True)(function)
-
-
-def step(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile into every kernel that calls it: handing over six arrays costs more than most steps of the walk."""
-    # nothing is allocated here, so arrays need no counting of references, which would take half of the time
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "_nrt": False}
-    return numba.njit(**options)(function)
 
 
 # ------------------------------------------------------------------------------------------------- vectors as tuples
@@ -230,29 +188,13 @@ def _set_pose(transform, seed1, seed2, pose):
     return np.abs(pose[9]) + np.abs(pose[10]) + np.abs(pose[11]) > LOST * size
 
 
+@light
 @kernel
 def relative_pose(transform, seed1, seed2):
     """Return the pose, (12,), of a 4 x 4 transform of body 1: R row by row, then d = s_2 - moved s_1."""
     pose = np.empty(12)
     _set_pose(transform, seed1, seed2, pose)
     return pose
-
-
-@kernel
-def first_not_rigid(transforms, tolerance):
-    """Return the index of the first 4 x 4 matrix that is no rigid motion, -1 if there is none."""
-    for item in range(len(transforms)):
-        T = transforms[item]
-        error = np.abs(T[3, 0]) + np.abs(T[3, 1]) + np.abs(T[3, 2]) + np.abs(T[3, 3] - 1.0)
-        for i in range(3):
-            for j in range(i, 3):
-                product = T[i, 0] * T[j, 0] + T[i, 1] * T[j, 1] + T[i, 2] * T[j, 2]
-                error = max(error, np.abs(product - (1.0 if i == j else 0.0)))
-        volume = _dot(_cross((T[0, 0], T[0, 1], T[0, 2]), (T[1, 0], T[1, 1], T[1, 2])), (T[2, 0], T[2, 1], T[2, 2]))
-        finite = np.abs(T[0, 3]) + np.abs(T[1, 3]) + np.abs(T[2, 3]) < _INF
-        if not (error <= tolerance and volume > 0.0 and finite):
-            return item
-    return -1
 
 
 @step
@@ -991,6 +933,7 @@ def _excluded(reals1, ints1, reals2, ints2, frame, n):
     return False
 
 
+@light
 @kernel
 def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     """Walk the overlay of the two Gauss maps along the boundary of the pair's overlap region in the open quadrant.
@@ -1080,6 +1023,7 @@ def _on_border(line, box, border):
     return (line[2] - line[1] * box[border]) / line[0], box[border]
 
 
+@light
 @kernel
 def state_in_box(rows, points, chains, box, least, sure):
     """Return CONTACT where a walked curve passes a box; else WALKED where the bodies are apart in it, or OVERLAPPING.
@@ -1098,6 +1042,7 @@ def state_in_box(rows, points, chains, box, least, sure):
     return _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
 
 
+@light
 @kernel
 def clip(start, end, endless, line, box, least):
     """Return what `_clip` does, for callers from Python."""
@@ -1236,33 +1181,10 @@ def _starts_before(points, chains, one, two):
     return p[0] < q[0] or (p[0] == q[0] and p[1] < q[1])
 
 
-@kernel
-def piece_table(rows, points, chains):
-    """Return what a walk's pieces are as stretches of lines, (k, 6), chain by chain with the overlap on the left.
-
-    Each is base + s travel for lo <= s <= hi: the line's point nearest to (0, 0), its unit direction, lo and hi.
-    """
-    table, made = np.empty((len(rows), 6)), 0
-    for chain in range(len(chains)):
-        first, count, forward, endless = chains[chain, 0], chains[chain, 1], chains[chain, 2], chains[chain, 3]
-        for index in range(count):
-            k = index if forward > 0 else count - 1 - index
-            a, b, c = rows[first + k, 3], rows[first + k, 4], rows[first + k, 5]
-            steep = np.sqrt(a * a + b * b)
-            x, y, u, v = c / steep * a / steep, c / steep * b / steep, b / steep, -a / steep
-            start, end = points[first + chain + k], points[first + chain + k + 1]
-            lo, hi = (start[0] - x) * u + (start[1] - y) * v, (end[0] - x) * u + (end[1] - y) * v
-            if endless > 0 and k == count - 1:
-                hi = _INF * forward
-            table[made, 0], table[made, 1], table[made, 2], table[made, 3] = x, y, u, v
-            table[made, 4], table[made, 5] = (lo, hi) if forward > 0 else (hi, lo)
-            made += 1
-    return table[:made]
-
-
 # ----------------------------------------------------------------------------------------------- all facet directions
 
 
+@light
 @kernel
 def facet_rows(reals1, ints1, reals2, ints2, pose):
     """Return sites and rows of all facet directions of the Minkowski difference.
@@ -1402,6 +1324,7 @@ def _list(sites, rows, k, kind, i, j, row):
     rows[k, 3], rows[k, 4], rows[k, 5] = row[1], row[2], row[3]
 
 
+@light
 @kernel
 def least_separation(reals1, ints1, reals2, ints2, pose, rho):
     """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2.
@@ -1415,6 +1338,7 @@ def least_separation(reals1, ints1, reals2, ints2, pose, rho):
     return best
 
 
+@light
 @kernel
 def separation(reals1, ints1, reals2, ints2, pose, rho, n):
     """Return the separation c - a rho_1 - b rho_2 along one unit direction from body 1 to body 2."""
@@ -1429,6 +1353,7 @@ def separation(reals1, ints1, reals2, ints2, pose, rho, n):
 # ------------------------------------------------------------------------------------------- a feature that is tracked
 
 
+@light
 @kernel
 def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
     """Return the row of a site at a pose; parallel edges give nan.
@@ -1477,11 +1402,10 @@ def relevant_pairs(
     Bodies as `packing.packed_together` gives them: places (parts + 1, 2), the first row and entry of each part. Box:
     (low, high) of rho_1, then of rho_2; one that is not finite is one cell with all pairs.
 
-    Return (pairs, states, roles, sites, rows, points, chains, spans, cells, members, shares). Pairs (k, 2) were walked,
-    with the results of `walk` one after the other: spans (k + 1, 3) are the first row, point and chain of each. Of the
-    others no point is on the curve inside the box. Cells (m, 4) with members[shares[c]:shares[c + 1]], indices of
-    pairs: no others are on the curve there, and none hide it. Roles (k, 2): 1 where a pair overlaps in a whole cell,
-    and where another was left out that ends with it along one line.
+    Return (pairs, roles, cells, members, shares). Pairs (k, 2) were walked. Of the others no point is on the curve
+    inside the box. Cells (m, 4) with members[shares[c]:shares[c + 1]], indices of pairs: no others are on the curve
+    there, and none hide it. Roles (k, 2): 1 where a pair overlaps in a whole cell, and where another was left out that
+    ends with it along one line.
     """
     n1, n2 = len(places1) - 1, len(places2) - 1
     pose = relative_pose(transform, seed1, seed2)
@@ -1497,12 +1421,9 @@ def relevant_pairs(
         slack = margin * (_length(d) + box[1] * np.abs(extents1).max() + box[3] * np.abs(extents2).max())
     walked = np.full(n1 * n2, -1, np.int64)
     made = 0  # pairs walked
-    pairs, states = np.empty((16, 2), np.int64), np.empty(16, np.int64)
-    spans = np.zeros((17, 3), np.int64)
-    sites, rows = np.empty((128, 6), np.int64), np.empty((128, 6))
-    points, chains = np.empty((192, 2)), np.empty((32, 4), np.int64)
+    pairs, empty = np.empty((n1 * n2, 2), np.int64), np.empty(n1 * n2, np.bool_)
     # what covers a cell: rows of each walked pair, its own or, where they are not known, those of all facets
-    bounds, ends = np.empty((128, 6)), np.zeros(17, np.int64)
+    bounds, ends = np.empty((128, 6)), np.zeros(n1 * n2 + 1, np.int64)
     cells, shares = np.empty((64, 4)), np.zeros(65, np.int64)
     members = np.empty(256, np.int64)
     roles = np.zeros((n1 * n2, 2), np.int64)
@@ -1547,18 +1468,19 @@ def relevant_pairs(
             code = lists[own + best]
             p = walked[code]
             if p < 0:
-                p = made
-                made, pairs, states, spans, sites, rows, points, chains, bounds, ends = _walked_pair(
+                p = walked[code] = made
+                made += 1
+                pairs[p, 0], pairs[p, 1] = code // n2, code % n2
+                empty[p], bounds, ends[made] = _bounded(
                     reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-                    code, n2, made, pairs, states, spans, sites, rows, points, chains, bounds, ends,
+                    pairs[p], bounds, ends[p],
                 )  # fmt: skip
-                walked[code] = p
             value = _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
             if value > slack:
                 covered, roles[p, 0] = True, 1
                 break
             depths[best] = _INF  # tried
-            if value == -_INF or states[p] == EMPTY:
+            if value == -_INF or empty[p]:
                 continue
             # pairs that are no further on in any direction of a line that crosses the cell: inside the one tried there
             inside[:count] = 2
@@ -1606,35 +1528,15 @@ def relevant_pairs(
             code = lists[own + k]
             p = walked[code]
             if p < 0:
-                p = made
-                made, pairs, states, spans, sites, rows, points, chains, bounds, ends = _walked_pair(
-                    reals1,
-                    ints1,
-                    places1,
-                    reals2,
-                    ints2,
-                    places2,
-                    transform,
-                    seed1,
-                    seed2,
-                    pose,
-                    planarity,
-                    code,
-                    n2,
-                    made,
-                    pairs,
-                    states,
-                    spans,
-                    sites,
-                    rows,
-                    points,
-                    chains,
-                    bounds,
-                    ends,
-                )
-                walked[code] = p
+                p = walked[code] = made
+                made += 1
+                pairs[p, 0], pairs[p, 1] = code // n2, code % n2
+                empty[p], bounds, ends[made] = _bounded(
+                    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
+                    pairs[p], bounds, ends[p],
+                )  # fmt: skip
             apart = finite and _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack) == -_INF
-            if apart or states[p] == EMPTY:
+            if apart or empty[p]:
                 continue
             if used == len(members):
                 members = _longer(members)
@@ -1646,13 +1548,28 @@ def relevant_pairs(
             cells[kept, 0], cells[kept, 1], cells[kept, 2], cells[kept, 3] = x0, x1, y0, y1
             kept += 1
             shares[kept] = used
-    return (
-        pairs[:made], states[:made], roles[:made], sites[: spans[made, 0]], rows[: spans[made, 0]],
-        points[: spans[made, 1]], chains[: spans[made, 2]], spans[: made + 1], cells[:kept], members[:used],
-        shares[: kept + 1],
-    )  # fmt: skip
+    return pairs[:made], roles[:made], cells[:kept], members[:used], shares[: kept + 1]
 
 
+@kernel
+def _bounded(
+    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity, pair, bounds, used
+):
+    """Walk one more pair and append its rows; return whether it is empty, the rows and how many are used."""
+    one, two = places1[pair[0]], places1[pair[0] + 1]
+    three, four = places2[pair[1]], places2[pair[1] + 1]
+    own1, own2 = reals1[one[0] : two[0]], reals2[three[0] : four[0]]
+    table1, table2 = ints1[one[1] : two[1]], ints2[three[1] : four[1]]
+    state, _, lines, _, _ = walk(own1, table1, own2, table2, transform, seed1, seed2, planarity)
+    if state != WALKED:
+        lines = facet_rows(own1, table1, own2, table2, pose)[1]
+    while used + len(lines) > len(bounds):
+        bounds = _more_rows(bounds, used)
+    bounds[used : used + len(lines)] = lines
+    return state == EMPTY, bounds, used + len(lines)
+
+
+@light
 @kernel
 def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, rho):
     """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2).
@@ -1703,6 +1620,7 @@ def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1,
     return gaps, owners
 
 
+@light
 @kernel
 def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     """Return a lower bound of each part pair's distance at a scale pair, (parts 1, parts 2); negative where unknown.
@@ -1724,6 +1642,7 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     return bounds
 
 
+@light
 @kernel
 def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
     """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed.
@@ -1844,68 +1763,6 @@ def _support(reals, ints, places, part, u):
     for k in range(first, first + ints[places[part, 1]]):
         height = max(height, _dot(u, _at(reals, k)))
     return height
-
-
-@kernel
-def _walked_pair(
-    reals1,
-    ints1,
-    places1,
-    reals2,
-    ints2,
-    places2,
-    transform,
-    seed1,
-    seed2,
-    pose,
-    planarity,
-    code,
-    n2,
-    made,
-    pairs,
-    states,
-    spans,
-    sites,
-    rows,
-    points,
-    chains,
-    bounds,
-    ends,
-):
-    """Walk one more pair and append what was found; return all arrays, longer where they had to be."""
-    i, j = code // n2, code % n2
-    one, two = places1[i], places1[i + 1]
-    three, four = places2[j], places2[j + 1]
-    own1, own2 = reals1[one[0] : two[0]], reals2[three[0] : four[0]]
-    table1, table2 = ints1[one[1] : two[1]], ints2[three[1] : four[1]]
-    state, its_sites, its_rows, its_points, its_chains = walk(
-        own1, table1, own2, table2, transform, seed1, seed2, planarity
-    )
-    if state == UNDECIDED:
-        its_sites, its_rows, its_points, its_chains = its_sites[:0], its_rows[:0], its_points[:0], its_chains[:0]
-    lines = its_rows if state == WALKED else facet_rows(own1, table1, own2, table2, pose)[1]
-    if made == len(pairs):
-        pairs, states = _more_ints(pairs, made), _longer(states)
-        spans, ends = _more_ints(spans, made + 1), _longer(ends)
-    pairs[made, 0], pairs[made, 1], states[made] = i, j, state
-    row, point, chain, bound = spans[made, 0], spans[made, 1], spans[made, 2], ends[made]
-    while row + len(its_rows) > len(rows):
-        sites, rows = _more_ints(sites, row), _more_rows(rows, row)
-    while point + len(its_points) > len(points):
-        points = _more_rows(points, point)
-    while chain + len(its_chains) > len(chains):
-        chains = _more_ints(chains, chain)
-    while bound + len(lines) > len(bounds):
-        bounds = _more_rows(bounds, bound)
-    sites[row : row + len(its_rows)] = its_sites
-    rows[row : row + len(its_rows)] = its_rows
-    points[point : point + len(its_points)] = its_points
-    chains[chain : chain + len(its_chains)] = its_chains
-    bounds[bound : bound + len(lines)] = lines
-    made += 1
-    spans[made, 0], spans[made, 1] = row + len(its_rows), point + len(its_points)
-    spans[made, 2], ends[made] = chain + len(its_chains), bound + len(lines)
-    return made, pairs, states, spans, sites, rows, points, chains, bounds, ends
 
 
 @kernel

@@ -197,8 +197,7 @@ class Region:
     def table(self) -> Array:
         """Base, travel, lo and hi of all `pieces`, (k, 6)."""
         if self._walked:
-            table: Array = kernels.piece_table(*self._walked[1:])
-            return table
+            return _table(*self._walked[1:])
         return np.array([(*p.base, *p.travel, p.lo, p.hi) for p in self.pieces]).reshape(-1, 6)
 
     def state(self, limits: Array) -> int:
@@ -359,6 +358,20 @@ def _piece(
     first, last = (None if end is None else frozen(end) for end in ends)
     base, travel, normal, line = (frozen(x) for x in (numbers[:2], numbers[2:4], row[:3], row[3:]))
     return Piece(contact, site, parts, normal, line, base, travel, lo, hi, first, last, corner)
+
+
+def _table(rows: Array, points: Array, chains: Ints) -> Array:
+    """Return base, travel, lo and hi of a walk's pieces, chain by chain with the overlap on the left."""
+    tables = [np.empty((0, 6))]
+    for chain, (first, count, forward, endless) in enumerate(chains.tolist()):
+        lines, ends = rows[first : first + count, 3:], points[first + chain : first + chain + count + 1]
+        steep = np.sqrt((lines[:, :2] ** 2).sum(axis=1))[:, None]
+        base, travel = lines[:, 2:] / steep * lines[:, :2] / steep, lines[:, 1::-1] / steep * [1.0, -1.0]
+        span = [((end - base) * travel).sum(axis=1) for end in (ends[:-1], ends[1:])]
+        if endless:
+            span[1][-1] = math.inf * forward
+        tables.append(np.column_stack([base, travel, *span[::forward]])[::forward])
+    return np.concatenate(tables)
 
 
 def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:

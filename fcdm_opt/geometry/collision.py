@@ -11,14 +11,15 @@ import threading
 from collections.abc import Callable, Iterator
 from copy import copy
 from fractions import Fraction
-from itertools import accumulate, product
+from itertools import product
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry import judging
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
@@ -86,13 +87,11 @@ class ScaledPair:
     def __init__(self, movable: Body, static: Body) -> None:
         import coal
 
-        from fcdm_opt.geometry import judging
-
-        self._coal, self._kernels = coal, judging
+        self._coal = coal
         self._seeds = np.array([movable.seed, static.seed])
         self._hulls = [[_Hull(part) for part in body.parts] for body in (movable, static)]
         self.reaches = np.array([max(float(np.abs(own.points).max()) for own in hulls) for hulls in self._hulls])
-        self._packed = [_packed(hulls) for hulls in self._hulls]
+        self._solids = [hull.solid for hull in self._hulls[0]], [hull.solid for hull in self._hulls[1]]
         self._here, self._result, self._request = coal.Transform3s(), coal.DistanceResult(), self._settings()
 
     def _settings(self) -> Any:
@@ -111,14 +110,14 @@ class ScaledPair:
             return self
         alone = copy(self)
         alone._hulls = [[self._hulls[0][i]], [self._hulls[1][j]]]
-        alone._packed = [_packed(hulls) for hulls in alone._hulls]
+        alone._solids = [self._solids[0][i]], [self._solids[1][j]]
         return alone
 
     def touching(self, rho: ArrayLike, transform: Array, slack: float) -> list[tuple[int, int]]:
         """Return the part pairs that are no further apart, or deeper in each other, than a length at a scale pair."""
         frames = self._framed(np.asarray(rho)[None], transform[None])
-        least, (first, second) = slack / frames[0, self._kernels.UNIT], self._hulls
-        near = np.argwhere(self._kernels.nearness(*self._packed, frames)[0] <= least).tolist()
+        least, (first, second) = slack / frames[0, judging.UNIT], self._hulls
+        near = np.argwhere(judging.nearness(*self._solids, frames)[0] <= least).tolist()
         return [(i, j) for i, j in near if abs(self._asked(first[i], second[j], frames)[0]) <= least]
 
     def signed_distance(self, rho: ArrayLike, transform: Array) -> float:
@@ -145,7 +144,7 @@ class ScaledPair:
             are none.
         """
         frames = self._framed(pairs, transforms)
-        return self._least(frames, settled) * frames[:, self._kernels.UNIT]
+        return self._least(frames, settled) * frames[:, judging.UNIT]
 
     def distances(self, rho: ArrayLike, transform: Array) -> Array:
         """Return the signed distance of every part pair, (parts 1, parts 2); see `signed_distances`."""
@@ -166,8 +165,7 @@ class ScaledPair:
             Pose changes of body 1, world frame.
         """
         frames = self._framed(pairs, transforms)
-        found: Array = self._kernels.least_gaps(*self._packed, EXHAUSTIVE, frames)
-        return found * frames[:, self._kernels.UNIT]
+        return judging.least_gaps(*self._solids, EXHAUSTIVE, frames) * frames[:, judging.UNIT]
 
     def lower_bounds(self, pairs: ArrayLike, transforms: Array) -> Array:
         """Return what the distance is not less than, (k,), by spheres about the parts or, where these meet, by faces.
@@ -175,8 +173,8 @@ class ScaledPair:
         Cheaper than `least_separations`; arguments as there.
         """
         frames = self._framed(pairs, transforms)
-        bounds: Array = self._kernels.nearness(*self._packed, frames).min(axis=(1, 2))
-        return bounds * frames[:, self._kernels.UNIT]
+        bounds: Array = judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
+        return bounds
 
     def separations(self, rho: ArrayLike, transform: Array) -> Array:
         """Return each part pair's largest separation over face normals and edge x edge directions, (parts 1, parts 2).
@@ -186,15 +184,14 @@ class ScaledPair:
         """
 
         def projected(one: _Hull, two: _Hull, frames: Array) -> Array:
-            found: Array = self._kernels.least_gaps(_packed([one]), _packed([two]), EXHAUSTIVE, frames)
-            return found
+            return judging.least_gaps([one.solid], [two.solid], EXHAUSTIVE, frames)
 
         return self._of_each(rho, transform, projected)
 
     def _of_each(self, rho: ArrayLike, transform: Array, value: Callable[[_Hull, _Hull, Array], Array]) -> Array:
         frames = self._framed(np.asarray(rho)[None], transform[None])
         values = [[value(one, two, frames)[0] for two in self._hulls[1]] for one in self._hulls[0]]
-        return np.array(values) * frames[0, self._kernels.UNIT]
+        return np.array(values) * frames[0, judging.UNIT]
 
     def _least(self, frames: Array, settled: Flags | None) -> Array:
         """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units.
@@ -205,7 +202,7 @@ class ScaledPair:
         if len(first) == len(second) == 1:
             bounds = np.where(np.isnan(frames[:, :1]), np.nan, -np.inf)
         else:
-            bounds = self._kernels.nearness(*self._packed, frames).reshape(len(frames), -1)
+            bounds = judging.nearness(*self._solids, frames).reshape(len(frames), -1)
         if settled is not None:
             bounds[settled.reshape(bounds.shape)] = np.nan
         least = np.where(np.isnan(frames[:, 0]), np.nan, np.inf)
@@ -233,7 +230,7 @@ class ScaledPair:
 
     def _distances(self, one: _Hull, two: _Hull, frames: Array, request: Any) -> tuple[Array, Flags]:
         """Return coal's signed distance of two hulls in each frame, (k,), units, and which can be believed."""
-        X, Y = self._kernels.placed(one.order, frames, True), self._kernels.placed(two.order, frames, False)
+        X, Y = judging.placed(one.order, frames, True), judging.placed(two.order, frames, False)
         here, result, points, others = self._here, self._result, one.placed, two.placed
         ask, shape, other = self._coal.distance, one.shape, two.shape
         count = len(frames)
@@ -243,7 +240,7 @@ class ScaledPair:
             result.clear()
             values[k] = ask(shape, here, other, here, request, result)
             witnesses[k], opposite[k] = result.getNearestPoint1(), result.getNearestPoint2()
-        return values, self._kernels.believed(one.planes, two.planes, frames, values, witnesses, opposite)
+        return values, judging.believed(one.solid, two.solid, frames, values, witnesses, opposite)
 
     def exact_separation(self, rho: ArrayLike, transform: Array) -> float:
         """Return the least of `separations`, in rational arithmetic on the numbers as given, rounded at the end.
@@ -289,8 +286,7 @@ class ScaledPair:
 
     def _framed(self, pairs: ArrayLike, transforms: Array) -> Array:
         rows, poses = np.array(pairs, dtype=np.float64), np.array(transforms, dtype=np.float64, order="C")
-        found: Array = self._kernels.framed(rows, poses, self._seeds, self.reaches)
-        return found
+        return judging.framed(rows, poses, self._seeds, self.reaches)
 
     def _frame(self, rho: ArrayLike, transform: Array) -> _Frame:
         return _Frame.of(self._framed(np.asarray(rho)[None], transform[None])[0])
@@ -313,25 +309,18 @@ class _Frame(NamedTuple):
 
 
 class _Hull:
-    """One part: points from the seed, (normal, level) of faces, edges and a ball, see `judging.solid`; and coal's.
+    """One part as a solid, and coal's.
 
     `placed` are coal's own points, to be overwritten, and `order` the part's points in their order. `shape` is None
     where coal takes no such hull.
     """
 
     def __init__(self, part: ConvexPart) -> None:
-        from fcdm_opt.geometry.judging import solid
-
-        self.part = part
-        loops = part.loops
-        corners = np.array([k for loop in loops for k in loop], dtype=np.int64)
-        starts = np.array([0, *accumulate(map(len, loops))], dtype=np.int64)
-        self.points, self.planes, self.edges, self.ball, even = solid(
-            part.vertices, part.seed, corners, starts, part.edges
-        )
+        self.part, self.solid = part, judging.Solid.of(part)
+        self.points, self.edges, even = self.solid.points, self.solid.edges, self.solid.even
         # coal's Qhull breaks down on thin parts (a slab of 1e-9 ends the process). A hull's faces do not change under
         # affine maps: build it with equal extents, then put the true points in place.
-        self.shape = _shaped(even, loops)
+        self.shape = _shaped(even, part.loops)
         if self.shape is None:
             return
         self.placed = self.shape.points()
@@ -361,15 +350,6 @@ def _ears(loop: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     while len(loop) > 2:
         yield from zip(loop[0::2], loop[1::2], (*loop[2::2], loop[0]), strict=False)
         loop = loop[::2]
-
-
-def _packed(hulls: list[_Hull]) -> tuple[Array | Ints, ...]:
-    """Return hulls as `judging` takes them together."""
-    counts = [(0, 0, 0), *((len(hull.points), len(hull.planes), len(hull.edges)) for hull in hulls)]
-    rows = [[getattr(hull, name) for hull in hulls] for name in ("points", "planes", "edges")]
-    points, planes, edges = (own[0] if len(own) == 1 else np.concatenate(own) for own in rows)
-    places, beside = np.cumsum(counts, axis=0, dtype=np.int64), np.vstack([h.part.edges[:, [0, 2, 3]] for h in hulls])
-    return points, planes, edges, places, np.array([hull.ball for hull in hulls]), beside
 
 
 def _directions(one: _Hull, two: _Hull, R: Array) -> Array:

@@ -1,6 +1,6 @@
-"""The judge's numba kernels: explicit vertices, each scaled and moved, over many scale pairs and poses at once.
+"""What the judge works out: explicit vertices, each scaled and moved, over many scale pairs and poses at once.
 
-They share nothing with the kernels of the decision curve. Points are handled relative to the static seed:
+It shares nothing with the decision curve and its kernels. Points are handled relative to the static seed:
 x = o + rho_1 R (v - s_1) on body 1, y = rho_2 (v - s_2) on body 2, with o = R s_1 + t - s_2.
 
 A *frame* is one row of numbers for a scale pair and a pose, in units in which the larger body reaches about 1:
@@ -9,381 +9,238 @@ rho_1, rho_2, the unit's length, o, and R row by row. All of it is nan where sca
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Sequence
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
-PARALLEL, TIE, NEAR = DEFAULT.line, DEFAULT.tie, DEFAULT.side
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
-_INF = np.inf
-
-
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile with the options all kernels share: cached, no fastmath (nan matters), "numpy" division."""
-    try:
-        return numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    except RuntimeError:  # nowhere to write a cache: compile anew in every process
-        return numba.njit(error_model="numpy", nogil=True)(function)
-
-
-def step(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile into every kernel that calls it; nothing is allocated there, so arrays need no counting of references."""
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
-    return numba.njit(**options)(function)
-
-
-# ------------------------------------------------------------------------------------------------- vectors as tuples
-
-
-@step
-def _at(points, k):
-    return points[k, 0], points[k, 1], points[k, 2]
-
-
-@step
-def _dot(u, v):
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-@step
-def _cross(u, v):
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-
-
-@step
-def _minus(u, v):
-    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
-
-
-@step
-def _plus(u, s, v):
-    """Return u + s v."""
-    return u[0] + s * v[0], u[1] + s * v[1], u[2] + s * v[2]
-
-
-@step
-def _turned(R, v):
-    """Return R v for the rotation in the first three columns."""
-    return (
-        R[0, 0] * v[0] + R[0, 1] * v[1] + R[0, 2] * v[2],
-        R[1, 0] * v[0] + R[1, 1] * v[1] + R[1, 2] * v[2],
-        R[2, 0] * v[0] + R[2, 1] * v[1] + R[2, 2] * v[2],
-    )
-
-
-@step
-def _larger(a, b):
-    """Return the larger one, nan if either is."""
-    return b if b > a or b != b else a
+CHUNK = 1 << 19  # numbers that are worked on at once
+HOPEFUL = 64  # directions that are tried at once, of many
 
 
 # ------------------------------------------------------------------------------------------------------- whole bodies
 
 
-@kernel
-def solid(vertices, seed, corners, starts, edges):
-    """Return what a part is made of, from the seed, and its points with equal extents along all directions.
+class Solid(NamedTuple):
+    """One part, from the seed.
 
-    Faces are `corners` from their `starts` on, edges (origin, end, ...). Points (n, 3); (unit normal, level, how far
-    the normal may be off) of each face; edges as vectors; the ball about all: centre and radius; and an affine image of
-    the points whose coordinates are orthonormal columns, of the same orientation.
+    Attributes
+    ----------
+    points : (n, 3) array
+    planes : (f, 5) array
+        (unit normal, level, how far the normal may be off) of each face.
+    edges : (m, 3) array
+        From their origins to their ends.
+    beside : (m, 3) array of int
+        The vertex that each edge leaves, and the faces on its two sides.
+    ball : (4,) array
+        Centre and radius of a sphere about all points.
     """
-    count, reach = len(vertices), 0.0
-    points, planes, sides = np.empty((count, 3)), np.empty((len(starts) - 1, 5)), np.empty((len(edges), 3))
-    ball, even = np.zeros(4), np.empty((count, 3))
-    for m in range(count):
-        for j in range(3):
-            points[m, j] = vertices[m, j] - seed[j]
-            ball[j] += points[m, j] / count
-        reach = max(reach, np.sqrt(_dot(_at(points, m), _at(points, m))))
-    for m in range(count):
-        for j in range(3):
-            even[m, j] = points[m, j] - ball[j]
-        ball[3] = max(ball[3], np.sqrt(even[m, 0] ** 2 + even[m, 1] ** 2 + even[m, 2] ** 2))
-    for m in range(len(starts) - 1):
-        base, n, around = _at(points, corners[starts[m]]), (0.0, 0.0, 0.0), 0.0
-        for k in range(starts[m] + 1, starts[m + 1] - 1):
-            u, v = _minus(_at(points, corners[k]), base), _minus(_at(points, corners[k + 1]), base)
-            n = _plus(n, 1.0, _cross(u, v))
-            around += np.sqrt(_dot(u, u)) + np.sqrt(_dot(v, v))
-        length, level = np.sqrt(_dot(n, n)), -_INF
-        n = (n[0] / length, n[1] / length, n[2] / length)
-        doubt = ROUNDING * reach * around / length
-        for k in range(starts[m], starts[m + 1]):
-            level = max(level, _dot(n, _at(points, corners[k])))
-        for k in range(count if doubt > TIE else 0):  # a sliver's plane may leave other vertices outside
-            level = max(level, _dot(n, _at(points, k)))
-        planes[m, 0], planes[m, 1], planes[m, 2], planes[m, 3], planes[m, 4] = n[0], n[1], n[2], level, doubt
-    for m in range(len(edges)):
-        sides[m, 0], sides[m, 1], sides[m, 2] = _minus(_at(points, edges[m, 1]), _at(points, edges[m, 0]))
-    for j in range(3):  # Gram and Schmidt, twice: thin parts too come out orthonormal
-        for i in range(2 * j):
-            along = 0.0
-            for m in range(count):
-                along += even[m, i % j] * even[m, j]
-            for m in range(count):
-                even[m, j] -= along * even[m, i % j]
-        square = 0.0
-        for m in range(count):
-            square += even[m, j] ** 2
-        for m in range(count):
-            even[m, j] /= np.sqrt(square)
-    return points, planes, sides, ball, even
+
+    points: Array
+    planes: Array
+    edges: Array
+    beside: Ints
+    ball: Array
+
+    @classmethod
+    def of(cls, part: ConvexPart) -> Solid:
+        """Return the solid of a part."""
+        points = part.vertices - part.seed
+        middle = points.mean(axis=0)
+        ball = np.append(middle, _lengths(points - middle).max())
+        edges = points[part.edges[:, 1]] - points[part.edges[:, 0]]
+        return cls(points, _planes(points, part.loops), edges, part.edges[:, [0, 2, 3]], ball)
+
+    @property
+    def even(self) -> Array:
+        """An affine image of the points, with equal extents: orthonormal columns, of the same orientation."""
+        even, turn = np.linalg.qr(self.points - self.ball[:3])
+        return even * np.sign(np.diag(turn))
+
+    @property
+    def reach(self) -> float:
+        """No point is further from the seed."""
+        return float(_lengths(self.ball[:3]) + self.ball[3])
 
 
-@kernel
-def framed(pairs, transforms, seeds, reaches):
+def _planes(points: Array, loops: Sequence[tuple[int, ...]]) -> Array:
+    """Return (unit normal, level, doubt) of each face, (f, 5), from the fan of triangles about its first corner."""
+    sizes = np.array([len(loop) for loop in loops])
+    corners = np.concatenate([np.array(loop) for loop in loops])
+    starts = np.cumsum(sizes) - sizes
+    first, inner = np.repeat(starts, sizes - 2), np.ones(len(corners), bool)
+    inner[starts], inner[starts + sizes - 1] = False, False
+    second = np.flatnonzero(inner)
+    u, v = points[corners[second]] - points[corners[first]], points[corners[second + 1]] - points[corners[first]]
+    fans = np.cumsum(sizes - 2) - (sizes - 2)
+    n = np.add.reduceat(np.cross(u, v), fans)
+    around, length = np.add.reduceat(_lengths(u) + _lengths(v), fans), _lengths(n)
+    n /= length[:, None]
+    doubt = ROUNDING * _lengths(points).max() * around / length
+    level = np.maximum.reduceat(_dots(np.repeat(n, sizes, axis=0), points[corners]), starts)
+    for k in np.flatnonzero(doubt > DEFAULT.tie).tolist():  # a sliver's plane may leave other vertices outside
+        level[k] = (points @ n[k]).max()
+    return np.column_stack([n, level, doubt])
+
+
+@np.errstate(all="ignore")
+def framed(pairs: Array, transforms: Array, seeds: Array, reaches: Array) -> Array:
     """Return the frame of each scale pair and pose, (k, 15); the unit is a power of two, so nothing is rounded."""
-    frames = np.full((len(pairs), FRAME), np.nan)
-    for k in range(len(pairs)):
-        one, two, T, frame = pairs[k, 0], pairs[k, 1], transforms[k], frames[k]
-        total = one + two
-        for i in range(4):
-            for j in range(4):
-                total += T[i, j]
-        if not (np.isfinite(total) and one > 0.0 and two > 0.0):
-            continue
-        unit = 2.0 ** np.ceil(np.log2(max(one * reaches[0], two * reaches[1])))
-        frame[0], frame[1], frame[UNIT] = one / unit, two / unit, unit
-        moved = _turned(T, _at(seeds, 0))
-        for i in range(3):
-            frame[OFFSET + i] = (moved[i] + T[i, 3] - seeds[1, i]) / unit
-            for j in range(3):
-                frame[TURN + 3 * i + j] = T[i, j]
+    known = np.isfinite(pairs.sum(axis=1) + transforms.sum(axis=(1, 2))) & (pairs > 0.0).all(axis=1)
+    if not known.all():
+        frames = np.full((len(pairs), FRAME), np.nan)
+        frames[known] = framed(pairs[known], transforms[known], seeds, reaches)
+        return frames
+    frames, R = np.empty((len(pairs), FRAME)), transforms[:, :3, :3]
+    unit = np.exp2(np.ceil(np.log2((pairs * reaches).max(axis=1))))[:, None]
+    frames[:, :UNIT], frames[:, UNIT:OFFSET] = pairs / unit, unit
+    frames[:, OFFSET:TURN] = (R @ seeds[0] + transforms[:, :3, 3] - seeds[1]) / unit
+    frames[:, TURN:] = R.reshape(-1, 9)
     return frames
 
 
-@kernel
-def placed(points, frames, moving):
+def placed(points: Array, frames: Array, moving: bool) -> Array:
     """Return a body's points, (n, 3) from its seed, in each frame, (k, n, 3)."""
-    found = np.empty((len(frames), len(points), 3))
-    for k in range(len(frames)):
-        frame, rows = frames[k], found[k]
-        R = frame[TURN:].reshape(3, 3)
-        for m in range(len(points)):
-            if moving:
-                x = _turned(R, _at(points, m))
-                for i in range(3):
-                    rows[m, i] = frame[OFFSET + i] + frame[0] * x[i]
-            else:
-                for i in range(3):
-                    rows[m, i] = frame[1] * points[m, i]
-    return found
+    if not moving:
+        return frames[:, 1, None, None] * points
+    return frames[:, None, OFFSET:TURN] + frames[:, 0, None, None] * (points @ _turns(frames).mT)
 
 
-@step
-def _outside(planes, scale, p):
-    """Return how far p is outside the scaled planes of a part, (normal, level) each; negative inside."""
-    found = -_INF
-    for m in range(len(planes)):
-        found = _larger(found, _dot(_at(planes, m), p) - scale * planes[m, 3])
-    return found
-
-
-@kernel
-def believed(planes, others, frames, values, firsts, seconds):
+@np.errstate(all="ignore")
+def believed(one: Solid, two: Solid, frames: Array, values: Array, firsts: Array, seconds: Array) -> Flags:
     """Tell which signed distances can be: near touch their witnesses must lie in the parts and be that far apart."""
-    found = np.zeros(len(frames), np.bool_)
-    for k in range(len(frames)):
-        frame, value = frames[k], abs(values[k])
-        offset = (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
-        if not value <= abs(offset[0]) + abs(offset[1]) + abs(offset[2]) + ROOM:
-            continue
-        if value <= NEAR:
-            R, p, q = frame[TURN:].reshape(3, 3), _minus(_at(firsts, k), offset), _at(seconds, k)
-            own = (
-                R[0, 0] * p[0] + R[1, 0] * p[1] + R[2, 0] * p[2],
-                R[0, 1] * p[0] + R[1, 1] * p[1] + R[2, 1] * p[2],
-                R[0, 2] * p[0] + R[1, 2] * p[1] + R[2, 2] * p[2],
-            )
-            way = _minus(q, _at(firsts, k))
-            error = _larger(_outside(planes, frame[0], own), _outside(others, frame[1], q))
-            if not _larger(error, abs(np.sqrt(_dot(way, way)) - value)) <= TIE:
-                continue
-        found[k] = True
+    size = np.abs(values)
+    found = size <= np.abs(frames[:, OFFSET:TURN]).sum(axis=1) + ROOM
+    near = np.flatnonzero(found & (size <= DEFAULT.side))
+    if near.size:
+        frames, p, q = frames[near], firsts[near], seconds[near]
+        inward = ((p - frames[:, OFFSET:TURN])[:, None] @ _turns(frames))[:, 0]
+        out = (inward @ one.planes[:, :3].T - frames[:, :1] * one.planes[:, 3]).max(axis=1)
+        outside = (q @ two.planes[:, :3].T - frames[:, 1:2] * two.planes[:, 3]).max(axis=1)
+        error = np.maximum(np.maximum(out, outside), np.abs(_lengths(q - p) - size[near]))
+        found[near] = error <= DEFAULT.tie
     return found
 
 
-# A packed body: its parts' vertices from the seed (n, 3), planes (f, 5), edges (m, 3), where each part's begin in them
-# (parts + 1, 3), balls about the parts (parts, 4): centre and radius, and of each edge (m, 3) the vertex of its part
-# that it leaves and the faces of its part on its two sides.
-
-
-@kernel
-def nearness(one, two, frames):
+@np.errstate(all="ignore")
+def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Array:
     """Return lower bounds of the signed distances of all part pairs, (k, parts 1, parts 2), in units.
 
     How far the spheres about the parts are apart; where they meet, the largest gap along the parts' face normals.
     """
-    count, others = len(one[3]) - 1, len(two[3]) - 1
-    found = np.empty((len(frames), count, others))
-    X, Y = np.empty_like(one[0]), np.empty_like(two[0])
-    planes, none, edges = np.empty((len(one[1]), 3)), np.empty((0, 3)), np.empty((0, 2), np.int32)
-    for k in range(len(frames)):
-        _place(one, two, frames[k], X, Y, planes, none)
-        for i in range(count):
-            for j in range(others):
-                bound = _ball_gap(one, two, i, j, frames[k])
-                if bound <= 0.0:
-                    bound = max(bound, _largest(one, two, i, j, X, Y, planes, none, edges))
-                found[k, i, j] = bound
+    found = _ball_gaps(ones, twos, frames)
+    for i, j in np.argwhere((found <= 0.0).any(axis=0)).tolist():
+        at = np.flatnonzero(found[:, i, j] <= 0.0)
+        found[at, i, j] = np.maximum(found[at, i, j], _face_gaps(ones[i], twos[j], frames[at]))
     return found
 
 
-@kernel
-def least_gaps(one, two, most, frames):
+@np.errstate(all="ignore")
+def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: Array) -> Array:
     """Return the least over the part pairs of the largest gap along any direction that can separate most, (k,), units.
 
     These are all face normals and the edge x edge directions that are normals of facets of the parts' difference; nan
     where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further apart
     than the least so far are passed over.
     """
-    found, count, others = np.empty(len(frames)), len(one[3]) - 1, len(two[3]) - 1
-    X, Y = np.empty_like(one[0]), np.empty_like(two[0])
-    planes, sides, hands = np.empty((len(one[1]), 3)), np.empty((len(one[2]), 3)), np.empty(len(two[1]), np.int8)
-    edges, kept, last = np.empty((min(most, len(one[2]) * len(two[2])), 2), np.int32), 0, -1
-    for k in range(len(frames)):
-        _place(one, two, frames[k], X, Y, planes, sides)
-        for i in range(TURN, FRAME):
-            if k > 0 and frames[k, i] != frames[k - 1, i]:
-                last = -1
-        least = unknown = _INF
-        nearest, start = _INF, 0
-        for pair in range(count * others):
-            bound = _ball_gap(one, two, pair // others, pair % others, frames[k])
-            if bound < nearest:
-                nearest, start = bound, pair
-        for step in range(count * others):
-            pair = (start + step) % (count * others)
-            i, j = pair // others, pair % others
-            bound = _ball_gap(one, two, i, j, frames[k])
-            if (one[3][i + 1, 2] - one[3][i, 2]) * (two[3][j + 1, 2] - two[3][j, 2]) > most:
-                unknown = min(unknown, bound)
-            elif bound <= least:
-                if pair != last:  # which edges make facets depends on the rotation alone
-                    kept, last = _facets(one, two, i, j, planes, sides, hands, edges), pair
-                least = min(least, _largest(one, two, i, j, X, Y, planes, sides, edges[:kept]))
-        known = frames[k, UNIT] == frames[k, UNIT] and unknown > least
-        found[k] = least if known else np.nan
-    return found
+    bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
+    least, unknown = np.full(len(frames), np.inf), np.full(len(frames), np.inf)
+    for pair in np.argsort(np.fmin.reduce(bounds, axis=0, initial=np.inf)).tolist():
+        one, two = ones[pair // len(twos)], twos[pair % len(twos)]
+        if len(one.edges) * len(two.edges) > most:
+            unknown = np.fmin(unknown, bounds[:, pair])
+            continue
+        at = np.flatnonzero(bounds[:, pair] <= least)
+        share = max(1, CHUNK // (len(one.edges) * len(two.edges)))
+        for some in (at[k : k + share] for k in range(0, len(at), share)):
+            gaps = _edge_gaps(one, two, frames[some], _face_gaps(one, two, frames[some]))
+            least[some] = np.minimum(least[some], gaps)
+    return np.where(np.isnan(frames[:, UNIT]) | ~(unknown > least), np.nan, least)
 
 
-@step
-def _place(one, two, frame, X, Y, planes, sides):
-    """Write the points of both bodies and, of body 1, the face normals and edges, turned."""
-    R = frame[TURN:].reshape(3, 3)
-    offset = (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
-    for m in range(len(X)):
-        X[m, 0], X[m, 1], X[m, 2] = _plus(offset, frame[0], _turned(R, _at(one[0], m)))
-    for m in range(len(Y)):
-        for i in range(3):
-            Y[m, i] = frame[1] * two[0][m, i]
-    for m in range(len(planes)):
-        planes[m, 0], planes[m, 1], planes[m, 2] = _turned(R, _at(one[1], m))
-    for m in range(len(sides)):
-        sides[m, 0], sides[m, 1], sides[m, 2] = _turned(R, _at(one[2], m))
+def _ball_gaps(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Array:
+    balls, others = (np.array([solid.ball for solid in solids]) for solids in (ones, twos))
+    x, y = placed(balls[:, :3], frames, True), placed(others[:, :3], frames, False)
+    apart = _lengths(x[:, :, None] - y[:, None])
+    return np.asarray(apart - (frames[:, :1] * balls[:, 3])[:, :, None] - (frames[:, 1:2] * others[:, 3])[:, None])
 
 
-@step
-def _ball_gap(one, two, i, j, frame):
-    R, balls, others = frame[TURN:].reshape(3, 3), one[4], two[4]
-    x = _plus((frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2]), frame[0], _turned(R, _at(balls, i)))
-    way = _plus(x, -frame[1], _at(others, j))
-    return np.sqrt(_dot(way, way)) - frame[0] * balls[i, 3] - frame[1] * others[j, 3]
+def _face_gaps(one: Solid, two: Solid, frames: Array) -> Array:
+    """Return the largest gap of two parts over their face normals in each frame, (k,)."""
+    x, y, turn = placed(one.points, frames, True), placed(two.points, frames, False), _turns(frames).mT
+    if len(frames) * (len(one.planes) + len(two.planes)) * (len(one.points) + len(two.points)) > CHUNK:
+        normals = (np.concatenate([one.planes[:, :3] @ turn[k], -two.planes[:, :3]]) for k in range(len(frames)))
+        return np.array([_largest(*each) for each in zip(normals, x, y, strict=True)])
+    n, m = (one.planes[:, :3] @ turn).mT, two.planes[:, :3].T
+    return np.asarray(
+        np.maximum(
+            ((y @ n).min(axis=1) - (x @ n).max(axis=1)).max(axis=1),
+            ((x @ m).min(axis=1) - (y @ m).max(axis=1)).max(axis=1),
+        )
+    )
 
 
-@step
-def _largest(one, two, i, j, X, Y, planes, sides, edges):
-    """Return the largest gap of two parts over their face normals and the directions of pairs of `edges`.
+def _largest(n: Array, x: Array, y: Array) -> float:
+    """Return the largest gap of points y from points x along some directions.
 
-    Every vertex is projected on every direction that is not worse by two of them already: first by the extreme ones of
-    the direction before.
+    The most hopeful first; those that two points of either part rule out are passed over.
     """
-    X = X[one[3][i, 0] : one[3][i + 1, 0]]
-    Y = Y[two[3][j, 0] : two[3][j + 1, 0]]
-    best, far, near = -_INF, 0, 0
-    for m in range(one[3][i, 1], one[3][i + 1, 1]):
-        best, far, near = _wider(best, far, near, _at(planes, m), X, Y)
-    for m in range(two[3][j, 1], two[3][j + 1, 1]):
-        n = _at(two[1], m)
-        best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
-    for k in range(len(edges)):
-        m, other = edges[k, 0], edges[k, 1]
-        n = _cross(_at(sides, m), _at(two[2], other))
-        length = np.sqrt(_dot(n, n))
-        n = (n[0] / length, n[1] / length, n[2] / length)
-        between = _dot(n, _minus(_at(Y, two[5][other, 0]), _at(X, one[5][m, 0])))  # no gap along n is wider
-        if between > best:
-            best, far, near = _wider(best, far, near, n, X, Y)
-        if -between > best:
-            best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), X, Y)
+    best, way = -np.inf, y.mean(axis=0) - x.mean(axis=0)
+    while len(n):
+        hope = n @ (y[(y @ way).argmin()] - x[(x @ way).argmax()])
+        n, hope = n[hope > best], hope[hope > best]
+        n = n[hope.argsort()]
+        n, tried = n[:-HOPEFUL], n[-HOPEFUL:]
+        gaps = (y @ tried.T).min(axis=0) - (x @ tried.T).max(axis=0) if len(tried) else np.array([-np.inf])
+        if gaps.max() > best:
+            best, way = float(gaps.max()), tried[gaps.argmax()]
     return best
 
 
-@step
-def _facets(one, two, i, j, planes, sides, hands, edges):
-    """Write pairs of edges of two parts into `edges` that may make a facet of their difference; return how many.
+def _edge_gaps(one: Solid, two: Solid, frames: Array, best: Array) -> Array:
+    """Return the larger of the best gaps so far and those along the directions of pairs of edges, in each frame, (k,).
 
-    They do only where the arcs between the normals of the faces beside them cross: where the faces of either lie on
-    different sides of the other. Others are left out, unless rounding may have chosen the side; and parallel ones.
-    `hands`, one a face of body 2, is written over.
+    Pairs of edges make a facet of the parts' difference only where the arcs between the normals of the faces beside
+    them cross: where the faces of either lie on different sides of the other. Others are left out, unless rounding may
+    have chosen the side; and parallel ones.
     """
-    first, second, kept = one[3][i, 1], two[3][j, 1], 0
-    reaches = ROUNDING * _reach(one[4][i]), ROUNDING * _reach(two[4][j])
-    for m in range(one[3][i, 2], one[3][i + 1, 2]):
-        u, a, b = _at(sides, m), first + one[5][m, 1], first + one[5][m, 2]
-        own, p, q, off = np.sqrt(_dot(u, u)), _at(planes, a), _at(planes, b), TIE + max(one[1][a, 4], one[1][b, 4])
-        for face in range(second, two[3][j + 1, 1]):
-            height, doubt = _dot(u, _at(two[1], face)), own * (TIE + two[1][face, 4]) + reaches[0]
-            hands[face] = (height > doubt) - (height < -doubt)
-        for other in range(two[3][j, 2], two[3][j + 1, 2]):
-            if hands[second + two[5][other, 1]] * hands[second + two[5][other, 2]] > 0:
-                continue
-            v = _at(two[2], other)
-            length = np.sqrt(_dot(v, v))
-            if _one_sided(_dot(v, p), _dot(v, q), length * off + reaches[1]):
-                continue
-            n = _cross(u, v)
-            if np.sqrt(_dot(n, n)) > PARALLEL * own * length:
-                edges[kept] = m, other
-                kept += 1
-    return kept
-
-
-@step
-def _reach(ball):
-    return np.sqrt(ball[0] ** 2 + ball[1] ** 2 + ball[2] ** 2) + ball[3]
-
-
-@step
-def _one_sided(a, b, doubt):
-    """Tell whether two heights have the same sign beyond doubt."""
-    return (a > doubt and b > doubt) or (a < -doubt and b < -doubt)
-
-
-@step
-def _wider(best, i, j, n, X, Y):
-    """Return the larger of the best gap and that along n, and points i, j that came near the extremes along it."""
-    if _dot(n, _minus(_at(Y, j), _at(X, i))) <= best:
-        return best, i, j
-    high, low = -_INF, _INF
-    for m in range(len(X)):
-        level = _dot(n, _at(X, m))
-        if level > high:
-            high, i = level, m
-    for m in range(len(Y)):
-        level = _dot(n, _at(Y, m))
-        if level < low:
-            low, j = level, m
-            if low - high <= best:
-                break
-    return max(best, low - high), i, j
+    turn = _turns(frames).mT
+    sides, planes, lengths, others = (
+        one.edges @ turn,
+        one.planes[:, :3] @ turn,
+        _lengths(one.edges),
+        _lengths(two.edges),
+    )
+    heights = sides @ two.planes[:, :3].T
+    doubt = lengths[:, None] * (DEFAULT.tie + two.planes[:, 4]) + ROUNDING * one.reach
+    hands = (heights > doubt).astype(np.int8) - (heights < -doubt)
+    apart = hands[..., two.beside[:, 1]] * hands[..., two.beside[:, 2]] > 0
+    heights, off = planes @ two.edges.T, DEFAULT.tie + one.planes[one.beside[:, 1:], 4].max(axis=1)
+    p, q = heights[:, one.beside[:, 1]], heights[:, one.beside[:, 2]]
+    doubt = off[:, None] * others + ROUNDING * two.reach
+    apart |= ((p > doubt) & (q > doubt)) | ((p < -doubt) & (q < -doubt))
+    k, first, second = np.nonzero(~apart)
+    n = _crosses(sides[k, first], two.edges[second])
+    length = _lengths(n)
+    kept = length > DEFAULT.line * lengths[first] * others[second]
+    k, first, second, n = k[kept], first[kept], second[kept], n[kept] / length[kept, None]
+    x, y = placed(one.points, frames, True), placed(two.points, frames, False)
+    between = _dots(n, y[k, two.beside[second, 0]] - x[k, one.beside[first, 0]])  # no gap along n is wider
+    there, back = between > best[k], -between > best[k]
+    k, n = np.concatenate([k[there], k[back]]), np.concatenate([n[there], -n[back]])
+    share = max(1, CHUNK // (3 * (len(one.points) + len(two.points))))
+    for start in range(0, len(k), share):
+        here, way = k[start : start + share], n[start : start + share, :, None]
+        np.maximum.at(best, here, ((y[here] @ way).min(axis=1) - (x[here] @ way).max(axis=1))[:, 0])
+    return best
 
 
 # ----------------------------------------------------------------------------------------------------- claimed contacts
@@ -391,165 +248,151 @@ def _wider(best, i, j, n, X, Y):
 # either part, 3 and none, none and 3, or 2 and 2, and its sign.
 
 
-@step
-def _normal(one, two, across, along, sign, T):
-    """Return the unit contact normal; nan where two edges are parallel."""
+def _normals(one: Array, two: Array, across: Ints, along: Ints, sign: int, R: Array) -> Array:
+    """Return the unit contact normal under each rotation, (k, 3); nan where two edges are parallel."""
     if len(across) == 3:
-        base = _at(one, across[0])
-        u, v = _turned(T, _minus(_at(one, across[1]), base)), _turned(T, _minus(_at(one, across[2]), base))
+        u, v = ((one[row] - one[across[0]]) @ R.mT for row in across[1:])
     elif len(along) == 3:
-        base = _at(two, along[0])
-        u, v = _minus(_at(two, along[1]), base), _minus(_at(two, along[2]), base)
+        u, v = two[along[1:]] - two[along[0]]
     else:
-        u = _turned(T, _minus(_at(one, across[1]), _at(one, across[0])))
-        v = _minus(_at(two, along[1]), _at(two, along[0]))
-    n = _cross(u, v)
-    length = np.sqrt(_dot(n, n))
-    if not length > TIE * np.sqrt(_dot(u, u)) * np.sqrt(_dot(v, v)):
-        return np.nan, np.nan, np.nan
-    return sign * n[0] / length, sign * n[1] / length, sign * n[2] / length
+        u, v = (one[across[1]] - one[across[0]]) @ R.mT, two[along[1]] - two[along[0]]
+    n = np.broadcast_to(_crosses(u, v), (len(R), 3))
+    length = _lengths(n)
+    length = np.where(length > DEFAULT.tie * _lengths(u) * _lengths(v), length, np.nan)
+    return np.asarray(sign * n / length[:, None])
 
 
-@kernel
-def edge_sign(one, two, across, along, T):
+@np.errstate(all="ignore")
+def edge_sign(one: Array, two: Array, across: Ints, along: Ints, T: Array) -> int:
     """Return the sign of edge 1 x edge 2 that leads out of part 1: the side on which less of it lies; 0 if parallel."""
-    n = _normal(one, two, across, along, 1, T)
-    if n[0] != n[0]:
+    n = _normals(one, two, across, along, 1, T[None, :3, :3])[0]
+    if np.isnan(n[0]):
         return 0
-    low, high, base = _INF, -_INF, _at(one, across[0])
-    for m in range(len(one)):
-        height = _dot(n, _turned(T, _minus(_at(one, m), base)))
-        low, high = min(low, height), max(high, height)
-    return 1 if high <= -low else -1
+    heights = (one - one[across[0]]) @ (n @ T[:3, :3])
+    return 1 if heights.max() <= -heights.min() else -1
 
 
-@kernel
-def contact_rows(one, two, first, second, across, along, sign, seeds, poses):
+@np.errstate(all="ignore")
+def contact_rows(
+    one: Array, two: Array, first: Ints, second: Ints, across: Ints, along: Ints, sign: int, seeds: Array, poses: Array
+) -> Array:
     """Return (n, a, b, c) at each pose, (k, 6): the unit normal and the contact line.
 
     The separation of two claimed vertices along the normal is affine in the scales, c - a rho_1 - b rho_2: three scale
     pairs give it.
     """
-    rows = np.empty((len(poses), 6))
-    for k in range(len(poses)):
-        T = poses[k]
-        n = _normal(one, two, across, along, sign, T)
-        x, y, seed = _turned(T, _at(one, first[0])), _at(two, second[0]), _turned(T, _at(seeds, 0))
-        offset = (seed[0] + T[0, 3] - seeds[1, 0], seed[1] + T[1, 3] - seeds[1, 1], seed[2] + T[2, 3] - seeds[1, 2])
-        zero = (0.0, 0.0, 0.0)
-        base = _dot(n, _minus(_plus(zero, 1.0, y), _plus(offset, 1.0, x)))
-        wider = _dot(n, _minus(_plus(zero, 1.0, y), _plus(offset, 2.0, x)))
-        longer = _dot(n, _minus(_plus(zero, 2.0, y), _plus(offset, 1.0, x)))
-        rows[k, 0], rows[k, 1], rows[k, 2] = n
-        rows[k, 3], rows[k, 4], rows[k, 5] = base - wider, base - longer, 3.0 * base - wider - longer
-    return rows
+    n = _normals(one, two, across, along, sign, poses[:, :3, :3])
+    x, y, offset = one[first[0]] @ poses[:, :3, :3].mT, two[second[0]], _offsets(seeds, poses)
+    base, wider, longer = (_dots(n, q * y - (offset + p * x)) for p, q in ((1.0, 1.0), (2.0, 1.0), (1.0, 2.0)))
+    return np.column_stack([n, base - wider, base - longer, 3.0 * base - wider - longer])
 
 
-@kernel
-def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, poses):
+@np.errstate(all="ignore")
+def contact_errors(
+    one: Array, two: Array, first: Ints, second: Ints, across: Ints, along: Ints, sign: int, seeds: Array,
+    pairs: Array, poses: Array,
+) -> Array:  # fmt: skip
     """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
 
     The largest of: distance of a common point from either element, and how far either part reaches across the plane
     through it; infinite where there is none.
     """
-    errors = np.empty(len(poses))
-    X, Y = np.empty_like(one), np.empty_like(two)
-    for k in range(len(poses)):
-        T = poses[k]
-        n = _normal(one, two, across, along, sign, T)
-        seed = _turned(T, _at(seeds, 0))
-        offset = (seed[0] + T[0, 3] - seeds[1, 0], seed[1] + T[1, 3] - seeds[1, 1], seed[2] + T[2, 3] - seeds[1, 2])
-        for m in range(len(one)):
-            X[m, 0], X[m, 1], X[m, 2] = _plus(offset, pairs[k, 0], _turned(T, _at(one, m)))
-        for m in range(len(two)):
-            for i in range(3):
-                Y[m, i] = pairs[k, 1] * two[m, i]
-        if len(first) == 1:
-            point = _at(X, first[0])
-            error = _off(Y, second, point)
-        elif len(second) == 1:
-            point = _at(Y, second[0])
-            error = _off(X, first, point)
-        elif len(first) == len(second) == len(across) == len(along) == 2:
-            point = _crossing(_at(X, first[0]), _at(X, first[1]), _at(Y, second[0]), _at(Y, second[1]))
-            error = _larger(_off(X, first, point), _off(Y, second, point))
-        else:
-            error, point = _shared(X, first, Y, second)
-        level = _dot(n, point)
-        for m in range(len(X)):
-            error = _larger(error, _dot(n, _at(X, m)) - level)
-        for m in range(len(Y)):
-            error = _larger(error, level - _dot(n, _at(Y, m)))
-        errors[k] = error if error == error else _INF
-    return errors
+    R = poses[:, :3, :3]
+    n = _normals(one, two, across, along, sign, R)[:, :, None]
+    x = _offsets(seeds, poses)[:, None] + pairs[:, 0, None, None] * (one @ R.mT)
+    y = pairs[:, 1, None, None] * two
+    p, q = x[:, first], y[:, second]
+    if len(first) == 1:
+        point, error = p[:, 0], _off(q, p)[:, 0]
+    elif len(second) == 1:
+        point, error = q[:, 0], _off(p, q)[:, 0]
+    elif len(first) == len(second) == len(across) == len(along) == 2:
+        points = _crossings(p[:, 0], p[:, 1], q[:, 0], q[:, 1])[:, None]
+        point, error = points[:, 0], np.maximum(_off(p, points), _off(q, points))[:, 0]
+    else:
+        point, error = _shared(p, q)
+    level = (point[:, None] @ n)[:, 0, 0]
+    reach = np.maximum((x @ n).max(axis=(1, 2)) - level, level - (y @ n).min(axis=(1, 2)))
+    return np.nan_to_num(np.maximum(error, reach), nan=np.inf, posinf=np.inf)
 
 
-@step
-def _crossing(a, b, c, d):
-    """Return the point of the line a b that is nearest to the line c d."""
-    u, v = _minus(b, a), _minus(d, c)
-    n = _cross(u, v)
-    return _plus(a, _dot(_cross(_minus(c, a), v), n) / _dot(n, n), u)
+def _offsets(seeds: Array, poses: Array) -> Array:
+    return np.asarray(seeds[0] @ poses[:, :3, :3].mT + poses[:, :3, 3] - seeds[1])
 
 
-@step
-def _shared(X, first, Y, second):
-    """Return a point of two flush elements and its distances from both together: a corner of what they share.
+def _crossings(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Return the point of each line a b that is nearest to the line c d, (..., 3)."""
+    u, v = b - a, d - c
+    n = _crosses(u, v)
+    return np.asarray(a + (_dots(_crosses(c - a, v), n) / _dots(n, n))[..., None] * u)
 
-    That is a corner of one of them, or a place where their sides cross.
+
+def _shared(p: Array, q: Array) -> tuple[Array, Array]:
+    """Return a point of each two flush elements, (k, 3), and its distances from both together, (k,).
+
+    A corner of what they share: of one of them, or where their sides cross.
     """
-    way = _minus(_at(X, first[1]), _at(X, first[0]))
-    enough = PARALLEL * np.sqrt(_dot(way, way))
-    best, point = _INF, _at(X, first[0])
-    for m in range(len(first) + len(second)):
-        corner = _at(X, first[m]) if m < len(first) else _at(Y, second[m - len(first)])
-        off = _off(Y, second, corner) if m < len(first) else _off(X, first, corner)
-        if off < best:
-            best, point = off, corner
-        if best <= enough:
-            return best, point
-    for m in range(len(first) if len(first) > 2 else 1):
-        a, b = _at(X, first[m]), _at(X, first[(m + 1) % len(first)])
-        for other in range(len(second) if len(second) > 2 else 1):
-            corner = _crossing(a, b, _at(Y, second[other]), _at(Y, second[(other + 1) % len(second)]))
-            off = _off(X, first, corner) + _off(Y, second, corner)
-            if off < best:
-                best, point = off, corner
-            if best <= enough:
-                return best, point
-    return best, point
+    points = np.concatenate([p, q], axis=1)
+    off = np.concatenate([_off(q, p), _off(p, q)], axis=1)
+    if (off.min(axis=1) > DEFAULT.line * _lengths(p[:, 1] - p[:, 0])).any():
+        ends = (np.stack([own, np.roll(own, -1, axis=1)]) for own in (p, q))
+        (a, b), (c, d) = (own if own.shape[2] > 2 else own[:, :, :1] for own in ends)
+        crossings = _crossings(a[:, :, None], b[:, :, None], c[:, None], d[:, None]).reshape(len(p), -1, 3)
+        points = np.concatenate([points, crossings], axis=1)
+        off = np.concatenate([off, _off(p, crossings) + _off(q, crossings)], axis=1)
+    off = np.where(np.isnan(off), np.inf, off)
+    best = off.argmin(axis=1)
+    rows = np.arange(len(p))
+    return points[rows, best], off[rows, best]
 
 
-@step
-def _off(points, rows, p):
-    """Return how far p is from a vertex, a segment or a planar convex polygon in loop order."""
-    base = _at(points, rows[0])
-    if len(rows) == 1:
-        way = _minus(p, base)
-        return np.sqrt(_dot(way, way))
-    if len(rows) == 2:
-        return _off_segment(base, _at(points, rows[1]), p)
-    count = len(rows)
-    middle, normal = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for m in range(count):
-        corner, following = _at(points, rows[m]), _at(points, rows[(m + 1) % count])
-        middle = _plus(middle, 1.0, corner)
-        normal = _plus(normal, 1.0, _cross(_minus(corner, base), _minus(following, corner)))
-    length = np.sqrt(_dot(normal, normal))
-    normal = (normal[0] / length, normal[1] / length, normal[2] / length)
-    height = abs(_dot(_minus(p, (middle[0] / count, middle[1] / count, middle[2] / count)), normal))
-    outside, nearest = 0.0, _INF
-    for m in range(count):
-        corner, following = _at(points, rows[m]), _at(points, rows[(m + 1) % count])
-        outward = _cross(_minus(following, corner), normal)
-        outside = _larger(outside, _dot(_minus(p, corner), outward) / np.sqrt(_dot(outward, outward)))
-        nearest = min(nearest, _off_segment(corner, following, p))
-    return _larger(height, outside) if outside == 0.0 else _larger(height, _larger(outside, nearest))
+def _off(element: Array, points: Array) -> Array:
+    """Return how far points, (k, m, 3), are from a vertex, a segment or a planar convex polygon, (k, l, 3)."""
+    if element.shape[1] == 1:
+        return _lengths(points - element)
+    ends = np.roll(element, -1, axis=1)
+    if element.shape[1] == 2:
+        return _off_segments(element[:, :1], ends[:, :1], points)
+    base = element[:, :1]
+    normal = _crosses(element - base, ends - base).sum(axis=1)
+    normal /= _lengths(normal)[:, None]
+    height = np.abs(((points - element.mean(axis=1, keepdims=True)) @ normal[:, :, None])[..., 0])
+    outward = _crosses(ends - element, normal[:, None])
+    outward /= _lengths(outward)[..., None]
+    outside = (points @ outward.mT - _dots(element, outward)[:, None]).max(axis=2)
+    beyond = outside > 0.0
+    if beyond.any():
+        nearest = _off_segments(element[:, None], ends[:, None], points[:, :, None]).min(axis=2)
+        height = np.where(beyond, np.maximum(height, np.maximum(outside, nearest)), height)
+    return np.where(np.isnan(outside), np.nan, height)
 
 
-@step
-def _off_segment(a, b, p):
-    u, w = _minus(b, a), _minus(p, a)
-    t = _dot(w, u) / _dot(u, u)
-    way = _minus(w, _plus((0.0, 0.0, 0.0), min(max(t, 0.0), 1.0), u))
-    return np.sqrt(_dot(way, way))
+def _off_segments(a: Array, b: Array, p: Array) -> Array:
+    u, w = b - a, p - a
+    t = np.clip(_dots(w, u) / _dots(u, u), 0.0, 1.0)
+    return _lengths(w - t[..., None] * u)
+
+
+# ------------------------------------------------------------------------------------------------------------- vectors
+
+
+def _turns(frames: Array) -> Array:
+    return frames[:, TURN:].reshape(-1, 3, 3)
+
+
+def _dots(u: Array, v: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", u, v))
+
+
+def _lengths(u: Array) -> Array:
+    return np.asarray(np.sqrt(_dots(u, u)))
+
+
+def _crosses(u: Array, v: Array) -> Array:
+    """Return cross products, in a third of the time that numpy's takes."""
+    u, v = np.broadcast_arrays(u, v)
+    n = np.empty(u.shape)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        n[..., i] = u[..., j] * v[..., k] - u[..., k] * v[..., j]
+    return n

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import Direction, PerPair, ScaledPair, face_corners
@@ -104,10 +105,7 @@ class Claim:
     """
 
     def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:
-        from fcdm_opt.geometry import judging
-
         self.feature = feature
-        self._kernels: Any = judging
         self._seeds = carried.seeds
         found = (self._signed(host, scaled, rho, transform) for host in carried.of(feature))
         hosts = [host for host in found if host is not None]
@@ -122,7 +120,7 @@ class Claim:
         if host.sign != UNKNOWN:
             return host
         if self.feature.kind == "E1E2":
-            sign = self._kernels.edge_sign(host.one, host.two, host.across, host.along, transform)
+            sign = judging.edge_sign(host.one, host.two, host.across, host.along, transform)
             if sign != UNKNOWN:
                 return host._replace(sign=sign)
         direction = scaled.best_direction(rho, transform, host.parts)
@@ -171,12 +169,10 @@ class Claim:
         return found
 
     def _rows(self, host: _Host, poses: Array) -> Array:
-        rows: Array = self._kernels.contact_rows(*host[:-1], self._seeds, poses)
-        return rows
+        return judging.contact_rows(*host[:-1], self._seeds, poses)
 
     def _errors(self, host: _Host, pairs: Array, poses: Array) -> Array:
-        errors: Array = self._kernels.contact_errors(*host[:-1], self._seeds, pairs, poses)
-        return errors
+        return judging.contact_errors(*host[:-1], self._seeds, pairs, poses)
 
     def _placed(self, one: Array, two: Array, pairs: Array, poses: Array) -> tuple[Array, Array]:
         """Scale, move and shift points of both bodies, (k, m, 3) each."""

@@ -7,9 +7,6 @@ s_2. A test that fails says nothing: the cell is to be split.
 
 A *feature* is a row: kind, sign, then three vectors and the part pair: the unit normal of the face in its own body's
 axes, or the direction of edge 1; the direction of edge 2; a point of element 1; a point of element 2.
-
-Compiled apart from `curve.kernels`, of which it uses the decorators alone. `stages.along` is compiled with some of what
-is here: save that file too after a change, as caches of compiled code do not follow imports.
 """
 
 from __future__ import annotations

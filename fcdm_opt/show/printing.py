@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 from fcdm_opt.show.texts import units_text
@@ -14,18 +15,26 @@ PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
 
 
 def console(*, stderr: bool = False) -> Any:
-    """Return a rich console; wide enough for everything where it is not a terminal."""
-    from rich.console import Console
+    """Return a rich console; wide enough for everything where it is not a terminal.
 
+    The same one for a stream, so that what shows how far something is can stand below something else that does.
+    """
     stream = sys.stderr if stderr else sys.stdout
     terminal = stream is not None and stream.isatty()  # None: it was closed before the start
+    return _console(stderr, terminal, bool(os.environ.get("NO_COLOR")))
+
+
+@cache
+def _console(stderr: bool, terminal: bool, plain: bool) -> Any:
+    from rich.console import Console
+
     return Console(
         stderr=stderr,
         width=None if terminal else PIPED_WIDTH,
         markup=False,
         highlight=False,
         emoji=False,
-        color_system=None if os.environ.get("NO_COLOR") else "auto",  # None: no bold either, plain text
+        color_system=None if plain else "auto",  # None: no bold either, plain text
         soft_wrap=not terminal,
     )
 

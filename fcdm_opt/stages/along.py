@@ -185,14 +185,16 @@ def _looked(way, sense, amount, ones, twos, offset, needs, partner, touch, slack
     excess, others, apart, short, others_short = np.inf, np.inf, np.inf, 0.0, 0.0
     for i in range(len(places1) - 1):
         a, b = places1[i], places1[i + 1]
-        one, normals1, levels1 = points1[a[0] : b[0]], faces1[a[1] : b[1], :3], faces1[a[1] : b[1], 3]
+        # copies, as those called take contiguous arrays: one version of each for all
+        one, normals1, levels1 = points1[a[0] : b[0]], faces1[a[1] : b[1], :3].copy(), faces1[a[1] : b[1], 3].copy()
         own1 = edges1[a[2] : b[2]]
         for c in range(len(places2) - 1):
             need = needs[c]
             if need == -np.inf:
                 continue
             a2, b2 = places2[c], places2[c + 1]
-            two, normals2, levels2 = points2[a2[0] : b2[0]], faces2[a2[1] : b2[1], :3], faces2[a2[1] : b2[1], 3]
+            two, normals2 = points2[a2[0] : b2[0]], faces2[a2[1] : b2[1], :3].copy()
+            levels2 = faces2[a2[1] : b2[1], 3].copy()
             own2 = edges2[a2[2] : b2[2]]
             gap = best_site(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, True, site)
             miss = gap - need

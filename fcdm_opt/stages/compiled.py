@@ -1,6 +1,6 @@
 """Compiled least motions: contact rows with gradients, coherence along a path, and the descent over them.
 
-All kernels of the descent stand in this one file, as numba's cache does not follow imports. They share:
+The kernels of the descent share:
 
     tape        a motion's pose and rates as the instructions of its CasADi function, see `tape.Tape`
     parts       (reals, ints, places) of the parts of body 1, and of body 2, packed together
@@ -25,7 +25,6 @@ import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2, F1V2, facet_rows, kernel, near_gaps, pair_bounds
 
-KERNELS = "1120549d30ce"  # hash of curve/kernels.py, to be renewed with it: numba looks for changes in this file alone
 REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
 ROW = 10  # integers of a row; its numbers are the path position s, the side, and the level or edges' orientation

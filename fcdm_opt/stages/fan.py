@@ -14,10 +14,9 @@ import math
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import kernel
+from fcdm_opt.compiling import kernel
 from fcdm_opt.stages.compiled import ROW, _five, _line, _pair, _place, path_faults
 
-KERNELS = "5386f39a862b"  # hash of curve/kernels.py and compiled.py, to be renewed with them, see `compiled.KERNELS`
 FAR = 1e9  # amounts of motions are below this, in units; that of a ray without any is above
 GROWTH = 0.3  # relative: how much further the next step along a ray is, up to the longest
 FINER = 4.0  # times the points of a path that others look at: nothing is gained from what lies between those

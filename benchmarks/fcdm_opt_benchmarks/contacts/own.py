@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.compiling import kernel
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.batch import decision_curves
 from fcdm_opt.curve.decision_curve import decision_curve
-from fcdm_opt.curve.kernels import kernel
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT

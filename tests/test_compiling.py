@@ -1,0 +1,130 @@
+"""Kernels: kept code that nothing makes stale, one version of each, plain Python for little work, and what is said."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import PLAIN
+
+from fcdm_opt import compiling
+from fcdm_opt.compiling import kernel, light, stamp_of, step
+from fcdm_opt.curve import joining, kernels
+
+pytestmark = pytest.mark.skipif(PLAIN, reason="nothing is compiled")
+
+
+@step
+def times(x, k):
+    return k * x.sum()
+
+
+@kernel
+def total(x, shift):
+    return times(x, 1) + times(x, 2) + shift
+
+
+CALLEE = """
+from fcdm_opt.compiling import {kind}
+SHARE = {share}
+@{kind}
+def part(x):
+    return {factor} * x + SHARE
+"""
+CALLER = "from fcdm_opt.compiling import kernel\nfrom callee import part\n@kernel\ndef whole(x):\n    return part(x)\n"
+CALL = "import sys; sys.path.insert(0, sys.argv[1]); from caller import whole; print(whole(1.0))"
+
+
+@pytest.mark.parametrize("kind", ["kernel", "step"])
+def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_path: Path, kind: str) -> None:
+    folder = tmp_path / "sources"
+    folder.mkdir()
+    (folder / "caller.py").write_text(CALLER)
+
+    def answer(**said: Any) -> tuple[float, int]:
+        (folder / "callee.py").write_text(CALLEE.format(kind=kind, **said))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", CALL, str(folder)],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return float(done.stdout), done.stderr.count("compiling")
+
+    assert answer(factor=2.0, share=0.0) == (2.0, 1)
+    assert answer(factor=2.0, share=0.0) == (2.0, 0)
+    assert answer(factor=3.0, share=0.0) == (3.0, 1)
+    assert answer(factor=3.0, share=0.5) == (3.5, 1)
+    assert answer(factor=2.0, share=0.0) == (2.0, 0)  # as it was: kept still
+
+
+def test_a_stamp_tells_what_a_kernel_is_made_from_and_nothing_else() -> None:
+    def made(text: str) -> Callable[..., Any]:
+        names: dict[str, Any] = {"__name__": "made", "np": np}
+        exec(compile(text, "made.py", "exec"), names)
+        found: Callable[..., Any] = names["f"]
+        return found
+
+    plain = stamp_of(made("def f(x):\n    return x + 1.0\n"))
+    assert stamp_of(made('\n\ndef f(x):\n    """Say more."""\n    return x + 1.0\n')) == plain
+    for other in ("x + 2.0", "x - 1.0", "np.abs(x) + 1.0"):
+        assert stamp_of(made(f"def f(x):\n    return {other}\n")) != plain
+    table = stamp_of(made("table = np.zeros(2)\ndef f(x):\n    return x + table[0]\n"))
+    assert stamp_of(made("table = np.ones(2)\ndef f(x):\n    return x + table[0]\n")) != table
+
+
+def test_flags_of_arrays_and_known_numbers_make_no_versions() -> None:
+    values = np.arange(4.0)
+    frozen = values.copy()
+    frozen.flags.writeable = False
+    assert [total(x, 0.5) for x in (values, frozen, values, frozen)] == [18.5] * 4
+    assert len(total.signatures) == 1
+    assert len(times.signatures) == 1
+    assert total(np.arange(8.0)[::2], 0.5) == 36.5  # not contiguous: served all the same
+
+
+def test_little_work_is_not_compiled_and_answers_alike() -> None:
+    pieces = np.array([[1.0, 0.5, 1.0], [-1.0, 0.25, -3.0]])
+    asked = pieces, np.array([0.0, 1.0]), np.array([1.0, 0.0]), (1e-12, 1e-12, 1e-9, 1e-6)
+    compiled = joining.interval(*asked)
+    fresh = light(kernel(joining.interval.py_func))
+    fresh._cache.disable()
+    assert fresh(*asked) == compiled
+    assert not fresh.signatures
+    assert [type(x) for x in fresh(*asked)] == [float, float]
+    fresh.patience = 0.0
+    assert fresh(*asked) == compiled
+    assert len(fresh.signatures) == 1
+
+
+def test_a_kernel_that_others_call_answers_from_python_too() -> None:
+    rows = np.ones((2, 3))
+    assert kernels._more_rows(rows, 1).shape == (4, 3)
+
+
+def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
+    """No stamp holds an address: it would be another one in every process."""
+    for made in list(compiling._ALL):
+        said = compiling._read(made.py_func.__code__, made.py_func, [])
+        assert " at 0x" not in repr(said), made
+
+
+def test_the_curve_of_a_small_pair_compiles_nothing(tmp_path: Path) -> None:
+    problem = Path(__file__).parents[1] / "problems" / "example1.toml"
+    done = subprocess.run(
+        [sys.executable, "-c", "from fcdm_opt.cli import main; main()", "curve", str(problem)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "1 proved in floats" in done.stdout
+    assert "compiling" not in done.stderr
+    assert not list(tmp_path.rglob("*.nbc"))
