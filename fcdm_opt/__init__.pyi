@@ -37,6 +37,9 @@ from fcdm_opt.errors import UnsolvedError as UnsolvedError
 from fcdm_opt.geometry.bodies import Body as Body
 from fcdm_opt.geometry.conversion import as_body as as_body
 from fcdm_opt.judge.certificate import verify as verify
+from fcdm_opt.model.contact_rows import ContactRow as ContactRow
+from fcdm_opt.model.contact_rows import ContactRows as ContactRows
+from fcdm_opt.model.contact_rows import contact_rows as contact_rows
 from fcdm_opt.motion.motions import Free as Free
 from fcdm_opt.motion.motions import Motion as Motion
 from fcdm_opt.motion.motions import Rotation as Rotation

@@ -45,6 +45,7 @@ MOTIONS = {
     "two turns of the seeds' line": Screw("seeds", 0.2) >> Translation("x") >> Screw("seeds"),
 }
 KIND_PAIRS = list(product(KINDS, KINDS))
+PAIR = (1.1, 0.9)  # some scales
 OWNED = {F1V2: (1, 1, 1, 0), V1F2: (1, 0, 0, 0), E1E2: (1, 1, 0, 0)}  # which of the four points are body 1's
 EVERY_MOTION = pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS)
 
@@ -75,7 +76,7 @@ def called(function: Any, *arguments: Any) -> list[np.ndarray]:
 
 def unit_row(motion: Motion, q: Any, one: Body, two: Body, feature: FeaturePoints) -> np.ndarray:
     """(n, a, b, c) of a template, normalised."""
-    line, normal = called(contact_line(motion, feature.kind), q, seeds_of(one, two), feature.values)
+    line, normal, _ = called(contact_line(motion, feature.kind), q, seeds_of(one, two), feature.values, PAIR)
     return np.concatenate([normal, line]) / np.linalg.norm(normal)
 
 
@@ -210,7 +211,7 @@ def test_the_sign_points_the_normal_the_way_asked_for_at_the_pose_asked_for(rng)
         for k, owned in enumerate(OWNED[kind]):
             points[:, k] = R @ points[:, k] if owned else points[:, k]
         values = np.append(points.ravel(order="F"), feature.sign)
-        _, normal = called(contact_line(at_centre, kind), [0.0], seeds_of(turned, two), values)
+        _, normal, _ = called(contact_line(at_centre, kind), [0.0], seeds_of(turned, two), values, PAIR)
         assert normal @ wanted > 0
         assert np.linalg.norm(normal) == pytest.approx(feature.steepness(R), rel=1e-12)
 
@@ -233,7 +234,7 @@ def differences(function: Callable[[np.ndarray], np.ndarray], q: np.ndarray) -> 
 @cache
 def row_jacobian(motion: Motion, kind: int) -> Any:
     q, seeds, feature = (casadi.SX.sym(name, n) for name, n in (("q", len(motion.parameters)), ("s", 6), ("f", 13)))
-    line, normal = contact_line(motion, kind)(q, seeds, feature)
+    line, normal, _ = contact_line(motion, kind)(q, seeds, feature, PAIR)
     row = casadi.vertcat(normal, line) / casadi.norm_2(normal)
     return casadi.Function("row_jacobian", [q, seeds, feature], [casadi.jacobian(row, q)])
 
@@ -357,7 +358,7 @@ def test_contact_lines_are_the_appendix_equations_i_and_ii(motion):
         T = transform(motion, q, one, two)
         paper = Appendix(T[:3, :3] @ one.seed + T[:3, 3], two.seed)
         feature = any_feature(rng, kind, one, two)
-        (a, b, c), _ = called(contact_line(motion, kind), q, seeds_of(one, two), feature.values)
+        (a, b, c), *_ = called(contact_line(motion, kind), q, seeds_of(one, two), feature.values, PAIR)
         form = paper.edge_edge if kind == E1E2 else paper.face_vertex
         for rho1 in (0.3, 1.0, 2.7):
             expected = form(appendix_terms(feature, T), rho1)
@@ -435,7 +436,7 @@ def test_parallel_edges_have_no_line_and_no_finite_point():
     one, two = CUBE.body("one"), CUBE.shifted((4, 4, 4)).body("two")
     edges = [next(k for k, e in enumerate(b.parts[0].elements["E"]) if e == Element("E", (1, 5))) for b in (one, two)]
     feature = feature_points(one, two, (E1E2, edges[0], edges[1]), (0, 0), np.array([1.0, 0.0, 0.0]), np.eye(3))
-    line, normal = called(contact_line(Translation("x"), E1E2), [0.5], seeds_of(one, two), feature.values)
+    line, normal, _ = called(contact_line(Translation("x"), E1E2), [0.5], seeds_of(one, two), feature.values, PAIR)
     assert not line.any()
     assert not normal.any()
     _, _, features = faces_and_corners((4.0, 4.0, 4.0))
@@ -491,8 +492,8 @@ def test_equal_motions_share_a_template_and_different_ones_do_not():
 
 def test_templates_name_their_inputs_and_outputs():
     line, point = contact_line(Translation("x"), F1V2), switching_point(Translation("x"), (F1V2, V1F2))
-    assert line.name_in() == ["q", "seeds", "feature"]
-    assert line.name_out() == ["line", "normal"]
+    assert line.name_in() == ["q", "seeds", "feature", "rho"]
+    assert line.name_out() == ["line", "normal", "gap"]
     assert point.name_in() == ["q", "seeds", "feature_1", "feature_2"]
     assert point.name_out() == ["rho", "sine"]
 

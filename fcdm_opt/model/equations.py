@@ -188,16 +188,22 @@ def _symbols(motion: Motion) -> tuple[Scene, list[Any], list[str]]:
 def contact_line(motion: Motion, kind: int) -> Any:
     """Return the compiled contact line of a kind of feature pair, equations (i) and (ii).
 
-    A CasADi function (q, seeds, feature) -> (line, normal): `feature` is `FeaturePoints.values`, `line` (a, b, c) and
-    `normal` belong together and are not normalised.
+    A CasADi function (q, seeds, feature, rho) -> (line, normal, gap): `feature` is `FeaturePoints.values`, `line`
+    (a, b, c) and `normal` belong together and are not normalised; `gap` is the separation at the scale pair `rho`
+    along the unit normal, negative where the parts overlap.
     """
     import casadi
 
     scene, inputs, names = _symbols(motion)
-    feature = casadi.SX.sym("feature", 13)
+    feature, rho = casadi.SX.sym("feature", 13), casadi.SX.sym("rho", 2)
     a, b, c, n = scene.line(kind, feature)
+    gap = (c - a * rho[0] - b * rho[1]) / casadi.norm_2(n)
     return casadi.Function(
-        "contact_line", [*inputs, feature], [casadi.vertcat(a, b, c), n], [*names, "feature"], ["line", "normal"]
+        "contact_line",
+        [*inputs, feature, rho],
+        [casadi.vertcat(a, b, c), n, gap],
+        [*names, "feature", "rho"],
+        ["line", "normal", "gap"],
     )
 
 
@@ -221,4 +227,41 @@ def switching_point(motion: Motion, kinds: tuple[int, int]) -> Any:
         [rho, determinant / (steep[0] * steep[1])],
         [*names, "feature_1", "feature_2"],
         ["rho", "sine"],
+    )
+
+
+@lru_cache(maxsize=64)
+def pose(motion: Motion) -> Any:
+    """Return the compiled motion: a CasADi function (q, seeds) -> transform, (4, 4), of body 1."""
+    import casadi
+
+    scene, inputs, names = _symbols(motion)
+    return casadi.Function("pose", inputs, [casadi.densify(scene.transform)], names, ["transform"])
+
+
+@lru_cache(maxsize=256)
+def separating_plane(motion: Motion, counts: tuple[int, int]) -> Any:
+    """Return the compiled rows that keep two convex parts apart by a plane between them.
+
+    A CasADi function (q, plane, seeds, movable, static, scales, seed, need) -> (apart, unit). `movable`, (3, n), and
+    `static`, (3, m), with n and m as in `counts`, are the vertices of both parts as drawn, `scales` their sizes, about
+    s_1 moved along and about `seed`. `plane` is a normal from part 1 to part 2 and a level. `apart`, (n + m,), is not
+    negative where the plane keeps the parts apart by `need`, provided that the normal is of length one: `unit`, the
+    square of its length less one, is zero.
+    """
+    import casadi
+
+    scene, inputs, names = _symbols(motion)
+    plane, need, seed = casadi.SX.sym("plane", 4), casadi.SX.sym("need"), casadi.SX.sym("seed", 3)
+    movable, static = (casadi.SX.sym(name, 3, n) for name, n in zip(("movable", "static"), counts, strict=True))
+    scales, n = casadi.SX.sym("scales", 2), plane[:3]
+    below = [plane[3] - casadi.dot(n, scene.scaled(scales[0], movable[:, k])) for k in range(counts[0])]
+    above = [casadi.dot(n, seed + scales[1] * (static[:, k] - seed)) - plane[3] - need for k in range(counts[1])]
+    return casadi.Function(
+        "separating_plane",
+        [inputs[0], plane, inputs[1], movable, static, scales, seed, need],
+        [casadi.vertcat(*below, *above), casadi.sumsqr(n) - 1.0],
+        [names[0], "plane", names[1], "movable", "static", "scales", "seed", "need"],
+        ["apart", "unit"],
+        {"cse": True},
     )

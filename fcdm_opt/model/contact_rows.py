@@ -1,0 +1,195 @@
+"""The contacts, clearances and motion of a problem as CasADi functions, for programs of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.model.equations import contact_line, feature_points, pose, separating_plane, switching_point
+from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRow:
+    """A CasADi function of the motion parameters, and the numbers that it takes besides.
+
+    Called with names, `row(q=q)` gives a dict of its outputs: of symbols expressions, of numbers numbers. What is
+    not named is taken from `numbers`, so that any of them may be a variable too: `row(q=q, scales=scales)`.
+
+    Attributes
+    ----------
+    name : str
+        What touches, or what is kept apart.
+    function : casadi.Function
+        With named inputs and outputs. It is the same for all rows of its kind: vertices are inputs.
+    numbers : dict
+        Arrays by the name of an input.
+    start : (n,) array
+        Where to start further variables: of a clearance the plane that keeps the parts furthest apart; else empty.
+    """
+
+    name: str
+    function: Any
+    numbers: Mapping[str, Array]
+    start: Array
+
+    def __call__(self, **given: Any) -> dict[str, Any]:
+        """Return the outputs by name.
+
+        Raises
+        ------
+        InputError
+            For a name that is no input of the function, and where one is missing.
+        """
+        names = self.function.name_in()
+        for name in given:
+            if name not in names:
+                raise InputError("no such input", key=name, found=self.name, allowed=", ".join(names))
+        missing = [name for name in names if name not in given and name not in self.numbers]
+        if missing:
+            raise InputError("an input is missing", key=missing[0], found=self.name, allowed=", ".join(names))
+        made: dict[str, Any] = self.function(**{**self.numbers, **given})
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRows:
+    """What a problem asks, as CasADi functions; made by `contact_rows`.
+
+    Lengths are in the unit of the bodies, angles in radians. Every function takes the motion parameters `q`, (k,), and
+    the `seeds`, (6,), of both bodies as drawn.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names of the motion parameters.
+    limits : (k, 2) array
+    weights : (k,) array
+        The weighted amount is the norm of weights * q.
+    motion : ContactRow
+        (q, seeds) -> transform, (4, 4), of body 1.
+    contacts : tuple of ContactRow
+        (q, seeds, feature, rho) -> line, normal, gap: of a pair of features the contact line (a, b, c) and its normal
+        from body 1 to body 2, not normalised; and the gap at a scale pair `rho` along the unit normal, 0 where the
+        features touch. `feature` is four vertices as drawn and a sign: three of the face and the vertex (F-V), the
+        vertex and three of the face (V-F), or both ends of each edge (E-E); the sign points the normal to body 2.
+    switching_point : ContactRow or None
+        (q, seeds, feature_1, feature_2) -> rho, sine: the scale pair at which two tracked features touch at once, and
+        the sine of the angle between their lines, which is 0 where there is no such pair.
+    clearances : tuple of ContactRow
+        (q, plane, seeds, movable, static, scales, seed, need) -> apart, unit: one for each pair of convex parts of
+        body 1 and of the static body or a keep-out. The parts of the sizes `scales` are apart by `need` where `apart`
+        is not negative and `unit` is 0 for some `plane`, a normal and a level: four variables each.
+    """
+
+    parameters: tuple[str, ...]
+    limits: Array
+    weights: Array
+    motion: ContactRow
+    contacts: tuple[ContactRow, ...]
+    switching_point: ContactRow | None
+    clearances: tuple[ContactRow, ...]
+
+
+def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) -> ContactRows:
+    """Return the contacts, clearances and motion of a problem as CasADi functions.
+
+    They are the equations that `solve` itself uses, smooth in the motion parameters, with named inputs and outputs, and
+    with vertices, sizes and seeds as inputs. The features are those that a goal tracks; goals "touch" and "clear" track
+    none: there, for each pair of parts, the features that are furthest apart, or overlap least.
+
+    Parameters
+    ----------
+    problem : Problem
+    at : (k,) floats, optional
+        Motion at which features and first planes are looked for; default no motion.
+
+    Raises
+    ------
+    InputError
+        Where the problem leaves open which two of several features it tracks, and for a wrong number of parameters.
+    """
+    if not isinstance(problem, Problem):
+        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    if pairs := problem.feature_pairs:
+        found = "; ".join(" and ".join(pair) for pair in pairs)
+        raise InputError("several features meet: name two", key="features", found=found)
+    task = Task.of(problem)
+    q = task.rest if at is None else np.asarray(at, dtype=np.float64)
+    if q.shape != task.rest.shape:
+        names = ", ".join(name for name, _ in task.motion.parameters)
+        raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
+    seeds = {"seeds": frozen(np.append(task.movable.seed, task.static.seed))}
+    nearest = {parts: _nearest(task, parts, q) for parts in np.ndindex(len(task.movable.parts), len(task.opponents))}
+    return ContactRows(
+        parameters=tuple(name for name, _ in task.motion.parameters),
+        limits=frozen(task.limits),
+        weights=frozen(task.weights),
+        motion=ContactRow("motion", pose(task.motion), seeds, np.empty(0)),
+        contacts=_contacts(task, q, nearest, seeds),
+        switching_point=_switching_point(task, seeds),
+        clearances=tuple(_clearance(task, parts, q, normal, seeds) for parts, (_, normal) in nearest.items()),
+    )
+
+
+Nearest = dict[Parts, tuple[tuple[int, int, int], Array]]
+
+
+def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], Array]:
+    """Return the features of a part pair that are furthest apart, as a site, and their normal."""
+    sites, rows, separations = task.separations(parts, task.pose(q))
+    widest = int(np.argmax(separations))
+    kind, i, j = (int(x) for x in sites[widest])
+    return (kind, i, j), rows[widest, :3]
+
+
+def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
+    features = task.tracked
+    if not features:
+        rotation, count = task.pose(q)[:9].reshape(3, 3), len(task.static.parts)
+        features = tuple(
+            feature_points(task.movable, task.static, site, parts, normal, rotation)
+            for parts, (site, normal) in nearest.items()
+            if parts[1] < count
+        )
+    return tuple(
+        ContactRow(
+            task.named(feature.parts),
+            contact_line(task.motion, feature.kind),
+            {**seeds, "feature": frozen(feature.values), "rho": frozen(task.target)},
+            np.empty(0),
+        )
+        for feature in features
+    )
+
+
+def _switching_point(task: Task, seeds: Mapping[str, Array]) -> ContactRow | None:
+    if len(task.tracked) != 2:
+        return None
+    one, two = task.tracked
+    numbers = {**seeds, "feature_1": frozen(one.values), "feature_2": frozen(two.values)}
+    name = "the tracked switching point"
+    return ContactRow(name, switching_point(task.motion, (one.kind, two.kind)), numbers, np.empty(0))
+
+
+def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping[str, Array]) -> ContactRow:
+    one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
+    two, T = opponent.part, task.transform(q)
+    moved = T[:3, :3] @ task.movable.seed + T[:3, 3]
+    reach = task.target[0] * ((one.vertices - task.movable.seed) @ T[:3, :3].T @ normal).max() + normal @ moved
+    numbers = {
+        **seeds,
+        "movable": frozen(one.vertices.T),
+        "static": frozen(two.vertices.T),
+        "scales": frozen([task.target[0], opponent.scale]),
+        "seed": frozen(two.seed),
+        "need": frozen([max(opponent.need, 0.0)]),
+    }
+    function = separating_plane(task.motion, (len(one.vertices), len(two.vertices)))
+    return ContactRow(task.named(parts), function, numbers, frozen([*normal, reach]))
