@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +9,10 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.stages import compiled, fan, polar
+from fcdm_opt.stages import direction_search
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.tolerances import DEFAULT
 
@@ -73,7 +70,7 @@ def test_of_one_tracked_feature_rays_find_what_descent_finds() -> None:
     task = Task.of(asked("C", 0.005))
     for feature in task.tracked:
         one = replace(task, tracked=(feature,), flush=(), goal="at")
-        rays = polar.polar(one)
+        rays = direction_search.least_direction(one)
         found = descent(one)
         assert rays is not None
         assert rays.q is not None
@@ -86,8 +83,3 @@ def test_nothing_is_found_where_nothing_is() -> None:
     solution = fo.solve(asked("B", 0.06))
     assert not solution.status.found
     assert solution.lower_bound > CASES["B"].size
-
-
-def test_the_cache_of_compiled_rays_is_renewed_with_what_they_call() -> None:
-    text = "".join(inspect.getsource(module) for module in (kernels, compiled))
-    assert hashlib.sha256(text.encode()).hexdigest().startswith(fan.KERNELS)

@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along import expanding
-from fcdm_opt.along.expansions import ROUNDING, Conditions, Ray, Scales, flat, roots, safe_steps
+from fcdm_opt.along import conditions as forms
+from fcdm_opt.along.conditions import Conditions, Ray, Stretch, TrackedPair
+from fcdm_opt.along.expansions import ROUNDING, flat, roots, safe_steps
 from fcdm_opt.along.followed import Cause, Followed, Rest
-from fcdm_opt.along.others import Bound, Others, Place
+from fcdm_opt.along.others import Others, PairBound, is_tied
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -64,7 +65,7 @@ class March:
     end : float
         How far to go.
     pair : (2,) array
-        See `Scales`.
+        See `TrackedPair`.
 
     Attributes
     ----------
@@ -85,7 +86,7 @@ class March:
 
     def rho(self, x: float) -> Array:
         """Return the tracked scale pair, (2,)."""
-        return self._expanded(x, 0.0, Conditions.of(expanding.DETERMINANT))[2]
+        return self._stretch(x).rho
 
     def stop(self) -> Stop | None:
         """Return what ends the way, None where its end is reached."""
@@ -102,14 +103,14 @@ class March:
     def _rest_on(self, rests: list[Rest]) -> None:
         """Take the conditions of the part pairs on which the tracked features rest, without those that always hold."""
         self._rests = rests
-        lines = np.array([rest.line for rest in rests]).reshape(-1, 13)
-        determinant = Conditions.of(expanding.DETERMINANT)
-        signless = Scales(lines, np.array(self._pair), 1.0)
-        value = self._ray.expanded(0.0, 0.0, signless, determinant)[0][0, 0]
-        self._scales = signless._replace(sign=1.0 if value > 0 else -1.0)
+        lines, determinant = np.array([rest.line for rest in rests]).reshape(-1, 13), Conditions.of(forms.DETERMINANT)
+        signless = TrackedPair(lines, np.array(self._pair), 1.0)
+        value = self._ray.stretch(0.0, 0.0, signless).expanded(determinant)[0, 0]
+        self._tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
+        self._others.track(self._tracked, {rest.parts for rest in rests})
         made, groups = [determinant], [0]
         self._causes = [Cause("parallel lines", -1, LOST["parallel lines"])]
-        for form, body in ((expanding.SCALE_1, 1), (expanding.SCALE_2, 2)):
+        for form, body in ((forms.SCALE_1, 1), (forms.SCALE_2, 2)):
             groups.append(len(self._causes))
             made.append(Conditions.of(form))
             self._causes.append(Cause("scale", -1, f"the scale of body {body} becomes zero"))
@@ -118,10 +119,9 @@ class March:
             made.append(rest.conditions)
             self._causes += rest.causes
         together, self._groups = Conditions.joined(made), np.array(groups)
-        found = self._expanded(0.0, 0.0, together)[0]
-        self._tied = np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
+        self._tied = is_tied(self._stretch(0.0).expanded(together))
         always = self._tied.copy()
-        always[always] = self._others.vanishing(self._scales, together.chosen(always))
+        always[always] = self._others.vanishing(together.chosen(always))
         settled = np.isin(self._groups, self._groups[always])  # one of a group is enough
         self._conditions, self._groups, self._tied = (
             together.chosen(~settled),
@@ -137,8 +137,8 @@ class March:
                 return cause.feature
         return None
 
-    def _expanded(self, x: float, span: float, conditions: Conditions) -> tuple[Array, Array, Array]:
-        return self._ray.expanded(x, span, self._scales, conditions)
+    def _stretch(self, x: float, span: float = 0.0) -> Stretch:
+        return self._ray.stretch(x, span, self._tracked)
 
     def _reaches(self, steps: Array) -> Array:
         """Return how far each group of conditions holds, (groups,); infinite for those that always do."""
@@ -157,16 +157,16 @@ class March:
             if span <= 0:
                 return None
             least = max(4 * np.finfo(float).eps * x, DEFAULT.point * self.unit)
-            found, pose, rho = self._expanded(x, span, self._conditions)
-            if not (np.isfinite(found).all() and np.isfinite(pose).all()):  # no bounds on so long a way
+            here = self._stretch(x, span)
+            found = here.expanded(self._conditions)
+            if not (np.isfinite(found).all() and here.bounded):  # no bounds on so long a way
                 if span <= least:
                     return Stop(x, (Cause("undefined", -1, LOST["undefined"]),))
                 span /= SHRINK
                 continue
             steps = safe_steps(found, span)
             own = float(self._reaches(steps).min(initial=span))
-            tracked = {rest.parts for rest in self._rests}
-            other = self._others.bound(Place(x, span, pose, rho), own, self._scales, tracked)
+            other = self._others.bound(here, own)
             step = min(own, other.step)
             grazes = flat(found[steps <= step]) or (other.expansion is not None and flat(other.expansion[None]))
             if step <= least < span / SHRINK and not grazes:  # bounds on so long a way may say nothing
@@ -184,10 +184,10 @@ class March:
 
     def _leaves(self, x: float) -> bool:
         """Tell whether conditions that touch zero at x are met a little further on."""
-        found = self._expanded(x + math.sqrt(DEFAULT.tie) * self.unit, 0.0, self._conditions)[0]
+        found = self._stretch(x + math.sqrt(DEFAULT.tie) * self.unit).expanded(self._conditions)
         return bool((self._reaches((found[:, 0] > ROUNDING * found[:, 3]).astype(float)) > 0).all())
 
-    def _stopped(self, x: float, found: Array, steps: Array, other: Bound) -> Stop:
+    def _stopped(self, x: float, found: Array, steps: Array, other: PairBound) -> Stop:
         """Return the stop at x, with all that fails there."""
         if other.expansion is not None and other.parts is not None:
             i, j = other.parts
@@ -215,7 +215,7 @@ class March:
         """Return the tracked features whose edges are parallel at x: their lines vanish, and the pair with them."""
         causes = []
         for k in range(len(self._rests)):
-            sine_squared = self._expanded(x, 0.0, Conditions.of(expanding.STEEP, k))[0][0, 0]
+            sine_squared = self._stretch(x).expanded(Conditions.of(forms.STEEP, k))[0, 0]
             if sine_squared <= CLOSE * CLOSE:
                 causes.append(Cause("parallel edges", k, LOST["parallel edges"]))
         return causes
@@ -236,8 +236,8 @@ class March:
 
     def _goes_on(self, x: float) -> bool:
         """Tell whether all conditions hold at x to within rounding, and for some way on."""
-        found = self._expanded(x, self.unit, self._conditions)[0]
-        near = np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
+        found = self._stretch(x, self.unit).expanded(self._conditions)
+        near = is_tied(found)
         found[near, 0] = np.maximum(found[near, 0], 0.0)
         return bool(self._reaches(safe_steps(found, self.unit)).min(initial=np.inf) > CLOSE * self.unit)
 
@@ -252,11 +252,11 @@ class March:
         rounding = ROUNDING * terms
         if flat(stop.expansion[None]):
             wide = min(8.0 * math.sqrt(rounding / bend) if bend > 0 else math.inf, GRAZE * self.unit)
-            crossing = self._ray.crossing(x, wide, self._scales, stop.condition)
+            crossing = self._ray.crossing(x, wide, self._tracked, stop.condition)
             return (x, wide, True) if crossing is None else (crossing, FINE * crossing, False)
         error = rounding / abs(slope) if slope else math.inf
         if error > FINE * x:
-            better, bound = self._ray.refined(x, slope, self._scales, stop.condition)
+            better, bound = self._ray.refined(x, slope, self._tracked, stop.condition)
             if bound < error and abs(better - x) <= CLOSE * self.unit:
                 return better, bound, False
         return x, error, False
