@@ -1,8 +1,9 @@
 """Stage 4, next: motions with two parameters that keep a tracked contact, direction by direction.
 
 Where the contact ends before the least motion of its kind, the least coherent one stands at the end of a window of
-directions, of which local searches see one side. Looked at ray by ray it is an ordinary minimum, see `compiled.merits`. Where the
-path is free it is an answer too, and no ray tells of a contact that comes back: others are left to branch and bound.
+directions, of which local searches see one side. Looked at ray by ray it is an ordinary minimum, see
+`compiled.merits`. Where the path is free it is an answer too, and no ray tells of a contact that comes back: others are
+left to branch and bound.
 """
 
 from __future__ import annotations

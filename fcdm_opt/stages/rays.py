@@ -142,7 +142,7 @@ def _stepped(task: Task) -> list[tuple[Step, str]]:
 
 
 def _way(task: Task, direction: Array) -> Array:
-    """Direction of the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
+    """Return the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
     seed = task.movable.seed
     rates = task.motion.kinematics(seed, task.static.seed).rates(task.rest)[1]
     rate = np.tensordot(direction, rates, 1)
@@ -156,14 +156,14 @@ def _way(task: Task, direction: Array) -> Array:
 
 @lru_cache(maxsize=4)
 def _solids(task: Task) -> tuple[Any, Any, Array]:
-    """Body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
+    """Return body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
     movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
     others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.opponents]
     return _together(movable), _together(others), np.array(task.needs)
 
 
 def _speed(way: Array, points: Array) -> float:
-    """The fastest of some points."""
+    """Return how fast the fastest of some points moves."""
     axis, centre, (turn, shift, _) = way
     arms = points - centre
     arms = arms - np.outer(arms @ axis, axis)
