@@ -21,7 +21,7 @@ from fcdm_opt.proof import conditions
 from fcdm_opt.proof.checker import check_evidence
 from fcdm_opt.proof.columns import Proof, prove
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
-from fcdm_opt.proof.mean_value import Kinematics, Pieces
+from fcdm_opt.proof.mean_value import Pieces, PosesOfPieces
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 BOX = ((0.2, 5.0), (0.2, 5.0))
@@ -328,7 +328,7 @@ def test_bounds_over_cells_hold_what_is_sampled(rng, kind):
     u, w, x, y = rng.normal(size=(4, 3))
     vectors = [Interval(float(value)) for value in np.concatenate([u, w, x, y])]
     with np.errstate(all="ignore"):
-        (low,), (high,) = Kinematics(problem).poses(pieces).bounds(conditions.separation(kind), vectors)
+        (low,), (high,) = PosesOfPieces(problem).poses(pieces).bounds(conditions.separation(kind), vectors)
     for row in range(n):
         for share in rng.uniform(0.0, 1.0, (20, k)):
             s, *t = pieces.low[row] + share * (pieces.high[row] - pieces.low[row])

@@ -99,7 +99,7 @@ class TrackedPair(NamedTuple):
         return cls(np.empty((0, 13)), np.array(pair, dtype=float), 1.0)
 
 
-class Setting:
+class RayState:
     """Pose, tracked normals and scale pair somewhere on a ray, in numbers of one kind.
 
     Parameters
@@ -172,7 +172,7 @@ def _cross(u: Any, v: Any) -> Any:
     return u[..., _NEXT] * v[..., _AFTER] - u[..., _AFTER] * v[..., _NEXT]
 
 
-class Stretch(Setting):
+class RayStretch(RayState):
     """Expansions over x to x + span of a ray."""
 
     def __init__(self, ray: Ray, x: float, span: float, tracked: TrackedPair) -> None:
@@ -241,17 +241,17 @@ class Ray:
         arithmetic = {**SCALARS, "CONST": number}
         return self.instructions.carried_out(arithmetic, [x, *map(number, self.given)])[0]
 
-    def stretch(self, x: float, span: float, tracked: TrackedPair) -> Stretch:
+    def stretch(self, x: float, span: float, tracked: TrackedPair) -> RayStretch:
         """Return the expansions over x to x + span."""
-        return Stretch(self, x, span, tracked)
+        return RayStretch(self, x, span, tracked)
 
-    def _exactly(self, x: Any, tracked: TrackedPair, condition: Conditions) -> Any:
+    def exactly(self, x: Any, tracked: TrackedPair, condition: Conditions) -> Any:
         """Return the value of one condition at x, a ball of arb."""
         import flint
 
         balls = np.frompyfunc(flint.arb, 1, 1)
         pose = np.array(self.pose(x, flint.arb), dtype=object)
-        ((_, values),) = Setting(pose[:9].reshape(3, 3), pose[9:], tracked, balls).values(condition)
+        ((_, values),) = RayState(pose[:9].reshape(3, 3), pose[9:], tracked, balls).values(condition)
         return np.ravel(values)[0]
 
     def refined(self, x: float, slope: float, tracked: TrackedPair, condition: Conditions) -> tuple[float, float]:
@@ -265,10 +265,10 @@ class Ray:
         with flint.ctx.workprec(BITS):
             root = flint.arb(x)
             for _ in range(2):
-                root = (root - self._exactly(root, tracked, condition) / slope).mid()
+                root = (root - self.exactly(root, tracked, condition) / slope).mid()
             place = float(root)
             off = flint.arb(place if place else slope).__abs__() * VERIFIED
-            below, above = (self._exactly(flint.arb(place) + side * off, tracked, condition) for side in (-1, 1))
+            below, above = (self.exactly(flint.arb(place) + side * off, tracked, condition) for side in (-1, 1))
             enclosed = bool((below > 0) and (above < 0)) or bool((below < 0) and (above > 0))
         return place, float(off.mid()) if enclosed and abs(place) > 0 else math.inf
 
@@ -283,7 +283,7 @@ class Ray:
         with flint.ctx.workprec(BITS):
 
             def negative(at: float) -> bool:
-                return bool(self._exactly(flint.arb(at), tracked, condition) < 0)
+                return bool(self.exactly(flint.arb(at), tracked, condition) < 0)
 
             low = x
             for share in LOOKS:

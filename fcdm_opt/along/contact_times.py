@@ -15,7 +15,7 @@ import numpy as np
 
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.coherent_range import Reach, checked_direction, ray_of, reach
-from fcdm_opt.along.conditions import Conditions, Stretch, TrackedPair
+from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.along.march import March
 from fcdm_opt.curve import kernels
@@ -55,7 +55,7 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class Span:
+class StateSpan:
     """A stretch low <= x <= high over which the pair is "apart" or "overlapping"."""
 
     state: str
@@ -77,7 +77,7 @@ class ContactTimes:
     problem : Problem
     direction : (k,) array
     pair : (2,) array
-    spans : tuple of Span
+    spans : tuple of StateSpan
         Increasing in x, without gaps; a stretch of x on which the pair keeps touching counts as apart.
     touches : tuple of Touch
         Between spans, and where a span is only grazed.
@@ -89,7 +89,7 @@ class ContactTimes:
     problem: Problem
     direction: Array
     pair: Array
-    spans: tuple[Span, ...]
+    spans: tuple[StateSpan, ...]
     touches: tuple[Touch, ...]
     proved: bool
 
@@ -148,14 +148,14 @@ def contact_times(
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
-    sides = [_Side(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
+    sides = [_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
     for side in sides:
         side.run()
     back, ahead = sides
-    spans = [Span(state, -high, -low) for state, low, high in reversed(back.spans)]
-    first, *rest = [Span(*own) for own in ahead.spans]
+    spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
+    first, *rest = [StateSpan(*own) for own in ahead.spans]
     if spans and spans[-1].state == first.state:
-        first = Span(first.state, spans.pop().low, first.high)
+        first = StateSpan(first.state, spans.pop().low, first.high)
     touches = [Touch(0.0 - t.x, t.features, t.grazing) for t in reversed(back.touches)]
     if touches and ahead.touches and touches[-1].x == ahead.touches[0].x == 0.0:
         touches.pop()
@@ -163,7 +163,7 @@ def contact_times(
     return ContactTimes(problem, along, pair, (*spans, first, *rest), (*touches, *ahead.touches), proved)
 
 
-class _Side:
+class _OneWay:
     """One way along a ray."""
 
     def __init__(self, problem: Problem, along: Array, pair: Array, limit: float | None) -> None:
@@ -270,7 +270,7 @@ class _Side:
         slow = min(2.0 * depth / (rates + root), span) if root > 0 else span
         return max(slow, self._inside(here))
 
-    def _inside(self, here: Stretch) -> float:
+    def _inside(self, here: RayStretch) -> float:
         """Return how far a vertex of either part surely stays inside the other, of the pair that overlaps deepest.
 
         However shallow: bodies that slide along each other stay so.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.conditions import Conditions, Ray, Stretch, TrackedPair
+from fcdm_opt.along.conditions import Conditions, Ray, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import ROUNDING, flat, roots, safe_steps
 from fcdm_opt.along.followed import Cause, Followed, Rest
 from fcdm_opt.along.others import Others, PairBound, is_tied
@@ -137,7 +137,7 @@ class March:
                 return cause.feature
         return None
 
-    def _stretch(self, x: float, span: float = 0.0) -> Stretch:
+    def _stretch(self, x: float, span: float = 0.0) -> RayStretch:
         return self._ray.stretch(x, span, self._tracked)
 
     def _reaches(self, steps: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.conditions import Conditions, Ray, Stretch, TrackedPair
+from fcdm_opt.along.conditions import Conditions, Ray, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
@@ -43,7 +43,7 @@ class Others:
         self._tie = DEFAULT.tie * max(movable.size, static.size)
         self._pairs = [(i, j) for i in range(len(movable.parts)) for j in range(len(static.parts))]
         self._tracked: set[tuple[int, int]] = set()
-        self._samples: list[Stretch] = []
+        self._samples: list[RayStretch] = []
         (c1, r1), (c2, r2) = _balls(movable), _balls(static)
         i, j = np.array(self._pairs).T
         radii = np.column_stack([r1[i], r2[j]])
@@ -61,7 +61,7 @@ class Others:
             zero &= is_tied(sample.expanded(conditions))
         return zero
 
-    def bound(self, at: Stretch, step: float) -> PairBound:
+    def bound(self, at: RayStretch, step: float) -> PairBound:
         """Return how far none overlaps but those tracked, at most a given step.
 
         Spheres about the parts settle most pairs; of the others the direction that separates them best at x does, as
@@ -82,7 +82,7 @@ class Others:
                 best = bound if bound.step < best.step else best
         return best
 
-    def _pair_bound(self, parts: tuple[int, int], at: Stretch) -> PairBound:
+    def _pair_bound(self, parts: tuple[int, int], at: RayStretch) -> PairBound:
         """Return the furthest that one of the directions proves which separate a part pair best at x."""
         ways = self._ways(parts, at)
         conditions = Conditions.joined(ways)
@@ -105,7 +105,7 @@ class Others:
                 )
         return best
 
-    def _ways(self, parts: tuple[int, int], at: Stretch) -> list[Conditions]:
+    def _ways(self, parts: tuple[int, int], at: RayStretch) -> list[Conditions]:
         """Return the conditions that a part pair is apart along the directions that separate it best at x.
 
         A direction of a face turns with it; that of two edges is held, as it is the best one there to first order. A

@@ -191,7 +191,7 @@ class Poses:
         return lows, highs
 
 
-class Kinematics:
+class PosesOfPieces:
     """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells."""
 
     def __init__(self, problem: Problem) -> None:
