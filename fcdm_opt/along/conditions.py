@@ -158,9 +158,9 @@ class RayState:
                 value = _dot(self._normals[k], self._normals[k])
             else:
                 value = {DETERMINANT: self.determinant, SCALE_1: self.num1, SCALE_2: self.num2}[form]
-            value = value * rows[which, 9]
+            value = rows[which, 9] * value
             if conditions.rows[which, 10:].any():
-                value = value - self.num1 * rows[which, 10] - self.num2 * rows[which, 11]
+                value = value - rows[which, 10] * self.num1 - rows[which, 11] * self.num2
             yield which, value
 
 
