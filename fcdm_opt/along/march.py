@@ -59,7 +59,7 @@ class March:
     Parameters
     ----------
     problem : Problem
-    found : tuple of Followed
+    followed : tuple of Followed
         The tracked features; with none the scale pair stays as given.
     ray : Ray
     end : float
@@ -75,14 +75,14 @@ class March:
         The natural step: what turns or moves things by about their size.
     """
 
-    def __init__(self, problem: Problem, found: tuple[Followed, ...], ray: Ray, end: float, pair: Array) -> None:
+    def __init__(self, problem: Problem, followed: tuple[Followed, ...], ray: Ray, end: float, pair: Array) -> None:
         self.proved = True
-        self._problem, self._followed, self._ray, self._end, self._pair = problem, found, ray, end, pair
+        self._problem, self._followed, self._ray, self._end, self._pair = problem, followed, ray, end, pair
         turning, moving = ray.natural_step
         rate = max(turning, moving / problem.size)
         self.unit = 1.0 / rate if 0 < rate < math.inf else 1.0
         self._others = Others(problem.movable, problem.static, ray, min(self.unit, end))
-        self._rest_on([own.rests[0] for own in found])
+        self._rest_on([feature.rests[0] for feature in followed])
 
     def rho(self, x: float) -> Array:
         """Return the tracked scale pair, (2,)."""
@@ -158,22 +158,22 @@ class March:
                 return None
             least = max(4 * np.finfo(float).eps * x, DEFAULT.point * self.unit)
             here = self._stretch(x, span)
-            found = here.expanded(self._conditions)
-            if not (np.isfinite(found).all() and here.bounded):  # no bounds on so long a way
+            expanded = here.expanded(self._conditions)
+            if not (np.isfinite(expanded).all() and here.bounded):  # no bounds on so long a way
                 if span <= least:
                     return Stop(x, (Cause("undefined", -1, LOST["undefined"]),))
                 span /= SHRINK
                 continue
-            steps = safe_steps(found, span)
-            own = float(self._reaches(steps).min(initial=span))
-            other = self._others.bound(here, own)
-            step = min(own, other.step)
-            grazes = flat(found[steps <= step]) or (other.expansion is not None and flat(other.expansion[None]))
+            steps = safe_steps(expanded, span)
+            held = float(self._reaches(steps).min(initial=span))
+            other = self._others.bound(here, held)
+            step = min(held, other.step)
+            grazes = flat(expanded[steps <= step]) or (other.expansion is not None and flat(other.expansion[None]))
             if step <= least < span / SHRINK and not grazes:  # bounds on so long a way may say nothing
                 span /= SHRINK
                 continue
             if step <= least or grazes:
-                stop = self._stopped(float(x), found, steps, other)
+                stop = self._stopped(float(x), expanded, steps, other)
                 if x > 0 or stop.expansion is None or not flat(stop.expansion[None]) or not self._leaves(x):
                     return stop
                 self.proved = False  # it touches zero where the march starts, and rises
@@ -184,10 +184,10 @@ class March:
 
     def _leaves(self, x: float) -> bool:
         """Tell whether conditions that touch zero at x are met a little further on."""
-        found = self._stretch(x + math.sqrt(DEFAULT.tie) * self.unit).expanded(self._conditions)
-        return bool((self._reaches((found[:, 0] > ROUNDING * found[:, 3]).astype(float)) > 0).all())
+        expanded = self._stretch(x + math.sqrt(DEFAULT.tie) * self.unit).expanded(self._conditions)
+        return bool((self._reaches((expanded[:, 0] > ROUNDING * expanded[:, 3]).astype(float)) > 0).all())
 
-    def _stopped(self, x: float, found: Array, steps: Array, other: PairBound) -> Stop:
+    def _stopped(self, x: float, expanded: Array, steps: Array, other: PairBound) -> Stop:
         """Return the stop at x, with all that fails there."""
         if other.expansion is not None and other.parts is not None:
             i, j = other.parts
@@ -197,19 +197,19 @@ class March:
         for row, group in enumerate(self._groups.tolist()):
             if group not in best or steps[row] > steps[best[group]]:
                 best[group] = row
-        ahead = roots(found)
+        ahead = roots(expanded)
         rows = sorted(best.values(), key=lambda row: (float(steps[row]), float(ahead[row])))
         near = [row for row in rows if ahead[row] <= CLOSE * self.unit] or rows[:1]
         kinds = {self._causes[self._groups[row]].kind for row in near}
         if "parallel lines" in kinds:  # what is scaled by their determinant vanishes with it
             if parallel := self._parallel(x):
-                return Stop(x, tuple(parallel), found[near[0]], self._conditions.chosen([near[0]]))
-            own = [row for row in near if self._causes[self._groups[row]].kind == "neighbour"]
-            near = own or [row for row in near if self._causes[self._groups[row]].kind == "parallel lines"]
+                return Stop(x, tuple(parallel), expanded[near[0]], self._conditions.chosen([near[0]]))
+            neighbours = [row for row in near if self._causes[self._groups[row]].kind == "neighbour"]
+            near = neighbours or [row for row in near if self._causes[self._groups[row]].kind == "parallel lines"]
         elif "scale" in kinds:
             near = [row for row in near if self._causes[self._groups[row]].kind == "scale"]
         causes = dict.fromkeys(self._causes[self._groups[row]] for row in near)
-        return Stop(x, tuple(causes), found[near[0]], self._conditions.chosen([near[0]]))
+        return Stop(x, tuple(causes), expanded[near[0]], self._conditions.chosen([near[0]]))
 
     def _parallel(self, x: float) -> list[Cause]:
         """Return the tracked features whose edges are parallel at x: their lines vanish, and the pair with them."""
@@ -228,7 +228,7 @@ class March:
             before = self._rests
             for rest in self._followed[k].rests:
                 if rest is not before[k]:
-                    self._rest_on([rest if place == k else own for place, own in enumerate(before)])
+                    self._rest_on([rest if place == k else other for place, other in enumerate(before)])
                     if self._goes_on(stop.x):
                         return True
             self._rest_on(before)
@@ -236,10 +236,10 @@ class March:
 
     def _goes_on(self, x: float) -> bool:
         """Tell whether all conditions hold at x to within rounding, and for some way on."""
-        found = self._stretch(x, self.unit).expanded(self._conditions)
-        near = is_tied(found)
-        found[near, 0] = np.maximum(found[near, 0], 0.0)
-        return bool(self._reaches(safe_steps(found, self.unit)).min(initial=np.inf) > CLOSE * self.unit)
+        expanded = self._stretch(x, self.unit).expanded(self._conditions)
+        near = is_tied(expanded)
+        expanded[near, 0] = np.maximum(expanded[near, 0], 0.0)
+        return bool(self._reaches(safe_steps(expanded, self.unit)).min(initial=np.inf) > CLOSE * self.unit)
 
     # ------------------------------------------------------------------------------------------------------- its place
 
