@@ -130,6 +130,8 @@ def _searched(task: Task, direction: Array, limit: float, start: float) -> First
 
 def is_steady(task: Task, direction: Array) -> bool:
     """Tell whether body 1 moves steadily along a ray: by one parameter, or by shifts alone."""
+    if len(direction) == 1:
+        return task.bounded
     moving = [own for own, slope in zip(_stepped(task), direction.tolist(), strict=True) if slope != 0]
     shifts = all(isinstance(step, Translation | Free) and kind == "translation" for step, kind in moving)
     return shifts or (len(moving) == 1 and moving[0][0].bounded)
@@ -143,15 +145,20 @@ def _stepped(task: Task) -> list[tuple[Step, str]]:
 
 def _way(task: Task, direction: Array) -> Array:
     """Return the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
-    seed = task.movable.seed
-    rates = task.motion.kinematics(seed, task.static.seed).rates(task.rest)[1]
-    rate = np.tensordot(direction, rates, 1)
+    seed, rates = task.movable.seed, _rates(task)
+    rate = (direction @ rates.reshape(len(rates), 16)).reshape(4, 4)
     w, v = np.array([rate[2, 1], rate[0, 2], rate[1, 0]]), rate[:3, :3] @ seed + rate[:3, 3]
     turn = math.sqrt(w @ w)
     if turn == 0.0:
         shift = math.sqrt(v @ v)
         return np.array([v / shift, np.zeros(3), (0.0, shift, 0.0)])
     return np.array([w / turn, crossed(w, v) / turn**2, (turn, v @ w / turn, 0.0)])
+
+
+@lru_cache(maxsize=4)
+def _rates(task: Task) -> Array:
+    """Return the derivatives of the transform at rest, (k, 4, 4)."""
+    return task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
 
 
 @lru_cache(maxsize=4)
