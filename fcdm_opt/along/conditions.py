@@ -140,7 +140,8 @@ class RayState:
         """Yield the values of conditions, form by form: which rows, and an array or one number for all."""
         rows = self._number(conditions.rows)
         v, w, m = rows[:, 0:3], rows[:, 3:6], rows[:, 6:9]
-        first = y = None
+        first: Any = None
+        y: Any = None
         if (conditions.forms[:, 0] <= OWN).any():
             first = self._turned(v)
         if (conditions.forms[:, 0] <= NORMAL).any():

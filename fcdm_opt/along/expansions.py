@@ -41,8 +41,8 @@ class Expansion:
     @classmethod
     def gathered(cls, numbers: list[Any], shape: tuple[int, ...], span: float) -> Expansion:
         """Return single expansions, and floats, as an array."""
-        fields = np.array([_fields(own) for own in numbers]).T.reshape(4, *shape)
-        return cls(*fields, span)
+        value, slope, bend, terms = np.array([_fields(number) for number in numbers]).T.reshape(4, *shape)
+        return cls(value, slope, bend, terms, span)
 
     @property
     def finite(self) -> bool:

@@ -75,7 +75,8 @@ class Instructions:
 
         names = {value: name[3:] for name, value in vars(casadi).items() if name.startswith("OP_")}
         rows: list[tuple[int, ...]] = []
-        constants, unknown = [], []
+        constants: list[float] = []
+        unknown: list[str] = []
         for k in range(function.n_instructions()):
             name, given = names[function.instruction_id(k)], function.instruction_input(k)
             made = function.instruction_output(k)
