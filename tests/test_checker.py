@@ -20,8 +20,8 @@ from fcdm_opt.problem.evidence import Evidence, Reason
 from fcdm_opt.proof import conditions
 from fcdm_opt.proof.checker import check_evidence
 from fcdm_opt.proof.columns import Proof, prove
-from fcdm_opt.proof.intervals import Interval, Program
-from fcdm_opt.proof.mean_value import Kinematics, Pieces
+from fcdm_opt.proof.intervals import Interval, IntervalFunction
+from fcdm_opt.proof.mean_value import Pieces, PosesOfPieces
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 BOX = ((0.2, 5.0), (0.2, 5.0))
@@ -306,7 +306,7 @@ def test_values_lie_within_intervals(rng, function):
     middle, radius = rng.uniform(-1.5, 1.5, (2, 20)), 10.0 ** rng.uniform(-17, 0, (2, 20))
     inputs = [[Interval(middle[k], radius[k])] for k in (0, 1)]
     with np.errstate(all="ignore"):
-        ((found,),), _ = Program(exact)(*inputs)
+        ((found,),), _ = IntervalFunction(exact)(*inputs)
     low, high = np.broadcast_to(found.low, 20), np.broadcast_to(found.high, 20)
     for share in rng.uniform(-1.0, 1.0, (50, 2, 1)):
         values = np.ravel(exact(*[row[None] for row in middle + share * radius]).full())
@@ -328,7 +328,7 @@ def test_bounds_over_cells_hold_what_is_sampled(rng, kind):
     u, w, x, y = rng.normal(size=(4, 3))
     vectors = [Interval(float(value)) for value in np.concatenate([u, w, x, y])]
     with np.errstate(all="ignore"):
-        (low,), (high,) = Kinematics(problem).poses(pieces).bounds(conditions.separation(kind), vectors)
+        (low,), (high,) = PosesOfPieces(problem).poses(pieces).bounds(conditions.separation(kind), vectors)
     for row in range(n):
         for share in rng.uniform(0.0, 1.0, (20, k)):
             s, *t = pieces.low[row] + share * (pieces.high[row] - pieces.low[row])

@@ -12,7 +12,7 @@ import fcdm_opt as fo
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.stages import polar
+from fcdm_opt.stages import direction_search
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.tolerances import DEFAULT
 
@@ -70,7 +70,7 @@ def test_of_one_tracked_feature_rays_find_what_descent_finds() -> None:
     task = Task.of(asked("C", 0.005))
     for feature in task.tracked:
         one = replace(task, tracked=(feature,), flush=(), goal="at")
-        rays = polar.polar(one)
+        rays = direction_search.least_direction(one)
         found = descent(one)
         assert rays is not None
         assert rays.q is not None

@@ -13,7 +13,7 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.stages import polar
+from fcdm_opt.stages import direction_search
 from fcdm_opt.stages.branching import branch_and_bound
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
@@ -75,7 +75,7 @@ def test_rays_of_a_free_path_are_no_dearer(number: int) -> None:
     """Where descent answers before, too: of both tracked features, and of each alone brought to its target."""
     two = Task.of(problem(number).changed(pair="any"))
     for task in (two, *(replace(two, tracked=(feature,), flush=(None,), goal="at") for feature in two.tracked)):
-        coherent, free = (polar.polar(replace(task, coherent=own)) for own in (True, False))
+        coherent, free = (direction_search.least_direction(replace(task, coherent=own)) for own in (True, False))
         assert coherent is not None
         assert coherent.q is not None
         assert free is not None
@@ -87,8 +87,8 @@ def test_a_ray_that_finds_nothing_leaves_a_free_path_to_other_stages() -> None:
     """Along a ray the contact may come back after it is lost: no rays, no proof."""
     asked = fo.load_problems(EXAMPLE)[1].changed(tolerance=0.06)
     task = Task.of(asked)
-    assert polar.nothing(task)
-    assert not polar.nothing(replace(task, coherent=False))
+    assert direction_search.nothing(task)
+    assert not direction_search.nothing(replace(task, coherent=False))
     assert fo.solve(asked).status is not Status.SOLVED
 
 

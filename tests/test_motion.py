@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from strategies import generators
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.motion.kinematics import CHUNK, interpreted
+from fcdm_opt.motion.instructions import interpreted
+from fcdm_opt.motion.kinematics import CHUNK
 from fcdm_opt.motion.motions import AXES, Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 
@@ -224,7 +225,7 @@ def test_functions_serve_scalars_of_any_kind():
     expected = MOTIONS["of one's own"].transform([0.25], S1, S2)
     np.testing.assert_allclose([float(x) for x in column], expected.ravel(order="F"), atol=1e-15)
     with pytest.raises(NotImplementedError):
-        interpreted(casadi.Function("tanh", [q], [casadi.tanh(q)]), [Own(0.25)])
+        interpreted(casadi.Function("floor", [q], [casadi.floor(q)]), [Own(0.25)])
 
 
 def moving(q):

@@ -8,7 +8,7 @@ import pytest
 
 import fcdm_opt as fo
 from fcdm_opt.model.task import Task
-from fcdm_opt.motion.kinematics import interpreted
+from fcdm_opt.motion.instructions import interpreted
 from fcdm_opt.problem.evidence import Evidence, Reason
 from fcdm_opt.proof.columns import prove
 from fcdm_opt.proof.enclosure import Enclosure

@@ -4,7 +4,7 @@ coherent_range   the interval of a ray in which the tracked contact stays one, a
 contact_times    when a scale pair is apart, touches and overlaps on a ray
 march            safe steps to the next zero of a condition
 followed, others conditions of the tracked contact, and of all other part pairs
-expansions       conditions as functions of the parameter (`expanding`, compiled; `operations`, of the motion)
+conditions       all of them as functions of x, in `expansions` or in balls of any precision
 sensitivity      how the least amount changes with the data: from the constraints that hold a motion (`holding`)
 variation        how a contact changes with scales, seeds, vertices and face planes
 """

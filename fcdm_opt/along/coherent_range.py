@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along.expansions import Ray
+from fcdm_opt.along.conditions import Ray
 from fcdm_opt.along.followed import Followed, followed
 from fcdm_opt.along.march import March
 from fcdm_opt.curve.contact import meetings

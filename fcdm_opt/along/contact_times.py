@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.along import expanding
+from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.coherent_range import Reach, checked_direction, ray_of, reach
-from fcdm_opt.along.expansions import Conditions, Scales, safe_steps
+from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
+from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.along.march import March
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import meetings
@@ -54,7 +55,7 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class Span:
+class StateSpan:
     """A stretch low <= x <= high over which the pair is "apart" or "overlapping"."""
 
     state: str
@@ -76,7 +77,7 @@ class ContactTimes:
     problem : Problem
     direction : (k,) array
     pair : (2,) array
-    spans : tuple of Span
+    spans : tuple of StateSpan
         Increasing in x, without gaps; a stretch of x on which the pair keeps touching counts as apart.
     touches : tuple of Touch
         Between spans, and where a span is only grazed.
@@ -88,7 +89,7 @@ class ContactTimes:
     problem: Problem
     direction: Array
     pair: Array
-    spans: tuple[Span, ...]
+    spans: tuple[StateSpan, ...]
     touches: tuple[Touch, ...]
     proved: bool
 
@@ -147,14 +148,14 @@ def contact_times(
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
-    sides = [_Side(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
+    sides = [_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
     for side in sides:
         side.run()
     back, ahead = sides
-    spans = [Span(state, -high, -low) for state, low, high in reversed(back.spans)]
-    first, *rest = [Span(*own) for own in ahead.spans]
+    spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
+    first, *rest = [StateSpan(*own) for own in ahead.spans]
     if spans and spans[-1].state == first.state:
-        first = Span(first.state, spans.pop().low, first.high)
+        first = StateSpan(first.state, spans.pop().low, first.high)
     touches = [Touch(0.0 - t.x, t.features, t.grazing) for t in reversed(back.touches)]
     if touches and ahead.touches and touches[-1].x == ahead.touches[0].x == 0.0:
         touches.pop()
@@ -162,7 +163,7 @@ def contact_times(
     return ContactTimes(problem, along, pair, (*spans, first, *rest), (*touches, *ahead.touches), proved)
 
 
-class _Side:
+class _OneWay:
     """One way along a ray."""
 
     def __init__(self, problem: Problem, along: Array, pair: Array, limit: float | None) -> None:
@@ -260,17 +261,16 @@ class _Side:
 
     def _safe(self, x: float, span: float, depth: float) -> float:
         """Return a step within which no vertex moves further than a depth, at most the span."""
-        nothing = Conditions.of(expanding.DETERMINANT)
-        _, pose, _ = self._ray.expanded(x, span, Scales.fixed(self._pair), nothing)
-        rates = np.linalg.norm(self._local @ pose[:9, 1].reshape(3, 3).T - pose[9:, 1], axis=1).max()
-        bend = np.linalg.norm(self._local, axis=1).max() * np.linalg.norm(pose[:9, 2]) + np.linalg.norm(pose[9:, 2])
+        here = self._ray.stretch(x, span, TrackedPair.fixed(self._pair))
+        rates = np.linalg.norm(self._local @ here.R.slope.T - here.d.slope, axis=1).max()
+        bend = np.linalg.norm(self._local, axis=1).max() * np.linalg.norm(here.R.bend) + np.linalg.norm(here.d.bend)
         if not np.isfinite(bend):
             return 0.0
         root = math.sqrt(rates * rates + 2.0 * bend * depth)
         slow = min(2.0 * depth / (rates + root), span) if root > 0 else span
-        return max(slow, self._inside(x, span, pose[:, 0]))
+        return max(slow, self._inside(here))
 
-    def _inside(self, x: float, span: float, pose: Array) -> float:
+    def _inside(self, here: RayStretch) -> float:
         """Return how far a vertex of either part surely stays inside the other, of the pair that overlaps deepest.
 
         However shallow: bodies that slide along each other stay so.
@@ -278,22 +278,22 @@ class _Side:
         bodies, rho = (self._problem.movable, self._problem.static), self._pair
         seeds = bodies[0].seed, bodies[1].seed
         packed = (*bodies[0].packed, *bodies[1].packed)
-        (i, j) = kernels.least_gaps(*packed, self._transform(x), *seeds, rho[None])[1][0]
+        (i, j) = kernels.least_gaps(*packed, self._transform(here.x), *seeds, rho[None])[1][0]
         one, two = bodies[0].parts[i], bodies[1].parts[j]
         X, Y = one.vertices - one.seed, two.vertices - two.seed
         tops = np.array([loop[0] for loop in one.loops]), np.array([loop[0] for loop in two.loops])
-        R, d = pose[:9].reshape(3, 3), pose[9:]
+        R, d = here.R.value, here.d.value
         own = (rho[1] * (Y[tops[1]] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
         other = (rho[0] * (X[tops[0]] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
-        furthest, scales = 0.0, Scales.fixed(rho)
+        furthest = 0.0
         if own.min(axis=1).max() > 0:
             v = X[int(own.min(axis=1).argmax())]
-            within = Conditions.of(expanding.ALONG, v=v, w=Y[tops[1]], m=two.normals)
-            furthest = float(safe_steps(self._ray.expanded(x, span, scales, within)[0], span).min())
+            within = Conditions.of(forms.ALONG, v=v, w=Y[tops[1]], m=two.normals)
+            furthest = float(safe_steps(here.expanded(within), here.span).min())
         if other.min(axis=1).max() > 0:
             w = Y[int(other.min(axis=1).argmax())]
-            within = Conditions.of(expanding.ALONG_TURNED, v=X[tops[0]], w=w, m=one.normals, sign=-1.0)
-            furthest = max(furthest, float(safe_steps(self._ray.expanded(x, span, scales, within)[0], span).min()))
+            within = Conditions.of(forms.ALONG_TURNED, v=X[tops[0]], w=w, m=one.normals, sign=-1.0)
+            furthest = max(furthest, float(safe_steps(here.expanded(within), here.span).min()))
         return furthest
 
 

@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along import expanding
-from fcdm_opt.along.expanding import CROSSED, FIXED, TURNED
-from fcdm_opt.along.expansions import Conditions
+from fcdm_opt.along import conditions as forms
+from fcdm_opt.along.conditions import CROSSED, FIXED, TURNED, Conditions
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
@@ -49,7 +48,7 @@ class Rest:
     ----------
     parts : tuple of int
     line : (13,) array
-        See `Scales`.
+        See `TrackedPair`.
     conditions : Conditions
         Of each group one must hold.
     groups : (n,) int array
@@ -181,20 +180,20 @@ def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: 
     if kind == V1F2:
         for a, b in _sides(two.loops[j]):
             out = _unit(np.cross(Y[b] - Y[a], two.normals[j]))
-            made.add(Conditions.of(expanding.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), k))
+            made.add(Conditions.of(forms.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), k))
     elif kind == F1V2:
         for a, b in _sides(one.loops[i]):
             out = _unit(np.cross(X[b] - X[a], one.normals[i]))
-            inside = Conditions.of(expanding.ALONG_TURNED, k, v=X[a], w=Y[j], m=out, sign=-1.0)
+            inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a], w=Y[j], m=out, sign=-1.0)
             made.add(inside, _border(one, 1, (a, b), k))
     else:
         (a, b), (c, d) = one.edges[i, :2].tolist(), two.edges[j, :2].tolist()
         e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
         sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
         for v, ahead in ((a, sign), (b, -sign)):
-            made.add(Conditions.of(expanding.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead), _border(one, 1, (v,), k))
+            made.add(Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead), _border(one, 1, (v,), k))
         for w, ahead in ((c, sign), (d, -sign)):
-            ends = Conditions.of(expanding.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
+            ends = Conditions.of(forms.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
             made.add(ends, _border(two, 2, (w,), k))
     return made.rest(parts, line)
 
@@ -215,9 +214,9 @@ def _supported(made: _List, one: ConvexPart, two: ConvexPart, site: Site, normal
     own = _neighbours(one, i) if kind == V1F2 else _beside(one, i) if kind == E1E2 else []
     other = _neighbours(two, j) if kind == F1V2 else _beside(two, j) if kind == E1E2 else []
     for v, base in own:
-        made.add(Conditions.of(expanding.OWN, k, v=X[v] - X[base], sign=-1.0), _neighbour(one, 1, v, k))
+        made.add(Conditions.of(forms.OWN, k, v=X[v] - X[base], sign=-1.0), _neighbour(one, 1, v, k))
     for w, base in other:
-        made.add(Conditions.of(expanding.OTHER, k, w=Y[w] - Y[base]), _neighbour(two, 2, w, k))
+        made.add(Conditions.of(forms.OTHER, k, w=Y[w] - Y[base]), _neighbour(two, 2, w, k))
     return line
 
 
@@ -244,22 +243,22 @@ def _flush_rest(
     line = _supported(made, one, two, site, n, k)
     if has[0] and has[1]:  # the other face must stay aligned too
         for v in one.loops[faces[0]][1:]:
-            aligned = Conditions.of(expanding.OWN, k, v=X[v] - X[own[0]], sign=-1.0)
+            aligned = Conditions.of(forms.OWN, k, v=X[v] - X[own[0]], sign=-1.0)
             made.add(aligned, Cause("opens", k, OPENS))
     if parallel:  # each edge stays on the other
         beside = Conditions.of(
-            expanding.ALONG, k, v=X[own[0]], w=Y[other[0]], m=_unit(np.cross(n, Y[other[1]] - Y[other[0]]))
+            forms.ALONG, k, v=X[own[0]], w=Y[other[0]], m=_unit(np.cross(n, Y[other[1]] - Y[other[0]]))
         )
         made.add(beside, Cause("opens", k, OPENS))
     corners, others = list(own), list(other)
     for a, b in _sides(own):
         for way in _ways(X[b] - X[a], n, parallel, X[corners] - X[a], len(own)):
-            inside = Conditions.of(expanding.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
+            inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
                                    w=Y[others], m=way, sign=-1.0)  # fmt: skip
             made.add(inside, _shared(one, 1, (a, b), k))
     for a, b in _sides(other):
         for way in _ways(Y[b] - Y[a], n, parallel, Y[others] - Y[a], len(other)):
-            inside = Conditions.of(expanding.ALONG, k, v=X[corners],
+            inside = Conditions.of(forms.ALONG, k, v=X[corners],
                                    w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
             made.add(inside, _shared(two, 2, (a, b), k))
     return made.rest(parts, line)

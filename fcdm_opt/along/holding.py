@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, Rate, Scene, Term
+from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
 from fcdm_opt.curve.contact import Contact, contact_set, located, supporting_contact, touching_contact
@@ -34,7 +34,7 @@ Alternatives = list[Constraints]
 Site = tuple[int, int, int]
 
 
-class Way(NamedTuple):
+class Facing(NamedTuple):
     """A direction in which a part pair is as far apart as it must be, and what meets in it: its corners."""
 
     normal: Array
@@ -70,9 +70,9 @@ class Holding:
         return DEFAULT.active * self.task.size
 
     @cached_property
-    def end(self) -> Scene:
+    def end(self) -> MovedScene:
         """Body 1 where the motion ends."""
-        return Scene.at(self.task, self.layout, self.q)
+        return MovedScene.at(self.task, self.layout, self.q)
 
     def groups(self) -> list[Alternatives]:
         """Return all that may hold the motion: of each group one of the alternatives does."""
@@ -125,7 +125,7 @@ class Holding:
 
     def at_rest(self) -> tuple[Rate, Rate]:
         """Return the rates of both scales of the tracked switching point at rest."""
-        scene = Scene.at(self.task, self.layout, self.task.rest)
+        scene = MovedScene.at(self.task, self.layout, self.task.rest)
         rho, pose, tracked = self.task.tracked_contact(self.task.rest)
         lines, pair = self._lines(scene, tracked, rho)
         if self._real(0.0, rho, pose, tracked):
@@ -133,14 +133,14 @@ class Holding:
         one, two = (replace(self.layout.rate(), scales=unit).along(pair, lines) for unit in np.eye(2))
         return one, two
 
-    def _lines(self, scene: Scene, tracked: Iterable[Tracked], rho: Array) -> tuple[list[Rate], Array]:
+    def _lines(self, scene: MovedScene, tracked: Iterable[Tracked], rho: Array) -> tuple[list[Rate], Array]:
         """Return the rates of the tracked lines, and how the scale pair on both follows them."""
         lines = [self._line(scene, own, here.normal, rho) for own, here in zip(self.task.tracked, tracked, strict=True)]
         if len(lines) < 2:
             return lines, np.empty((0, 0))
         return lines, -np.asarray(np.linalg.inv([line.scales for line in lines]))
 
-    def _line(self, scene: Scene, feature: FeaturePoints, normal: Array, rho: Array) -> Rate:
+    def _line(self, scene: MovedScene, feature: FeaturePoints, normal: Array, rho: Array) -> Rate:
         """Return the rate of a tracked feature's separation; a flush one is carried by the whole of its elements."""
         task = self.task
         whole = next((seat.feature for seat in task.seats if (seat.site, seat.parts) == (feature.site, feature.parts)),
@@ -161,7 +161,7 @@ class Holding:
 
     def _site(
         self,
-        scene: Scene,
+        scene: MovedScene,
         name: str,
         parts: Parts,
         site: Site,
@@ -192,7 +192,7 @@ class Holding:
         )
         return scene.rate(name, (first, second))
 
-    def _terms(self, parts: Parts, way: Way, corner: Array) -> list[Term]:
+    def _terms(self, parts: Parts, way: Facing, corner: Array) -> list[Term]:
         """Return what meets in a corner of a contact of the target pair, or with a keep-out."""
         task, opponent = self.task, self.task.opponents[parts[1]]
         pose = self._pose_to(parts)
@@ -228,7 +228,7 @@ class Holding:
                 closings.append(tuple(rate for rates in chosen for rate in rates))
         return [*groups, closings] if closings else groups
 
-    def _ways(self, parts: Parts) -> list[Way]:
+    def _ways(self, parts: Parts) -> list[Facing]:
         """Return the directions in which a part pair is just as far apart as it must be."""
         task, opponent = self.task, self.task.opponents[parts[1]]
         one, two, pose = task.movable.parts[parts[0]], opponent.part, self._pose_to(parts)
@@ -248,10 +248,10 @@ class Holding:
             shifted = np.append(pose[:9], pose[9:] - gap * normal)
             contact = located(one, two, shifted, supporting_contact(one, two, normal, shifted, DEFAULT.active), rho)
             corners = contact_set(one, two, shifted, contact, rho)
-            ways.append(Way(normal, contact, corners[:MOST_CORNERS], gap))
+            ways.append(Facing(normal, contact, corners[:MOST_CORNERS], gap))
         return ways
 
-    def _apart(self, parts: Parts, way: Way) -> Constraints:
+    def _apart(self, parts: Parts, way: Facing) -> Constraints:
         """Return what keeps a pair apart in a direction: in every corner of what it shares there."""
         task, keep_out = self.task, self.task.opponents[parts[1]].keep_out
         rates = [
@@ -262,7 +262,7 @@ class Holding:
             rate.data[self.layout.clearances][keep_out + 1] -= float(keep_out >= 0 or not task.must_touch)
         return tuple(replace(rate, scales=np.zeros(2)) for rate in rates)
 
-    def _closing(self, parts: Parts, ways: list[Way]) -> Alternatives:
+    def _closing(self, parts: Parts, ways: list[Facing]) -> Alternatives:
         """Return what brings a pair together: in one corner of what it shares, in no direction apart."""
         name = f"{self.task.named(parts)} closes"
         if len(ways) == 1:
@@ -279,7 +279,7 @@ class Holding:
         normals = np.array([way.normal for way in ways])
         contact = located(one, two, pose, touching_contact(one, two, normals, pose, DEFAULT.active), rho)
         corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
-        single = [[Way(way.normal, contact, corner[None], way.gap) for way in ways] for corner in corners]
+        single = [[Facing(way.normal, contact, corner[None], way.gap) for way in ways] for corner in corners]
         flush = len(corners) > 1
         found = []
         for own in single:
@@ -341,7 +341,7 @@ class Holding:
         if len(tracked) == 1 and s < 1.0:
             self.reasons.append("the way of the tracked contact inside its segment may hold the motion")
             return []
-        scene = self.end if s == 1.0 else Scene.at(task, self.layout, self.q, s)
+        scene = self.end if s == 1.0 else MovedScene.at(task, self.layout, self.q, s)
         lines, pair = self._lines(scene, tracked, rho)
 
         def on_the_way(rate: Rate) -> Rate:
@@ -373,7 +373,9 @@ class Holding:
                 if vertex not in known[body]:
                     yield body, vertex
 
-    def _behind(self, scene: Scene, feature: FeaturePoints, here: Tracked, body: int, vertex: int, rho: Array) -> Rate:
+    def _behind(
+        self, scene: MovedScene, feature: FeaturePoints, here: Tracked, body: int, vertex: int, rho: Array
+    ) -> Rate:
         """Return how far a vertex that is level with a tracked feature lies behind its plane.
 
         Of a face as the separation of that vertex from it. In the plane of two edges p + alpha u + beta w is the
@@ -416,7 +418,7 @@ def _element(part: ConvexPart, kind: str, k: int, point: Array) -> Element:
     return part.elements["V"][k] if kind == "V" else part.element_at(kind, k, point)
 
 
-def _edges(scene: Scene, one: ConvexPart, two: ConvexPart, site: Site, rho: Array) -> tuple[Array, Array]:
+def _edges(scene: MovedScene, one: ConvexPart, two: ConvexPart, site: Site, rho: Array) -> tuple[Array, Array]:
     """Return the ends of two edges as scaled, relative to s_2, (2, 3) each."""
     rotation, offset = scene.pose[:9].reshape(3, 3), scene.pose[9:]
     first = rho[0] * (one.vertices[one.edges[site[1], :2]] - one.seed) @ rotation.T - offset

@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along import expanding
-from fcdm_opt.along.expansions import ROUNDING, Conditions, Ray, Scales, flat, roots, safe_steps
+from fcdm_opt.along import conditions as forms
+from fcdm_opt.along.conditions import Conditions, Ray, RayStretch, TrackedPair
+from fcdm_opt.along.expansions import ROUNDING, flat, roots, safe_steps
 from fcdm_opt.along.followed import Cause, Followed, Rest
-from fcdm_opt.along.others import Bound, Others, Place
+from fcdm_opt.along.others import Others, PairBound, is_tied
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -58,13 +59,13 @@ class March:
     Parameters
     ----------
     problem : Problem
-    found : tuple of Followed
+    followed : tuple of Followed
         The tracked features; with none the scale pair stays as given.
     ray : Ray
     end : float
         How far to go.
     pair : (2,) array
-        See `Scales`.
+        See `TrackedPair`.
 
     Attributes
     ----------
@@ -74,18 +75,18 @@ class March:
         The natural step: what turns or moves things by about their size.
     """
 
-    def __init__(self, problem: Problem, found: tuple[Followed, ...], ray: Ray, end: float, pair: Array) -> None:
+    def __init__(self, problem: Problem, followed: tuple[Followed, ...], ray: Ray, end: float, pair: Array) -> None:
         self.proved = True
-        self._problem, self._followed, self._ray, self._end, self._pair = problem, found, ray, end, pair
+        self._problem, self._followed, self._ray, self._end, self._pair = problem, followed, ray, end, pair
         turning, moving = ray.natural_step
         rate = max(turning, moving / problem.size)
         self.unit = 1.0 / rate if 0 < rate < math.inf else 1.0
         self._others = Others(problem.movable, problem.static, ray, min(self.unit, end))
-        self._rest_on([own.rests[0] for own in found])
+        self._rest_on([feature.rests[0] for feature in followed])
 
     def rho(self, x: float) -> Array:
         """Return the tracked scale pair, (2,)."""
-        return self._expanded(x, 0.0, Conditions.of(expanding.DETERMINANT))[2]
+        return self._stretch(x).rho
 
     def stop(self) -> Stop | None:
         """Return what ends the way, None where its end is reached."""
@@ -102,14 +103,14 @@ class March:
     def _rest_on(self, rests: list[Rest]) -> None:
         """Take the conditions of the part pairs on which the tracked features rest, without those that always hold."""
         self._rests = rests
-        lines = np.array([rest.line for rest in rests]).reshape(-1, 13)
-        determinant = Conditions.of(expanding.DETERMINANT)
-        signless = Scales(lines, np.array(self._pair), 1.0)
-        value = self._ray.expanded(0.0, 0.0, signless, determinant)[0][0, 0]
-        self._scales = signless._replace(sign=1.0 if value > 0 else -1.0)
+        lines, determinant = np.array([rest.line for rest in rests]).reshape(-1, 13), Conditions.of(forms.DETERMINANT)
+        signless = TrackedPair(lines, np.array(self._pair), 1.0)
+        value = self._ray.stretch(0.0, 0.0, signless).expanded(determinant)[0, 0]
+        self._tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
+        self._others.track(self._tracked, {rest.parts for rest in rests})
         made, groups = [determinant], [0]
         self._causes = [Cause("parallel lines", -1, LOST["parallel lines"])]
-        for form, body in ((expanding.SCALE_1, 1), (expanding.SCALE_2, 2)):
+        for form, body in ((forms.SCALE_1, 1), (forms.SCALE_2, 2)):
             groups.append(len(self._causes))
             made.append(Conditions.of(form))
             self._causes.append(Cause("scale", -1, f"the scale of body {body} becomes zero"))
@@ -118,10 +119,9 @@ class March:
             made.append(rest.conditions)
             self._causes += rest.causes
         together, self._groups = Conditions.joined(made), np.array(groups)
-        found = self._expanded(0.0, 0.0, together)[0]
-        self._tied = np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
+        self._tied = is_tied(self._stretch(0.0).expanded(together))
         always = self._tied.copy()
-        always[always] = self._others.vanishing(self._scales, together.chosen(always))
+        always[always] = self._others.vanishing(together.chosen(always))
         settled = np.isin(self._groups, self._groups[always])  # one of a group is enough
         self._conditions, self._groups, self._tied = (
             together.chosen(~settled),
@@ -137,8 +137,8 @@ class March:
                 return cause.feature
         return None
 
-    def _expanded(self, x: float, span: float, conditions: Conditions) -> tuple[Array, Array, Array]:
-        return self._ray.expanded(x, span, self._scales, conditions)
+    def _stretch(self, x: float, span: float = 0.0) -> RayStretch:
+        return self._ray.stretch(x, span, self._tracked)
 
     def _reaches(self, steps: Array) -> Array:
         """Return how far each group of conditions holds, (groups,); infinite for those that always do."""
@@ -157,23 +157,23 @@ class March:
             if span <= 0:
                 return None
             least = max(4 * np.finfo(float).eps * x, DEFAULT.point * self.unit)
-            found, pose, rho = self._expanded(x, span, self._conditions)
-            if not (np.isfinite(found).all() and np.isfinite(pose).all()):  # no bounds on so long a way
+            here = self._stretch(x, span)
+            expanded = here.expanded(self._conditions)
+            if not (np.isfinite(expanded).all() and here.bounded):  # no bounds on so long a way
                 if span <= least:
                     return Stop(x, (Cause("undefined", -1, LOST["undefined"]),))
                 span /= SHRINK
                 continue
-            steps = safe_steps(found, span)
-            own = float(self._reaches(steps).min(initial=span))
-            tracked = {rest.parts for rest in self._rests}
-            other = self._others.bound(Place(x, span, pose, rho), own, self._scales, tracked)
-            step = min(own, other.step)
-            grazes = flat(found[steps <= step]) or (other.expansion is not None and flat(other.expansion[None]))
+            steps = safe_steps(expanded, span)
+            held = float(self._reaches(steps).min(initial=span))
+            other = self._others.bound(here, held)
+            step = min(held, other.step)
+            grazes = flat(expanded[steps <= step]) or (other.expansion is not None and flat(other.expansion[None]))
             if step <= least < span / SHRINK and not grazes:  # bounds on so long a way may say nothing
                 span /= SHRINK
                 continue
             if step <= least or grazes:
-                stop = self._stopped(float(x), found, steps, other)
+                stop = self._stopped(float(x), expanded, steps, other)
                 if x > 0 or stop.expansion is None or not flat(stop.expansion[None]) or not self._leaves(x):
                     return stop
                 self.proved = False  # it touches zero where the march starts, and rises
@@ -184,10 +184,10 @@ class March:
 
     def _leaves(self, x: float) -> bool:
         """Tell whether conditions that touch zero at x are met a little further on."""
-        found = self._expanded(x + math.sqrt(DEFAULT.tie) * self.unit, 0.0, self._conditions)[0]
-        return bool((self._reaches((found[:, 0] > ROUNDING * found[:, 3]).astype(float)) > 0).all())
+        expanded = self._stretch(x + math.sqrt(DEFAULT.tie) * self.unit).expanded(self._conditions)
+        return bool((self._reaches((expanded[:, 0] > ROUNDING * expanded[:, 3]).astype(float)) > 0).all())
 
-    def _stopped(self, x: float, found: Array, steps: Array, other: Bound) -> Stop:
+    def _stopped(self, x: float, expanded: Array, steps: Array, other: PairBound) -> Stop:
         """Return the stop at x, with all that fails there."""
         if other.expansion is not None and other.parts is not None:
             i, j = other.parts
@@ -197,25 +197,25 @@ class March:
         for row, group in enumerate(self._groups.tolist()):
             if group not in best or steps[row] > steps[best[group]]:
                 best[group] = row
-        ahead = roots(found)
+        ahead = roots(expanded)
         rows = sorted(best.values(), key=lambda row: (float(steps[row]), float(ahead[row])))
         near = [row for row in rows if ahead[row] <= CLOSE * self.unit] or rows[:1]
         kinds = {self._causes[self._groups[row]].kind for row in near}
         if "parallel lines" in kinds:  # what is scaled by their determinant vanishes with it
             if parallel := self._parallel(x):
-                return Stop(x, tuple(parallel), found[near[0]], self._conditions.chosen([near[0]]))
-            own = [row for row in near if self._causes[self._groups[row]].kind == "neighbour"]
-            near = own or [row for row in near if self._causes[self._groups[row]].kind == "parallel lines"]
+                return Stop(x, tuple(parallel), expanded[near[0]], self._conditions.chosen([near[0]]))
+            neighbours = [row for row in near if self._causes[self._groups[row]].kind == "neighbour"]
+            near = neighbours or [row for row in near if self._causes[self._groups[row]].kind == "parallel lines"]
         elif "scale" in kinds:
             near = [row for row in near if self._causes[self._groups[row]].kind == "scale"]
         causes = dict.fromkeys(self._causes[self._groups[row]] for row in near)
-        return Stop(x, tuple(causes), found[near[0]], self._conditions.chosen([near[0]]))
+        return Stop(x, tuple(causes), expanded[near[0]], self._conditions.chosen([near[0]]))
 
     def _parallel(self, x: float) -> list[Cause]:
         """Return the tracked features whose edges are parallel at x: their lines vanish, and the pair with them."""
         causes = []
         for k in range(len(self._rests)):
-            sine_squared = self._expanded(x, 0.0, Conditions.of(expanding.STEEP, k))[0][0, 0]
+            sine_squared = self._stretch(x).expanded(Conditions.of(forms.STEEP, k))[0, 0]
             if sine_squared <= CLOSE * CLOSE:
                 causes.append(Cause("parallel edges", k, LOST["parallel edges"]))
         return causes
@@ -228,7 +228,7 @@ class March:
             before = self._rests
             for rest in self._followed[k].rests:
                 if rest is not before[k]:
-                    self._rest_on([rest if place == k else own for place, own in enumerate(before)])
+                    self._rest_on([rest if place == k else other for place, other in enumerate(before)])
                     if self._goes_on(stop.x):
                         return True
             self._rest_on(before)
@@ -236,10 +236,10 @@ class March:
 
     def _goes_on(self, x: float) -> bool:
         """Tell whether all conditions hold at x to within rounding, and for some way on."""
-        found = self._expanded(x, self.unit, self._conditions)[0]
-        near = np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
-        found[near, 0] = np.maximum(found[near, 0], 0.0)
-        return bool(self._reaches(safe_steps(found, self.unit)).min(initial=np.inf) > CLOSE * self.unit)
+        expanded = self._stretch(x, self.unit).expanded(self._conditions)
+        near = is_tied(expanded)
+        expanded[near, 0] = np.maximum(expanded[near, 0], 0.0)
+        return bool(self._reaches(safe_steps(expanded, self.unit)).min(initial=np.inf) > CLOSE * self.unit)
 
     # ------------------------------------------------------------------------------------------------------- its place
 
@@ -252,11 +252,11 @@ class March:
         rounding = ROUNDING * terms
         if flat(stop.expansion[None]):
             wide = min(8.0 * math.sqrt(rounding / bend) if bend > 0 else math.inf, GRAZE * self.unit)
-            crossing = self._ray.crossing(x, wide, self._scales, stop.condition)
+            crossing = self._ray.crossing(x, wide, self._tracked, stop.condition)
             return (x, wide, True) if crossing is None else (crossing, FINE * crossing, False)
         error = rounding / abs(slope) if slope else math.inf
         if error > FINE * x:
-            better, bound = self._ray.refined(x, slope, self._scales, stop.condition)
+            better, bound = self._ray.refined(x, slope, self._tracked, stop.condition)
             if bound < error and abs(better - x) <= CLOSE * self.unit:
                 return better, bound, False
         return x, error, False

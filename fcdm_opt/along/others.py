@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along import expanding
-from fcdm_opt.along.expansions import Conditions, Ray, Scales, safe_steps
+from fcdm_opt.along import conditions as forms
+from fcdm_opt.along.conditions import Conditions, Ray, RayStretch, TrackedPair
+from fcdm_opt.along.expansions import safe_steps
 from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
@@ -17,22 +18,13 @@ TIED = 6  # directions looked at where several separate a part pair alike
 SAMPLES = (0.31, 0.73, 1.37)  # of the natural step, where what vanishes identically does too
 
 
-class Bound(NamedTuple):
+class PairBound(NamedTuple):
     """How far a part pair surely does not overlap, and what ends that: a condition and its expansion, if any does."""
 
     step: float
     parts: tuple[int, int] | None = None
     expansion: Array | None = None
     condition: Conditions | None = None
-
-
-class Place(NamedTuple):
-    """A step along a ray: from x over a span, with the expansions of R and d, and the scale pair at x."""
-
-    x: float
-    span: float
-    pose: Array
-    rho: Array
 
 
 class Others:
@@ -50,58 +42,70 @@ class Others:
         self._bodies, self._ray, self._within = (movable, static), ray, within
         self._tie = DEFAULT.tie * max(movable.size, static.size)
         self._pairs = [(i, j) for i in range(len(movable.parts)) for j in range(len(static.parts))]
+        self._tracked: set[tuple[int, int]] = set()
+        self._samples: list[RayStretch] = []
         (c1, r1), (c2, r2) = _balls(movable), _balls(static)
         i, j = np.array(self._pairs).T
         radii = np.column_stack([r1[i], r2[j]])
         self._spheres = Conditions.spheres(c1[i], c2[j], np.zeros((len(i), 3)), radii)
 
-    def vanishing(self, scales: Scales, conditions: Conditions) -> Array:
+    def track(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> None:
+        """Leave out the part pairs that are tracked, and follow their scale pair."""
+        self._tracked = parts
+        self._samples = [self._ray.stretch(share * self._within, 0.0, pair) for share in SAMPLES]
+
+    def vanishing(self, conditions: Conditions) -> Array:
         """Return which conditions are zero all along: those that the tracked pair keeps by itself, and alignments."""
         zero = np.ones(len(conditions.rows), dtype=bool)
-        for share in SAMPLES:
-            found = self._ray.expanded(share * self._within, 0.0, scales, conditions)[0]
-            zero &= np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
+        for sample in self._samples:
+            zero &= is_tied(sample.expanded(conditions))
         return zero
 
-    def bound(self, at: Place, step: float, scales: Scales, tracked: set[tuple[int, int]]) -> Bound:
+    def bound(self, at: RayStretch, step: float) -> PairBound:
         """Return how far none overlaps but those tracked, at most a given step.
 
         Spheres about the parts settle most pairs; of the others the direction that separates them best at x does, as
         long as it still separates: where they come to touch, steps close in on that as fast as Newton's.
         """
-        best = Bound(step)
-        if len(tracked) == len(self._pairs) or step <= 0:
+        best = PairBound(step)
+        if len(self._tracked) == len(self._pairs) or step <= 0:
             return best
-        d, R, rows = at.pose[9:, 0], at.pose[:9, 0].reshape(3, 3), self._spheres.rows
-        ways = d + at.rho[1] * rows[:, 3:6] - at.rho[0] * rows[:, :3] @ R.T
+        rho, rows = at.rho, self._spheres.rows
+        ways = at.d.value + rho[1] * rows[:, 3:6] - rho[0] * rows[:, :3] @ at.R.value.T
         rows[:, 6:9] = ways / np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)[:, None]
-        steps = safe_steps(self._ray.expanded(at.x, at.span, scales, self._spheres)[0], at.span)
+        steps = safe_steps(at.expanded(self._spheres), at.span)
         for k in np.argsort(steps):
             if steps[k] >= best.step:
                 break
-            if self._pairs[k] not in tracked:
-                found = self._pair_bound(self._pairs[k], at, scales)
-                best = found if found.step < best.step else best
+            if self._pairs[k] not in self._tracked:
+                bound = self._pair_bound(self._pairs[k], at)
+                best = bound if bound.step < best.step else best
         return best
 
-    def _pair_bound(self, parts: tuple[int, int], at: Place, scales: Scales) -> Bound:
+    def _pair_bound(self, parts: tuple[int, int], at: RayStretch) -> PairBound:
         """Return the furthest that one of the directions proves which separate a part pair best at x."""
-        best = Bound(-1.0)
-        for way in self._ways(parts, at, len(scales.lines)):
-            found, conditions = self._ray.expanded(at.x, at.span, scales, way)[0], way
-            tied = np.abs(found[:, 0]) <= DEFAULT.tie * found[:, 3]
-            if tied.any():
-                tied[tied] = self.vanishing(scales, conditions.chosen(tied))
-                found, conditions = found[~tied], conditions.chosen(~tied)
-            steps = safe_steps(found, at.span)
-            step = float(steps.min(initial=at.span))
-            if step > best.step:
-                worst = int(np.argmin(steps)) if len(steps) else 0
-                some = (found[worst], conditions.chosen([worst])) if len(steps) else (None, None)
-                best = Bound(step, parts, *some)
+        ways = self._ways(parts, at)
+        conditions = Conditions.joined(ways)
+        expanded = at.expanded(conditions)
+        tied = is_tied(expanded)
+        if tied.any():
+            tied[tied] = self.vanishing(conditions.chosen(tied))
+        steps = np.where(tied, np.inf, safe_steps(expanded, at.span))
+        best, start = PairBound(-1.0), 0
+        for way in ways:
+            worst = start + int(np.argmin(steps[start : start + len(way.rows)]))
+            start += len(way.rows)
+            if min(steps[worst], at.span) > best.step:
+                known = tied[worst]
+                best = PairBound(
+                    float(min(steps[worst], at.span)),
+                    parts,
+                    None if known else expanded[worst],
+                    None if known else conditions.chosen([worst]),
+                )
         return best
 
-    def _ways(self, parts: tuple[int, int], at: Place, tracked: int) -> list[Conditions]:
+    def _ways(self, parts: tuple[int, int], at: RayStretch) -> list[Conditions]:
         """Return the conditions that a part pair is apart along the directions that separate it best at x.
 
         A direction of a face turns with it; that of two edges is held, as it is the best one there to first order. A
@@ -109,21 +113,27 @@ class Others:
         """
         one, two = (body.parts[k] for body, k in zip(self._bodies, parts, strict=True))
         X, Y = one.vertices - one.seed, two.vertices - two.seed
-        sites, rows = kernels.facet_rows(*one.packed, *two.packed, np.ascontiguousarray(at.pose[:, 0]))
+        pose = np.concatenate([at.R.value.ravel(), at.d.value])
+        sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
         separations = rows[:, 5] - rows[:, 3:5] @ at.rho
         best, ways = float(separations.max()), []
         for k in np.flatnonzero(separations >= best - self._tie)[:TIED]:
             (kind, i, j), n = sites[k].tolist(), rows[k, :3]
             if kind == kernels.F1V2:
-                ways.append(Conditions.of(expanding.ALONG_TURNED, v=X[one.loops[i][0]], w=Y, m=one.normals[i]))
+                ways.append(Conditions.of(forms.ALONG_TURNED, v=X[one.loops[i][0]], w=Y, m=one.normals[i]))
             elif kind == kernels.V1F2:
-                ways.append(Conditions.of(expanding.ALONG, v=X, w=Y[two.loops[j][0]], m=-two.normals[j]))
+                ways.append(Conditions.of(forms.ALONG, v=X, w=Y[two.loops[j][0]], m=-two.normals[j]))
             else:
-                ways.append(Conditions.of(expanding.ALONG, v=X, w=Y[np.argmin(Y @ n)], m=n))
+                ways.append(Conditions.of(forms.ALONG, v=X, w=Y[np.argmin(Y @ n)], m=n))
         if best <= self._tie:
             v, w = np.repeat(X, len(Y), axis=0), np.tile(Y, (len(X), 1))
-            ways += [Conditions.of(expanding.NORMAL, k, v=v, w=w) for k in range(tracked)]
+            ways += [Conditions.of(forms.NORMAL, k, v=v, w=w) for k in range(len(at.tracked.lines))]
         return ways
+
+
+def is_tied(expanded: Array) -> Array:
+    """Return which expansions are zero to within rounding, (n,)."""
+    return np.asarray(np.abs(expanded[:, 0]) <= DEFAULT.tie * expanded[:, 3])
 
 
 def _balls(body: Body) -> tuple[Array, Array]:

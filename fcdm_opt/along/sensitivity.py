@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt.along.holding import Holding
-from fcdm_opt.along.variation import MOVABLE, Bools, Layout, Rate, Scene, Term
+from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import feature_points
@@ -119,7 +119,7 @@ def _pieces(holding: Holding) -> list[Rate]:
         return [layout.rate("amount", task.weights**2 * q / task.amount(q))]
     if isinstance(task.amount_kind, OwnAmount):
         return [layout.rate("amount", _gradient(task.amount_kind)(q)[0].copy())]
-    rest = Scene.at(task, layout, task.rest)
+    rest = MovedScene.at(task, layout, task.rest)
     moved = task.made_vertices @ (holding.end.transform[:3, :3] - np.eye(3)).T + holding.end.transform[:3, 3]
     lengths = np.linalg.norm(moved, axis=1)
     elements = [element for part in task.movable.parts for element in part.elements["V"]]

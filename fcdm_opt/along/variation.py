@@ -243,7 +243,7 @@ def _pose_rates(motion: Motion) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class MovedScene:
     """Body 1 at a point of a motion's path, and how its pose changes.
 
     Attributes
@@ -267,7 +267,7 @@ class Scene:
     by_seeds: Array
 
     @classmethod
-    def at(cls, task: Task, layout: Layout, q: Array, s: float = 1.0) -> Scene:
+    def at(cls, task: Task, layout: Layout, q: Array, s: float = 1.0) -> MovedScene:
         """Return the scene at position s of the straight path to q."""
         seeds = np.concatenate([task.movable.seed, task.static.seed])
         flat, rates = (np.array(x) for x in _pose_rates(task.motion)(s * q, seeds))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import operator
 import threading
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
@@ -54,67 +52,10 @@ class Compiled(threading.local):
 
     def __call__(self, *given: Sequence[float] | Array) -> tuple[Array, ...]:
         """Return the results, each flat and column by column; they are overwritten by this thread's next call."""
-        for own, values in zip(self._first, given, strict=True):
-            own[:] = values
+        for room, values in zip(self._first, given, strict=True):
+            room[:] = values
         self._evaluate()
         return self._results
-
-
-def interpreted(function: Any, values: Sequence[Any]) -> list[Any]:
-    """Return what a CasADi function of one vector gives for scalars of any kind, column by column.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Of SX expressions, with a dense result.
-    values : sequence
-        Numbers, or objects with +, -, *, / and the methods sin, cos and sqrt.
-
-    Raises
-    ------
-    NotImplementedError
-        For other operations.
-    """
-    import casadi
-
-    def called(name: str) -> Callable[[Any], Any]:
-        return lambda x: getattr(math, name)(x) if isinstance(x, float) else getattr(x, name)()
-
-    unary: dict[int, Callable[[Any], Any]] = {
-        casadi.OP_ASSIGN: lambda x: x,
-        casadi.OP_NEG: lambda x: -x,
-        casadi.OP_SQ: lambda x: x * x,
-        casadi.OP_TWICE: lambda x: 2.0 * x,
-        casadi.OP_INV: lambda x: 1.0 / x,
-        casadi.OP_SIN: called("sin"),
-        casadi.OP_COS: called("cos"),
-        casadi.OP_SQRT: called("sqrt"),
-    }
-    binary = {
-        casadi.OP_ADD: operator.add,
-        casadi.OP_SUB: operator.sub,
-        casadi.OP_MUL: operator.mul,
-        casadi.OP_DIV: operator.truediv,
-    }
-    work: dict[int, Any] = {}
-    results: list[Any] = [0.0] * function.nnz_out(0)
-    for k in range(function.n_instructions()):
-        operation, places = function.instruction_id(k), function.instruction_output(k)
-        if operation == casadi.OP_CONST:
-            work[places[0]] = float(function.instruction_constant(k))
-            continue
-        given = function.instruction_input(k)
-        if operation == casadi.OP_INPUT:
-            work[places[0]] = values[given[1]]
-        elif operation == casadi.OP_OUTPUT:
-            results[places[1]] = work[given[0]]
-        elif operation in unary:
-            work[places[0]] = unary[operation](work[given[0]])
-        elif operation in binary:
-            work[places[0]] = binary[operation](work[given[0]], work[given[1]])
-        else:
-            raise NotImplementedError(f"CasADi operation {operation}")
-    return results
 
 
 class _Pattern:

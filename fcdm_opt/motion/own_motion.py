@@ -10,7 +10,8 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion.kinematics import Compiled, interpreted
+from fcdm_opt.motion.instructions import interpreted
+from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.motion.motions import Kind, Matrix, Parameter, Step
 from fcdm_opt.tolerances import DEFAULT
 

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2, kernel
+from fcdm_opt.compiling import kernel
+from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 
 OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE = range(7)  # what is known of a cell, see `evidence.Reason`
 FEATURE = 16  # numbers of a feature

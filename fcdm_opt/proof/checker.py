@@ -29,7 +29,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.proof import conditions
 from fcdm_opt.proof.intervals import Interval
-from fcdm_opt.proof.mean_value import Kinematics, Pieces, Place, Poses
+from fcdm_opt.proof.mean_value import Pieces, Place, Poses, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
@@ -157,7 +157,7 @@ class _Examiner:
 
     def __init__(self, problem: Problem, evidence: Evidence) -> None:
         self.problem, self.evidence = problem, evidence
-        self.kinematics = Kinematics(problem)
+        self.kinematics = PosesOfPieces(problem)
         self.target = problem.target.tolist()
 
     # ------------------------------------------------------------------------------------------------------ meaning

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Task
-from fcdm_opt.motion.kinematics import interpreted
+from fcdm_opt.motion.instructions import interpreted
 from fcdm_opt.motion.motions import Rotation, Screw, Translation
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Reason

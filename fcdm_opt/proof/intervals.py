@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Ints
+from fcdm_opt.motion.instructions import Instructions
 
 UNIT = 2.0**-52  # more than the rounding of one operation, relative to its result
 UP = 1.0 + 2.0**-49  # more than the rounding of the few operations that a radius takes
@@ -254,8 +255,10 @@ def _within(function: Callable[[Any], Any], low: float, high: float) -> Callable
     return lambda x: x.increasing(lambda end: function(np.where((end >= low) & (end <= high), end, np.nan)))
 
 
-JUMPS = frozenset(("LT", "LE", "EQ", "NE", "SIGN", "FLOOR", "CEIL"))  # operations that are not continuous
-OPERATIONS: dict[str, Callable[..., Interval]] = {
+JUMPS = frozenset(("LT", "LE", "EQ", "NE", "SIGN", "FLOOR", "CEIL", "UNKNOWN"))  # not continuous, or not known to be
+ARITHMETIC: dict[str, Callable[..., Interval]] = {
+    "CONST": Interval,
+    "UNKNOWN": lambda: Interval(0.0, np.inf),
     "ASSIGN": lambda x: x,
     "ADD": lambda x, y: x + y,
     "SUB": lambda x, y: x - y,
@@ -267,7 +270,6 @@ OPERATIONS: dict[str, Callable[..., Interval]] = {
     "INV": Interval.reciprocal,
     "SQRT": _within(np.sqrt, 0.0, np.inf),
     "POW": Interval.power,
-    "CONSTPOW": Interval.power,
     "SIN": lambda x: x.wave(np.sin, math.pi / 2.0),
     "COS": lambda x: x.wave(np.cos, 0.0),
     "TAN": lambda x: x.wave(np.sin, math.pi / 2.0) / x.wave(np.cos, 0.0),
@@ -302,7 +304,7 @@ OPERATIONS: dict[str, Callable[..., Interval]] = {
 }
 
 
-class Program:
+class IntervalFunction:
     """A CasADi function of symbols (SX), worked out in intervals, instruction by instruction.
 
     Parameters
@@ -312,16 +314,7 @@ class Program:
     """
 
     def __init__(self, function: Any) -> None:
-        import casadi
-
-        names = {value: name[3:] for name, value in vars(casadi).items() if name.startswith("OP_")}
-        self._sizes = [function.nnz_out(k) for k in range(function.n_out())]
-        self._work = function.sz_w()
-        self._steps = []
-        for k in range(function.n_instructions()):
-            name = names[function.instruction_id(k)]
-            constant = function.instruction_constant(k) if name == "CONST" else 0.0
-            self._steps.append((name, function.instruction_input(k), function.instruction_output(k), constant))
+        self._instructions = Instructions.of(function)
 
     def __call__(self, *inputs: Sequence[Interval]) -> tuple[list[list[Interval]], Any]:
         """Return the outputs, a list of numbers each, and where the function may have a jump within the inputs.
@@ -331,22 +324,16 @@ class Program:
         inputs : sequences of Interval
             The numbers of each input.
         """
-        work: list[Any] = [None] * self._work
-        outputs = [[Interval(0.0)] * size for size in self._sizes]
         jumps: Any = False
-        for name, given, made, constant in self._steps:
-            if name == "CONST":
-                work[made[0]] = Interval(constant)
-            elif name == "INPUT":
-                work[made[0]] = inputs[given[0]][given[1]]
-            elif name == "OUTPUT":
-                outputs[made[0]][made[1]] = work[given[0]]
-            elif name in OPERATIONS:
-                found = work[made[0]] = OPERATIONS[name](*(work[k] for k in given))
-                if name in JUMPS:
-                    jumps = jumps | (found.radius > 0)
-            else:
-                for place in made:
-                    work[place] = Interval(0.0, np.inf)
-                jumps = True
-        return outputs, jumps
+
+        def watched(name: str) -> Callable[..., Interval]:
+            def carried_out(*given: Interval) -> Interval:
+                nonlocal jumps
+                result = ARITHMETIC[name](*given)
+                jumps = jumps | (result.radius > 0)
+                return result
+
+            return carried_out
+
+        arithmetic = {**ARITHMETIC, **{name: watched(name) for name in JUMPS}}
+        return self._instructions.carried_out(arithmetic, *inputs), jumps

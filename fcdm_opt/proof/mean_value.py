@@ -19,7 +19,7 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.proof.intervals import Interval, Program
+from fcdm_opt.proof.intervals import Interval, IntervalFunction
 
 Bools = NDArray[np.bool_]
 
@@ -100,16 +100,16 @@ class Expression:
 
     Attributes
     ----------
-    values : Program
+    values : IntervalFunction
         (pose, given) -> values.
-    slopes : Program
+    slopes : IntervalFunction
         (pose, given) -> values, derivatives column by column.
     count : int
         Number of values.
     """
 
-    values: Program
-    slopes: Program
+    values: IntervalFunction
+    slopes: IntervalFunction
     count: int
 
     @classmethod
@@ -122,8 +122,8 @@ class Expression:
         values = casadi.densify(casadi.vertcat(*built) if isinstance(built, tuple) else built)
         slopes = casadi.vec(casadi.densify(casadi.jacobian(values, pose)))
         return cls(
-            Program(casadi.Function("values", [pose, given], [values], OPTIONS)),
-            Program(casadi.Function("slopes", [pose, given], [values, slopes], OPTIONS)),
+            IntervalFunction(casadi.Function("values", [pose, given], [values], OPTIONS)),
+            IntervalFunction(casadi.Function("slopes", [pose, given], [values, slopes], OPTIONS)),
             values.shape[0],
         )
 
@@ -191,7 +191,7 @@ class Poses:
         return lows, highs
 
 
-class Kinematics:
+class PosesOfPieces:
     """The motion of a problem: the pose of body 1 relative to body 2, and its changes, over pieces of cells."""
 
     def __init__(self, problem: Problem) -> None:
@@ -206,8 +206,8 @@ class Kinematics:
         moved = T[:3, :3] @ seeds[:3] + T[:3, 3]
         pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), seeds[3:] - moved))
         slopes = casadi.vec(casadi.densify(casadi.jacobian(pose, y)))
-        self._pose = Program(casadi.Function("pose", [y, seeds], [pose], OPTIONS))
-        self._slopes = Program(casadi.Function("slopes", [y, seeds], [slopes], OPTIONS))
+        self._pose = IntervalFunction(casadi.Function("pose", [y, seeds], [pose], OPTIONS))
+        self._slopes = IntervalFunction(casadi.Function("slopes", [y, seeds], [slopes], OPTIONS))
         exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
         self._seeds = [own[k] for own in exact for k in range(3)]
         # the package's own motions are smooth; where a series takes over, they jump by less than 1e-20

@@ -4,12 +4,12 @@ models           already met; one translation; one parameter; the nonlinear prog
 shift, seat      contacts brought to the target pair while nothing tilts
 translations     several translations: best first over the ways apart
 turns            translations with rotations about the seed (`turned_cells`)
-descent          least distance steps over contact rows (`compiled`, `tape`)
+descent          least distance steps over contact rows (`compiled`)
 ways_apart       descent over all ways in which part pairs may come apart
-polar            tracked contacts direction by direction (`fan`)
+direction_search tracked contacts direction by direction
 program          the nonlinear program; `relaxation` grows it by what its solutions violate, `sequential` solves it for
                  other amounts
-rays             first contact along a ray by safe steps (`along`: of second order, for one parameter)
+rays             first contact along a ray by safe steps (`steady`: of second order)
 branching        branch and bound, see `proof`
 full             everything in one program: the yardstick
 another_amount   other amounts than the weighted one

@@ -20,7 +20,7 @@ from fcdm_opt.motion.motions import Free, Translation
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.columns import farthest, prove
-from fcdm_opt.stages import polar, ways_apart
+from fcdm_opt.stages import direction_search, ways_apart
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.stages.relaxation import Found, choices
@@ -59,7 +59,7 @@ def branch_and_bound(task: Task) -> Answer | None:
     if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
         return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), aims=[(FINE_GAP, PROVING)])[0]
-    if answer.q is not None or (answer.lower_bound < farthest(task) and not polar.nothing(task)):
+    if answer.q is not None or (answer.lower_bound < farthest(task) and not direction_search.nothing(task)):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
     left = beyond is not None and beyond.q is not None
@@ -219,7 +219,7 @@ def _closed(task: Task, answer: Answer, gap: float) -> bool:
 
 def _doubtful(task: Task, answer: Answer) -> bool:
     """Tell whether local searches may have missed the least motion."""
-    if answer.stage == polar.STAGE:
+    if answer.stage == direction_search.STAGE:
         return not task.coherent  # no local search, but one that ends where the contact is lost
     large = answer.q is not None and task.amount(answer.q) > LARGE * task.size
     return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT

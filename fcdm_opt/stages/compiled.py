@@ -2,7 +2,7 @@
 
 The kernels of the descent share:
 
-    tape        a motion's pose and rates as the instructions of its CasADi function, see `tape.Tape`
+    motion      its pose and rates as the instructions of a CasADi function, see `motion.instructions`
     parts       (reals, ints, places) of the parts of body 1, and of body 2, packed together
     rows        the constraints, one a row of `ROW` integers and three numbers, see below
 
@@ -23,7 +23,9 @@ import math
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import E1E2, F1V2, facet_rows, kernel, near_gaps, pair_bounds
+from fcdm_opt.compiling import kernel
+from fcdm_opt.curve.kernels import E1E2, F1V2, facet_rows, pair_bounds
+from fcdm_opt.motion import instructions as codes
 
 REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
@@ -37,100 +39,98 @@ NEAR_EXACT = 1e-10  # where rounding stops a descent
 HOPELESS = 1e-3  # violation, in units, up to which a larger amount than is known ends a descent
 SPREAD = 1e-6  # step of the second differences, in units
 LEAST_CURVE = 0.05  # least eigenvalue kept of the Lagrangian's Hessian
+FAR = 1e9  # amounts of motions are below this, in units; merits of directions without any above
+GROWTH = 0.3  # relative: how much further the next step along a ray is, up to the longest
+FINER = 4.0  # times the points of a path that others look at: nothing is gained from what lies between those
+ROOT_HALVINGS = 100  # of a stretch at whose end the requirement is met
+CROSSING = 3e-7  # sine of the angle between two tracked lines, below which their pair is hardly known
+ROUNDING = 4e-15  # of lines, relative: over that sine, what a pair is to be beyond its target by, to be so for anyone
+PARALLEL = 1e-15  # of a direction: it leaves a parameter as it is
 _TINY = 1e-300
-CODES = {
-    name: code
-    for code, name in enumerate(
-        ("CONST", "INPUT", "OUTPUT", "ADD", "SUB", "MUL", "DIV", "NEG", "SQ", "TWICE", "SIN", "COS", "SQRT", "INV",
-         "ASSIGN", "LT", "LE", "NOT", "IF_ELSE_ZERO", "FABS", "FMIN", "FMAX", "EXP", "LOG", "POW", "TAN", "ATAN2",
-         "EQ", "AND", "OR", "NE", "SIGN")
-    )
-}  # fmt: skip
-CODES["CONSTPOW"] = CODES["POW"]
 
 
 # ------------------------------------------------------------------------------------------------------- the motion
 
 
 @kernel
-def run(tape, constants, work, q, seeds, flat, count):
+def run(table, constants, work, q, seeds, flat, count):
     """Run a motion's first instructions: fill `flat` with the pose (12,), then its derivatives by each parameter."""
     for k in range(count):
-        op, out, a, b = tape[k, 0], tape[k, 1], tape[k, 2], tape[k, 3]
-        if op == 0:
+        op, out, a, b = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
+        if op == codes.CONST:
             work[out] = constants[k]
-        elif op == 1:
+        elif op == codes.INPUT:
             work[out] = q[b] if a == 0 else seeds[b]
-        elif op == 2:
+        elif op == codes.OUTPUT:
             flat[out] = work[a]
-        elif op == 3:
+        elif op == codes.ADD:
             work[out] = work[a] + work[b]
-        elif op == 4:
+        elif op == codes.SUB:
             work[out] = work[a] - work[b]
-        elif op == 5:
+        elif op == codes.MUL:
             work[out] = work[a] * work[b]
-        elif op == 6:
+        elif op == codes.DIV:
             work[out] = work[a] / work[b]
-        elif op == 7:
+        elif op == codes.NEG:
             work[out] = -work[a]
-        elif op == 8:
+        elif op == codes.SQ:
             work[out] = work[a] * work[a]
-        elif op == 9:
+        elif op == codes.TWICE:
             work[out] = 2.0 * work[a]
-        elif op == 10:
+        elif op == codes.SIN:
             work[out] = math.sin(work[a])
-        elif op == 11:
+        elif op == codes.COS:
             work[out] = math.cos(work[a])
-        elif op == 12:
+        elif op == codes.SQRT:
             work[out] = math.sqrt(work[a]) if work[a] >= 0.0 else math.nan
-        elif op == 13:
+        elif op == codes.INV:
             work[out] = 1.0 / work[a]
-        elif op == 14:
+        elif op == codes.ASSIGN:
             work[out] = work[a]
-        elif op == 15:
+        elif op == codes.LT:
             work[out] = 1.0 if work[a] < work[b] else 0.0
-        elif op == 16:
+        elif op == codes.LE:
             work[out] = 1.0 if work[a] <= work[b] else 0.0
-        elif op == 17:
+        elif op == codes.NOT:
             work[out] = 0.0 if work[a] != 0.0 else 1.0
-        elif op == 18:
+        elif op == codes.IF_ELSE_ZERO:
             work[out] = work[b] if work[a] != 0.0 else 0.0
-        elif op == 19:
+        elif op == codes.FABS:
             work[out] = abs(work[a])
-        elif op == 20:
+        elif op == codes.FMIN:
             work[out] = min(work[a], work[b])
-        elif op == 21:
+        elif op == codes.FMAX:
             work[out] = max(work[a], work[b])
-        elif op == 22:
+        elif op == codes.EXP:
             work[out] = math.exp(work[a])
-        elif op == 23:
+        elif op == codes.LOG:
             work[out] = math.log(work[a])
-        elif op == 24:
+        elif op == codes.POW:
             work[out] = work[a] ** work[b]
-        elif op == 25:
+        elif op == codes.TAN:
             work[out] = math.tan(work[a])
-        elif op == 26:
+        elif op == codes.ATAN2:
             work[out] = math.atan2(work[a], work[b])
-        elif op == 27:
+        elif op == codes.EQ:
             work[out] = 1.0 if work[a] == work[b] else 0.0
-        elif op == 28:
+        elif op == codes.AND:
             work[out] = 1.0 if work[a] != 0.0 and work[b] != 0.0 else 0.0
-        elif op == 29:
+        elif op == codes.OR:
             work[out] = 1.0 if work[a] != 0.0 or work[b] != 0.0 else 0.0
-        elif op == 30:
+        elif op == codes.NE:
             work[out] = 1.0 if work[a] != work[b] else 0.0
-        elif op == 31:
+        elif op == codes.SIGN:
             work[out] = (1.0 if work[a] > 0.0 else 0.0) - (1.0 if work[a] < 0.0 else 0.0)
 
 
 @kernel
 def _place(motion, z, s, q, flat, rates):
     """Fill `flat` with the pose at path position s and, if asked for, its derivatives by z."""
-    tape, constants, work, scale, seeds, short = motion
+    table, constants, work, scale, seeds, short = motion
     k = len(scale)
     for m in range(k):
         q[m] = s * z[m] * scale[m]
-    run(tape, constants, work, q, seeds, flat, len(tape) if rates else short)
+    run(table, constants, work, q, seeds, flat, len(table) if rates else short)
     for m in range(k if rates else 0):
         for e in range(12):
             flat[12 + 12 * m + e] *= s * scale[m]
@@ -1271,53 +1271,124 @@ def first_beyond(motion, parts1, parts2, tracked, signs, pairs, path, trials, ha
     return -1
 
 
-# ------------------------------------------------------------------------------------------------------------- rays
+# ------------------------------------------------------------------------------------------------- direction search
+# A path is the straight ray to its motion, so that motions with two parameters are a fan of rays: each direction, an
+# angle in weighted coordinates, has the least amount at which the requirement is met before coherence ends. What is
+# asked of a ray is its *merit*: that amount, or, where there is none, `FAR` plus what is missing at best. Over the
+# directions it is least at the least motion, whether that is a smooth minimum, or where the contact ends just as it is
+# beyond.
 
 
 @kernel
-def _miss(motion, parts1, parts2, pairs, direction, amount, z, q, flat):
-    """Return the target pair's gap less what is needed, at an amount along a direction."""
-    for m in range(len(z)):
-        z[m] = amount * direction[m]
-    _place(motion, z, 1.0, q, flat, False)
-    return near_gaps(*parts1, *parts2, flat[:12], pairs[1], pairs[2, 0]).min() - pairs[2, 0]
+def _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho):
+    """Return by how much the tracked pair is beyond its target, relative; -inf where there is none.
 
-
-@kernel
-def march(motion, parts1, parts2, pairs, direction, rate, limit, start, floor, most, fine):
-    """Return (amount, clear to) of the first contact along a ray, see `rays.first_contact`.
-
-    A step is as long as the gap takes to close at the most; a change of side within one is a root, found to `fine`.
+    Of one tracked feature, which meets its target exactly, the target's height over its line.
     """
-    k = len(direction)
-    z, q, flat = np.empty(k), np.empty(k), np.empty(12 * (k + 1))
-    here, proved, sure = start, 0.0, True
-    value = _miss(motion, parts1, parts2, pairs, direction, here, z, q, flat)
-    side = -1.0 if value < 0.0 else 1.0
-    for _ in range(most):
-        if here >= limit:
-            return np.inf, (limit if sure else proved)
-        step = abs(value) / rate
-        proved = here if sure else proved
-        sure = sure and step >= floor
-        ahead = min(here + max(step, floor), limit)
-        there = _miss(motion, parts1, parts2, pairs, direction, ahead, z, q, flat)
-        if there * side <= 0.0 and there * value <= 0.0:
-            low, high, below, above = here, ahead, value, there
-            kept = 0  # of which end the last trial was
-            for turn in range(200):  # regula falsi (Illinois), then halves
-                if above == 0.0 or high - low <= fine * high:
+    _place(motion, z, 1.0, q, flat, False)
+    for t in range(len(tracked)):
+        _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
+    if len(tracked) == 1:
+        return lines[0, 0, 3] * pairs[1, 0] + lines[0, 0, 4] * pairs[1, 1] - lines[0, 0, 5]
+    a, b, d, e = lines[0, 0, 3], lines[0, 0, 4], lines[1, 0, 3], lines[1, 0, 4]
+    parallel = not abs(a * e - b * d) > CROSSING * math.sqrt((a * a + b * b) * (d * d + e * e))
+    if parallel or not _pair(lines, 2, pairs[0], pairs[1], 1.0, rho):
+        return -np.inf
+    least = np.inf
+    noise = ROUNDING * math.sqrt((a * a + b * b) * (d * d + e * e)) / abs(a * e - b * d)
+    for body in range(2):
+        if hands[body] != 0.0:
+            least = min(least, hands[body] * (rho[0, body] - pairs[1, body]) / pairs[1, body] - noise)
+    return least
+
+
+@kernel
+def _lost(motion, parts1, parts2, tracked, signs, pairs, path, hands, z, work):
+    """Tell whether the contact is not real at a motion, or its two lines all but parallel."""
+    q, flat, lines, rho, ints, reals, excess = work  # room, so that nothing is allocated
+    if path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess):
+        return True
+    return _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho) == -np.inf
+
+
+@kernel
+def merits(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, angles, cap, halvings):
+    """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
+
+    Parameters
+    ----------
+    hands : (2,) array
+        Signs of "beyond" for each body, 0 where it does not matter.
+    limits : (2, 2) array
+        Of each z.
+    steps : (3,) array
+        First step along a ray, and the largest of each z.
+    angles : (n,) array
+        Of the directions, radians.
+    halvings : int
+        Of a stretch at whose end the contact is lost.
+    """
+    scene = (motion, parts1, parts2, tracked, signs, pairs)
+    merits, crossed = np.full(len(angles), 2.0 * FAR), len(tracked) == 1
+    way, z, q, flat = np.empty(2), np.empty(2), np.empty(2), np.empty(36)
+    lines, rho = np.empty((2, 1, 6)), np.empty((1, 2))
+    work = (q, flat, lines, rho, np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
+    looks = np.empty((3, len(path)))
+    looks[:] = path
+    looks[0, 1] = 0.0  # the end of a path alone; then all of it, and more of it
+    looks[2, 0], looks[2, 2] = FINER * path[0], path[2] / FINER
+    for n in range(len(angles)):
+        way[0], way[1] = math.cos(angles[n]), math.sin(angles[n])
+        start, end, longest = 0.0, cap, np.inf
+        for k in range(2):
+            if abs(way[k]) > PARALLEL:
+                one, two = limits[k, 0] / way[k], limits[k, 1] / way[k]
+                start, end = max(start, min(one, two)), min(end, max(one, two))
+                longest = min(longest, steps[1 + k] / abs(way[k]))
+            elif limits[k, 0] > 0.0 or limits[k, 1] < 0.0:
+                end = -np.inf
+        z[:] = 0.0
+        was = _value(*scene, hands, z, q, flat, lines, rho)
+        before, best, lost = 0.0, -np.inf, not start <= end
+        while before < end and not lost:
+            ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
+            if before < start < ahead:
+                ahead = start
+            z[:] = ahead * way
+            lost = not crossed and _lost(*scene, looks[0], hands, z, work)
+            low, high = before, ahead
+            for _ in range(halvings if lost else 0):
+                middle = 0.5 * (low + high)
+                if not low < middle < high:
                     break
-                middle = high - above * (high - low) / (above - below)
-                if turn > 60 or not low < middle < high:
-                    middle = 0.5 * (low + high)
-                    if not low < middle < high:
-                        break
-                now = _miss(motion, parts1, parts2, pairs, direction, middle, z, q, flat)
-                if now * side > 0.0:
-                    low, below, above, kept = middle, now, (0.5 * above if kept == 1 else above), 1
+                z[:] = middle * way
+                if _lost(*scene, looks[0], hands, z, work):
+                    high = middle
                 else:
-                    high, above, below, kept = middle, now, (0.5 * below if kept == 2 else below), 2
-            return high, proved
-        here, value = ahead, there
-    return np.inf, proved
+                    low = middle
+            ahead = low if lost else ahead
+            z[:] = ahead * way
+            value = _value(*scene, hands, z, q, flat, lines, rho)
+            if ahead >= start and ahead > 0.0:
+                best = max(best, -abs(value) if crossed else value)
+                if was * value <= 0.0 if crossed else value >= 0.0:
+                    low, high = before, ahead
+                    for _ in range(ROOT_HALVINGS if low >= start else 0):
+                        middle = 0.5 * (low + high)
+                        if not low < middle < high:
+                            break
+                        z[:] = middle * way
+                        there = _value(*scene, hands, z, q, flat, lines, rho)
+                        if was * there <= 0.0 if crossed else there >= 0.0:
+                            high = middle
+                        else:
+                            low = middle
+                    z[:] = high * way
+                    if not (_lost(*scene, looks[1], hands, z, work) or _lost(*scene, looks[2], hands, z, work)):
+                        merits[n], lost = high, True
+                        cap = min(cap, high)
+                    lost = lost or not crossed
+            before, was = ahead, value
+        if merits[n] >= FAR:
+            merits[n] = FAR * (1.0 + min(-best, 1.0))
+    return merits

@@ -15,10 +15,10 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
+from fcdm_opt.motion.instructions import PoseInstructions, pose_instructions
 from fcdm_opt.problem.problem import MOST_TURNED
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import compiled, rays
-from fcdm_opt.stages.tape import Tape, tape
 from fcdm_opt.tolerances import DEFAULT
 
 ROOM = 160  # rows of one descent
@@ -63,13 +63,13 @@ class Descent:
     Attributes
     ----------
     task : Task
-    tape : Tape
+    motion : PoseInstructions
     asks : bool
         Whether the state of the target pair is among what is asked.
     """
 
     task: Task
-    tape: Tape
+    motion: PoseInstructions
     asks: bool
 
     @cached_property
@@ -85,8 +85,8 @@ class Descent:
     @cached_property
     def scene(self) -> tuple[Any, ...]:
         """What every kernel takes first."""
-        task, own = self.task, self.tape
-        motion = own.scaled(self.scale, task.movable.seed, task.static.seed)
+        task = self.task
+        motion = self.motion.scaled(self.scale, task.movable.seed, task.static.seed)
         rows = [(*feature.site, *feature.parts) for feature in task.tracked]
         tracked = np.array(rows, dtype=np.int64).reshape(-1, 5)
         signs = np.array([feature.sign for feature in task.tracked])
@@ -355,7 +355,7 @@ def descent(task: Task) -> Answer | None:
         return None
     if task.keep_out:
         return _kept_clear(task)
-    program = tape(task.motion)
+    program = pose_instructions(task.motion)
     if program is None:
         return None
     own = Descent(task, program, task.must_clear and not task.tracked)

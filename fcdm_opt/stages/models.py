@@ -84,18 +84,15 @@ def one_parameter(task: Task) -> Answer | None:
     """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
     if task.tracked or len(task.weights) != 1:
         return None
-    if rays.Steady.suits(task):
-        answer = _one_way(task, rays.Steady(task))
-        if answer is not None:
-            return answer
-    return _one_way(task, None)
+    answer = _one_way(task, True) if rays.is_steady(task, np.ones(1)) else None
+    return answer or _one_way(task, False)
 
 
-def _one_way(task: Task, steady: rays.Steady | None) -> Answer | None:
+def _one_way(task: Task, steady: bool) -> Answer | None:
     """Return the answer by steps of second order, or by plain ones; None where they prove and find nothing."""
-    if steady is None and task.need > 0:
+    if not steady and task.need > 0:
         return None
-    if steady is None and task.needs.max() > 0:  # the answer without clearances, where it keeps them
+    if not steady and task.needs.max() > 0:  # the answer without clearances, where it keeps them
         if satisfied(task.bare):
             return None
         answer = one_parameter(task.bare)
@@ -111,25 +108,23 @@ def _one_way(task: Task, steady: rays.Steady | None) -> Answer | None:
             q = start * sense
             return Answer(Status.SOLVED, q, stage, start, ("a limit",), task.modelled_by_gaps(q))
 
-    def contact(way: int, end: float) -> rays.Contact:
-        if steady is not None:
-            return steady.first_contact((1.0, -1.0)[way], end, starts[way])
-        return rays.first_contact(task, ways[way], end, starts[way])
+    def contact(way: int, end: float) -> rays.FirstContact:
+        return rays.first_contact(task, ways[way], end, starts[way], plain=not steady)
 
-    lead = 0 if steady is None else steady.likelier
+    lead = 0 if not steady or rays.leads_nearer(task, ways[0]) else 1
     first = contact(lead, ends[lead])
     second = contact(1 - lead, min(ends[1 - lead], first.amount))
     found = (first, second) if lead == 0 else (second, first)
     amount, nearer = min((found[0].amount, 0), (found[1].amount, 1))
     clear = [np.inf if way.clear_to >= end else way.clear_to for way, end in zip(found, ends, strict=True)]
     if not np.isfinite(amount):  # proved where both ways are clear to their ends
-        if min(clear) < np.inf and (task.keep_out or task.need > 0 or steady is not None):
+        if min(clear) < np.inf and (task.keep_out or task.need > 0 or steady):
             return None
         return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
-    known = displacement_bound(task) if steady is None else 0.0
+    known = 0.0 if steady else displacement_bound(task)
     bound = min(max(min(clear), known), amount)  # the two differ by rounding at most
     q = amount * ways[nearer]
-    if steady is not None and not task.meets(q, DEFAULT.requirement):
+    if steady and not task.meets(q, DEFAULT.requirement):
         return None
     return Answer(Status.SOLVED, q, stage, bound, _stops(task, q) or ON_THE_WAY, task.modelled_by_gaps(q))
 

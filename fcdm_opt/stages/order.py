@@ -8,8 +8,8 @@ from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.stages import models
 from fcdm_opt.stages.branching import branch_and_bound, least_apart
 from fcdm_opt.stages.descent import descent
+from fcdm_opt.stages.direction_search import least_direction
 from fcdm_opt.stages.full import full
-from fcdm_opt.stages.polar import polar
 from fcdm_opt.stages.shift import shift
 from fcdm_opt.stages.translations import translations
 from fcdm_opt.stages.turns import turns
@@ -23,7 +23,7 @@ STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "rotations": turns,
     "descent": descent,
     "ways apart": least_apart,
-    "directions": polar,
+    "directions": least_direction,
     "branch and bound": branch_and_bound,
     "nlp": models.nonlinear,
     "full": full,  # the yardstick: "auto" does not take it

@@ -1,15 +1,15 @@
 """First contact of the target pair along a ray of motions, by conservative advancement.
 
-The signed distance changes by no more than the largest displacement of a vertex, so from a gap g the pair cannot pass
-its needed gap within an amount |g - need| / rate. Along one parameter the rate is the same everywhere on the way, and
-steps of that size miss no contact; along a ray in several parameters they are a rule of search, and prove nothing.
+Along a ray that turns body 1 steadily about a line, steps of second order miss no contact, see `steady`. Along others
+the signed distance changes by no more than the largest displacement of a vertex, so from a gap g the pair cannot pass
+its needed gap within an amount |g - need| / rate: of that rate no bound is used, and such steps are a rule of search.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -19,8 +19,8 @@ from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.bounds import search_rate
 from fcdm_opt.model.task import Parts, Task
-from fcdm_opt.stages import along, compiled
-from fcdm_opt.stages.tape import Tape, tape
+from fcdm_opt.motion.motions import Free, Step, Translation
+from fcdm_opt.stages import steady
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 2000  # safe steps along one ray, at most
@@ -29,7 +29,7 @@ SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions betwe
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
 
-class Contact(NamedTuple):
+class FirstContact(NamedTuple):
     """The first contact along a ray.
 
     Attributes
@@ -44,85 +44,150 @@ class Contact(NamedTuple):
     clear_to: float
 
 
-class Steady:
-    """A task whose motion is one translation, rotation or screw: its two ways, see `along`.
+# ------------------------------------------------------------------------------------------------------ first contact
+
+
+def first_contact(
+    task: Task, direction: Array, limit: float, start: float = 0.0, *, plain: bool = False
+) -> FirstContact:
+    """Return where along a ray the target pair first has just the gap it needs.
 
     Parameters
     ----------
     task : Task
         With goal "touch" or "clear".
+    direction : (k,) array
+        Parameters per unit of amount.
+    limit : float
+        Amount to go to.
+    start : float
+        Amount to go from.
+    plain : bool
+        Whether to take steps of first order in any case; clearances are then kept along facets alone.
+
+    Notes
+    -----
+    A contact that a keep-out forbids is passed by: the way is then searched on from there.
     """
+    if plain or not is_steady(task, direction):
+        return _searched(task, direction, limit, start)
+    way, (movable, others, needs) = _way(task, direction), _solids(task)
+    found = steady.first(
+        way,
+        movable,
+        others,
+        task.static.seed - task.movable.seed,
+        needs,
+        len(task.static.parts),
+        task.must_touch,
+        limit,
+        start,
+        *(share * task.size / _speed(way, movable[0]) for share in (DEFAULT.march, DEFAULT.line)),
+        STEPS,
+        DEFAULT.line,
+        DEFAULT.line * task.size,
+    )
+    return FirstContact(*found)
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
 
-    @staticmethod
-    def suits(task: Task) -> bool:
-        """Tell whether a task is of that kind."""
-        return len(task.weights) == 1 and len(task.motion.steps) == 1 and task.bounded
+def _searched(task: Task, direction: Array, limit: float, start: float) -> FirstContact:
+    """Return the first contact by steps of first order, which along one parameter of known reach prove as much."""
+    from scipy.optimize import brentq
 
-    @cached_property
-    def _way(self) -> Array:
-        """Direction of the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
-        task = self.task
-        seed = task.movable.seed
-        rate = task.motion.kinematics(seed, task.static.seed).rates(task.rest)[1][0] / task.weights[0]
-        w, v = np.array([rate[2, 1], rate[0, 2], rate[1, 0]]), rate[:3, :3] @ seed + rate[:3, 3]
-        turn = math.sqrt(w @ w)
-        if turn == 0.0:
-            shift = math.sqrt(v @ v)
-            return np.array([v / shift, np.zeros(3), (0.0, shift, 0.0)])
-        return np.array([w / turn, crossed(w, v) / turn**2, (turn, v @ w / turn, 0.0)])
+    rate, slack = search_rate(task), DEFAULT.line * task.size
 
-    @cached_property
-    def _solids(self) -> tuple[Any, Any, Array]:
-        """Body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
-        task = self.task
-        movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
-        others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.opponents]
-        return _together(movable), _together(others), np.array(task.needs)
+    def miss(amount: float) -> float:
+        return task.misses(amount * direction)[0]
 
-    @cached_property
-    def _speed(self) -> float:
-        """The fastest vertex."""
-        points, (axis, centre, (turn, shift, _)) = self._solids[0][0], self._way
-        arms = points - centre
-        arms = arms - np.outer(arms @ axis, axis)
-        return math.hypot(turn * math.sqrt((arms * arms).sum(axis=1).max()), shift)
+    here, (value, clear) = start, task.misses(start * direction)
+    side = math.copysign(1.0, value)
+    floor = DEFAULT.march * task.size / rate
+    proved, sure = 0.0, len(direction) == 1 and task.bounded
+    for _ in range(STEPS):
+        if here >= limit:
+            return FirstContact(math.inf, limit if sure else proved)
+        step = max(abs(value), -clear) / rate
+        forbidden = -clear > abs(value) and step >= floor
+        proved = here if sure else proved
+        sure = sure and step >= floor
+        ahead = min(here + max(step, floor), limit)
+        there, cleared = task.misses(ahead * direction)
+        if forbidden:  # all the way: contacts there do not count
+            side = math.copysign(1.0, there)
+        elif there * side <= 0 and there * value <= 0:
+            if there != 0:
+                ahead = float(brentq(miss, here, ahead, xtol=DEFAULT.line * ahead, rtol=4 * np.finfo(float).eps))
+                there, cleared = task.misses(ahead * direction)
+            if cleared >= -slack:
+                return FirstContact(ahead, proved)
+            side = -side
+        here, value, clear = ahead, there, cleared
+    return FirstContact(math.inf, proved)
 
-    @property
-    def likelier(self) -> int:
-        """Which way seems to lead to the first contact sooner: 0 forwards, 1 backwards; any choice does."""
-        task, (axis, centre, (turn, shift, _)) = self.task, self._way
-        gaps = task.pair_gaps(task.rest)
-        i, j = divmod(int(gaps.argmin()), gaps.shape[1])
-        _, rows, separations = task.separations((i, j), task.pose(task.rest))
-        normal, places = rows[separations.argmax(), :3], self._solids[0][3]
-        points = self._solids[0][0][places[i, 0] : places[i + 1, 0]]
-        foremost = points[(points @ normal).argmax()]
-        nearing = normal @ (turn * crossed(axis, foremost - centre) + shift * axis)
-        return int((nearing > 0) == (float(gaps[i, j]) < task.opponents[j].need))
 
-    def first_contact(self, sense: float, limit: float, start: float = 0.0) -> Contact:
-        """Return the first contact one way, sense 1 or -1, as `first_contact` does; keep-outs are minded."""
-        task = self.task
-        steps = [share * task.size / self._speed for share in (DEFAULT.march, DEFAULT.line)]
-        found = along.first(
-            self._way,
-            sense,
-            *self._solids[:2],
-            task.static.seed - task.movable.seed,
-            self._solids[2],
-            len(task.static.parts),
-            task.must_touch,
-            limit,
-            start,
-            *steps,
-            STEPS,
-            DEFAULT.line,
-            DEFAULT.line * task.size,
-        )
-        return Contact(*found)
+# ------------------------------------------------------------------------------------------------------- steady rays
+
+
+def is_steady(task: Task, direction: Array) -> bool:
+    """Tell whether body 1 moves steadily along a ray: by one parameter, or by shifts alone."""
+    if len(direction) == 1:
+        return task.bounded
+    moving = [own for own, slope in zip(_stepped(task), direction.tolist(), strict=True) if slope != 0]
+    shifts = all(isinstance(step, Translation | Free) and kind == "translation" for step, kind in moving)
+    return shifts or (len(moving) == 1 and moving[0][0].bounded)
+
+
+def _stepped(task: Task) -> list[tuple[Step, str]]:
+    """Return the step that each parameter belongs to, and the parameter's kind."""
+    steps = [step for step in task.motion.steps for _ in step.own_parameters]
+    return [(step, kind) for step, (_, kind) in zip(steps, task.motion.parameters, strict=True)]
+
+
+def _way(task: Task, direction: Array) -> Array:
+    """Return the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
+    seed, rates = task.movable.seed, _rates(task)
+    rate = (direction @ rates.reshape(len(rates), 16)).reshape(4, 4)
+    w, v = np.array([rate[2, 1], rate[0, 2], rate[1, 0]]), rate[:3, :3] @ seed + rate[:3, 3]
+    turn = math.sqrt(w @ w)
+    if turn == 0.0:
+        shift = math.sqrt(v @ v)
+        return np.array([v / shift, np.zeros(3), (0.0, shift, 0.0)])
+    return np.array([w / turn, crossed(w, v) / turn**2, (turn, v @ w / turn, 0.0)])
+
+
+@lru_cache(maxsize=4)
+def _rates(task: Task) -> Array:
+    """Return the derivatives of the transform at rest, (k, 4, 4)."""
+    return task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
+
+
+@lru_cache(maxsize=4)
+def _solids(task: Task) -> tuple[Any, Any, Array]:
+    """Return body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
+    movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
+    others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.opponents]
+    return _together(movable), _together(others), np.array(task.needs)
+
+
+def _speed(way: Array, points: Array) -> float:
+    """Return how fast the fastest of some points moves."""
+    axis, centre, (turn, shift, _) = way
+    arms = points - centre
+    arms = arms - np.outer(arms @ axis, axis)
+    return math.hypot(turn * math.sqrt((arms * arms).sum(axis=1).max()), shift)
+
+
+def leads_nearer(task: Task, direction: Array) -> bool:
+    """Tell whether a steady ray seems to lead to the first contact sooner than the way back; either may."""
+    axis, centre, (turn, shift, _) = _way(task, direction)
+    gaps = task.pair_gaps(task.rest)
+    i, j = divmod(int(gaps.argmin()), gaps.shape[1])
+    _, rows, separations = task.separations((i, j), task.pose(task.rest))
+    points, _, _, places = _solids(task)[0]
+    normal, own = rows[separations.argmax(), :3], points[places[i, 0] : places[i + 1, 0]]
+    foremost = own[(own @ normal).argmax()]
+    nearing = normal @ (turn * crossed(axis, foremost - centre) + shift * axis)
+    return bool((nearing > 0) != (float(gaps[i, j]) < task.opponents[j].need))
 
 
 def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array, Ints]:
@@ -177,8 +242,7 @@ def reach(task: Task, direction: Array) -> float:
     others = [o for o in task.opponents if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
     away = own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others)
     ends = [math.inf]
-    steps = [step for step in task.motion.steps for _ in step.own_parameters]
-    for step, (_, kind), slope, (low, high) in zip(steps, task.motion.parameters, direction, task.limits, strict=True):
+    for (step, kind), slope, (low, high) in zip(_stepped(task), direction, task.limits, strict=True):
         if slope != 0:
             first, last = ((low, high) if slope > 0 else (high, low)) / np.array(slope)
             ends.append(last)
@@ -189,80 +253,6 @@ def reach(task: Task, direction: Array) -> float:
             else:  # a screw: what it shifts in a radian
                 ends.append(away / step.own_weights(0.0)[0] / abs(slope))
     return max(min(ends), 0.0)
-
-
-def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0) -> Contact:
-    """Return where along a ray the target pair first has just the gap it needs.
-
-    Parameters
-    ----------
-    task : Task
-        With goal "touch" or "clear".
-    direction : (k,) array
-        Parameters per unit of amount.
-    limit : float
-        Amount to go to.
-    start : float
-        Amount to go from.
-
-    Notes
-    -----
-    A contact that a keep-out forbids is passed by: the way is then searched on from there.
-    """
-    program = None if task.keep_out else tape(task.motion)
-    if program is not None:
-        return _marched(task, program, direction, limit, start)
-    from scipy.optimize import brentq
-
-    rate, slack = search_rate(task), DEFAULT.line * task.size
-
-    def miss(amount: float) -> float:
-        return task.misses(amount * direction)[0]
-
-    here, (value, clear) = start, task.misses(start * direction)
-    side = math.copysign(1.0, value)
-    floor = DEFAULT.march * task.size / rate
-    proved, sure = 0.0, len(direction) == 1 and task.bounded
-    for _ in range(STEPS):
-        if here >= limit:
-            return Contact(math.inf, limit if sure else proved)
-        step = max(abs(value), -clear) / rate
-        forbidden = -clear > abs(value) and step >= floor
-        proved = here if sure else proved
-        sure = sure and step >= floor
-        ahead = min(here + max(step, floor), limit)
-        there, cleared = task.misses(ahead * direction)
-        if forbidden:  # all the way: contacts there do not count
-            side = math.copysign(1.0, there)
-        elif there * side <= 0 and there * value <= 0:
-            if there != 0:
-                ahead = float(brentq(miss, here, ahead, xtol=DEFAULT.line * ahead, rtol=4 * np.finfo(float).eps))
-                there, cleared = task.misses(ahead * direction)
-            if cleared >= -slack:
-                return Contact(ahead, proved)
-            side = -side
-        here, value, clear = ahead, there, cleared
-    return Contact(math.inf, proved)
-
-
-def _marched(task: Task, program: Tape, direction: Array, limit: float, start: float) -> Contact:
-    """Return the first contact where no keep-out can forbid it: the same steps, compiled."""
-    rate = search_rate(task)
-    amount, clear = compiled.march(
-        program.scaled(np.ones(len(direction)), task.movable.seed, task.static.seed),
-        task.movable.packed,
-        task.static.packed,
-        np.array([task.nominal, task.target, (task.need, 0.0)]),
-        direction,
-        rate,
-        limit,
-        start,
-        DEFAULT.march * task.size / rate,
-        STEPS,
-        DEFAULT.line,
-    )
-    sure = len(direction) == 1 and task.bounded
-    return Contact(amount, clear if sure else 0.0)
 
 
 def _reach(part: ConvexPart, point: Array, scale: float = 1.0) -> float:

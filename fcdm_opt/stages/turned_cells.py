@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import _cross, _dot, _length, _minus, _times, _turned, _turned_back, kernel, step
+from fcdm_opt.compiling import kernel, step
+from fcdm_opt.curve.kernels import _cross, _dot, _length, _minus, _times, _turned, _turned_back
 
 FACE_1, FACE_2, EDGES, EDGES_BACK = range(4)  # directions along which parts may come apart
 SERIES = 0.1  # squares of angles below which series are used

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import _cross, _dot, kernel
+from fcdm_opt.compiling import kernel
+from fcdm_opt.curve.kernels import _cross, _dot
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.arrays import Array, Ints
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import facet_rows, kernel, step
+from fcdm_opt.compiling import kernel, step
+from fcdm_opt.curve.kernels import facet_rows
 from fcdm_opt.tolerances import DEFAULT
 
 SHIFTED, TRACKED, DIRECTED = range(3)  # kinds of witnesses, see `cell_bound`

@@ -23,7 +23,7 @@ from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
-from fcdm_opt.proof.intervals import Interval, Program
+from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
 HALVINGS = 6  # of a cell whose bound the mean value form, less tight than what made it, does not reach
@@ -338,8 +338,8 @@ class _Poses:
         T = problem.motion.seen_from(problem.movable.seed).symbolic(q, np.zeros(3), offset)
         pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), casadi.DM(offset) - T[:3, 3]))
         slopes = casadi.vec(casadi.densify(casadi.jacobian(pose, q)))
-        self._pose = Program(casadi.Function("pose", [q], [pose], {"cse": True}))
-        self._slopes = Program(casadi.Function("slopes", [q], [slopes], {"cse": True}))
+        self._pose = IntervalFunction(casadi.Function("pose", [q], [pose], {"cse": True}))
+        self._slopes = IntervalFunction(casadi.Function("slopes", [q], [slopes], {"cse": True}))
 
     def over(self, low: Array, high: Array) -> Array:
         """Return centre, slopes times half widths and error of each of the twelve numbers, (n, 12, k + 2)."""

@@ -1,6 +1,6 @@
-"""First contact along one parameter: safe steps to second order, compiled.
+"""First contact along a steady motion: safe steps to second order, compiled.
 
-A motion of one translation, rotation or screw turns body 1 steadily about a fixed line, so that every point's velocity
+A ray of one translation, rotation or screw turns body 1 steadily about a fixed line, so that every point's velocity
 is known and its acceleration is as large everywhere: the turning rate squared times its distance from the line. That
 bounds how long two parts stay apart along the direction in which they are, how long a point of one that is inside the
 other stays there, and how long two points stay nearer than the clearance; near a contact such a step ends short of it
@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import E1E2, F1V2, kernel
+from fcdm_opt.compiling import kernel
+from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, nearest_points, placed
 
 HALVINGS = 40  # of the time for which two points stay near
@@ -65,7 +66,7 @@ def _time(room, rate, bend):
 
 
 @kernel
-def _apart(way, sense, R, m, d, n, one, two):
+def _apart(way, R, m, d, n, one, two):
     """Return how long a direction keeps two polyhedra apart."""
     least = np.inf
     for v in range(len(two)):
@@ -83,12 +84,12 @@ def _apart(way, sense, R, m, d, n, one, two):
         for j in range(3):
             height += n[j] * x[j]
             rate += n[j] * rates[j]
-        time = min(time, _time(level - height, sense * rate, bend * radius))
+        time = min(time, _time(level - height, rate, bend * radius))
     return time
 
 
 @kernel
-def _held(way, sense, R, m, d, body, point, normals, levels, known, scratch):
+def _held(way, R, m, d, body, point, normals, levels, known, scratch):
     """Return how long a point of a body, in its own axes, stays inside the other polyhedron; `known`: in vain.
 
     `scratch` is overwritten: (3, 3).
@@ -115,14 +116,14 @@ def _held(way, sense, R, m, d, body, point, normals, levels, known, scratch):
         for j in range(3):
             room -= normals[i, j] * p[j]
             rate += normals[i, j] * rates[j]
-        time = min(time, _time(room, sense * rate, bend))
+        time = min(time, _time(room, rate, bend))
         if time <= known:
             return known
     return time
 
 
 @kernel
-def _overlapping(way, sense, R, m, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
+def _overlapping(way, R, m, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
     """Return how long two polyhedra overlap at least: by a vertex of one inside the other, or a point of an edge."""
     best = 0.0
     p, u, point, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
@@ -130,7 +131,7 @@ def _overlapping(way, sense, R, m, d, one, normals1, levels1, edges1, two, norma
         points, edges = (one, edges1) if body == 0 else (two, edges2)
         normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
         for v in range(len(points)):
-            best = _held(way, sense, R, m, d, body, points[v], normals, levels, best, scratch)
+            best = _held(way, R, m, d, body, points[v], normals, levels, best, scratch)
         for e in range(len(edges)):
             placed(R, d, body, points[edges[e, 0]], p)
             placed(R, d, body, points[edges[e, 1]], u)
@@ -142,12 +143,12 @@ def _overlapping(way, sense, R, m, d, one, normals1, levels1, edges1, two, norma
                 for j in range(3):
                     start = points[edges[e, 0], j]
                     point[j] = start + middle * (points[edges[e, 1], j] - start)
-                best = _held(way, sense, R, m, d, body, point, normals, levels, best, scratch)
+                best = _held(way, R, m, d, body, point, normals, levels, best, scratch)
     return best
 
 
 @kernel
-def _near(way, sense, R, m, d, x, y, need):
+def _near(way, R, m, d, x, y, need):
     """Return how long a point of body 1, in its axes, and one of the other about s_2 stay nearer than `need`."""
     p, rates, between = np.empty(3), np.empty(3), np.empty(3)
     for j in range(3):
@@ -159,7 +160,7 @@ def _near(way, sense, R, m, d, x, y, need):
         t = high if doubling else 0.5 * (low + high)
         square = 0.0
         for j in range(3):
-            square += (between[j] + sense * t * rates[j]) ** 2
+            square += (between[j] + t * rates[j]) ** 2
         if np.sqrt(square) + 0.5 * bend * t * t < need:
             low, high = t, (2.0 * t if doubling else high)
         else:
@@ -168,7 +169,7 @@ def _near(way, sense, R, m, d, x, y, need):
 
 
 @kernel
-def _looked(way, sense, amount, ones, twos, offset, needs, partner, touch, slack, timed, found):
+def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed, found):
     """Set what holds at a pose: excess over the needed gap of the partner's parts and of the others, and times.
 
     found: partner's least excess, the others', how long the partner's state lasts (apart or not), and how long one of
@@ -210,14 +211,14 @@ def _looked(way, sense, amount, ones, twos, offset, needs, partner, touch, slack
                 continue
             if miss < 0.0:
                 if gap > 0.0:
-                    time = _near(way, sense, R, m, d, x, y, need)
+                    time = _near(way, R, m, d, x, y, need)
                 else:
                     time = _overlapping(
-                        way, sense, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2
+                        way, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2
                     )  # fmt: skip
                     if gap > -need:  # coming apart, they stay near
                         nearest_points(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, slack, x, y)
-                        time = max(time, _near(way, sense, R, m, d, x, y, need))
+                        time = max(time, _near(way, R, m, d, x, y, need))
                 if ours:
                     short = max(short, time)
                 else:
@@ -238,21 +239,21 @@ def _looked(way, sense, amount, ones, twos, offset, needs, partner, touch, slack
                         n[j] = R[3 * j] * site[FIRST] + R[3 * j + 1] * site[FIRST + 1] + R[3 * j + 2] * site[FIRST + 2]
                 else:
                     n[:] = site[FIRST:SECOND]
-                apart = min(apart, _apart(way, sense, R, m, d, n, one, two))
+                apart = min(apart, _apart(way, R, m, d, n, one, two))
     found[0], found[1], found[3] = excess, others, others_short
     found[2] = short if excess < 0.0 else apart
 
 
 @kernel
-def first(way, sense, ones, twos, offset, needs, partner, touch, limit, start, floor, finest, most, fine, slack):
-    """Return (amount, clear to) of the first motion one way that does, see `rays.Contact`.
+def first(way, ones, twos, offset, needs, partner, touch, limit, start, floor, finest, most, fine, slack):
+    """Return (amount, clear to) of the first motion that does, see `rays.FirstContact`.
 
     With `touch` a change of side at which nothing else is too near; without, where all that is needed is reached.
     Steps are `floor` at least, the first ones `finest`.
     """
     here, proved, sure = start, 0.0, True
     now, ahead = np.empty(4), np.empty(4)
-    _looked(way, sense, sense * here, ones, twos, offset, needs, partner, touch, slack, True, now)
+    _looked(way, here, ones, twos, offset, needs, partner, touch, slack, True, now)
     side = -1.0 if now[0] < 0.0 else 1.0
     for turn in range(most):
         if here >= limit:
@@ -267,7 +268,7 @@ def first(way, sense, ones, twos, offset, needs, partner, touch, limit, start, f
         least = floor if turn >= EAGER else finest
         sure = sure and (step >= least or here + step >= limit)
         there = min(here + max(step, least), limit)
-        _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
+        _looked(way, there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
         if forbidden and step >= least:  # all the way: contacts there do not count
             side = -1.0 if ahead[0] < 0.0 else 1.0
         elif ahead[0] * side <= 0.0 and ahead[0] * now[0] <= 0.0:
@@ -281,16 +282,16 @@ def first(way, sense, ones, twos, offset, needs, partner, touch, limit, start, f
                     middle = 0.5 * (low + high)
                     if not low < middle < high:
                         break
-                _looked(way, sense, sense * middle, ones, twos, offset, needs, partner, touch, slack, False, ahead)
+                _looked(way, middle, ones, twos, offset, needs, partner, touch, slack, False, ahead)
                 if ahead[0] * side > 0.0:
                     low, below, above, kept = middle, ahead[0], (0.5 * above if kept == 1 else above), 1
                 else:
                     high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
             there = high
-            _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, False, ahead)
+            _looked(way, there, ones, twos, offset, needs, partner, touch, slack, False, ahead)
             if ahead[1] >= -slack:
                 return there, proved
-            _looked(way, sense, sense * there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
+            _looked(way, there, ones, twos, offset, needs, partner, touch, slack, True, ahead)
             side = -side
         here = there
         now[:] = ahead

@@ -1,8 +1,9 @@
 """Stage 4, next: motions with two parameters that keep a tracked contact, direction by direction.
 
 Where the contact ends before the least motion of its kind, the least coherent one stands at the end of a window of
-directions, of which local searches see one side. Looked at ray by ray it is an ordinary minimum, see `fan`. Where the
-path is free it is an answer too, and no ray tells of a contact that comes back: others are left to branch and bound.
+directions, of which local searches see one side. Looked at ray by ray it is an ordinary minimum, see
+`compiled.merits`. Where the path is free it is an answer too, and no ray tells of a contact that comes back: others are
+left to branch and bound.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.motion.instructions import pose_instructions
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.columns import farthest
-from fcdm_opt.stages import fan, rays
+from fcdm_opt.stages import compiled, rays
 from fcdm_opt.stages.descent import Descent
-from fcdm_opt.stages.tape import tape
 from fcdm_opt.tolerances import DEFAULT
 
 STAGE = "4: directions, one after the other, while the contact lasts"
@@ -32,17 +33,22 @@ TURN, SHARE, FIRST = 0.05, 1 / 32, 1e-5  # longest step along a ray, radians and
 ROUGH = 10  # halvings of the step at which a contact is lost, in directions that are not looked into
 GOLDEN = (3.0 - math.sqrt(5.0)) / 2.0
 HOPELESS, PATIENCE = 4.0, 3  # times what two directions differ by, that both miss: so often in a row
-FINE = 1e-14  # radians: of the direction found
+FINE = 1e-14  # radians: of the direction
 WITHIN = 0.5  # of the slack of faults: what is found is to be coherent to whoever computes it otherwise
 BESIDE = 1e-4  # radians: where it is asked what ends the window, which stops short of parallel lines
 
 
 def suits(task: Task) -> bool:
-    """Tell whether a task's motions are such a fan: two parameters, a tracked contact, and none that stays flush."""
+    """Tell whether a task's motions are a fan of rays: two parameters, a tracked contact, and none that stays flush."""
     line = len(task.tracked) == 1 and task.goal in ("beyond", "at")
     two = len(task.tracked) == 2 and task.goal == "beyond"
-    fan_like = len(task.weights) == 2 and task.weighted and (line or two)
-    return fan_like and not any(task.flush) and tape(task.motion) is not None
+    return (
+        len(task.weights) == 2
+        and task.weighted
+        and (line or two)
+        and not any(task.flush)
+        and pose_instructions(task.motion) is not None
+    )
 
 
 def nothing(task: Task) -> bool:
@@ -50,7 +56,7 @@ def nothing(task: Task) -> bool:
     return task.coherent and suits(task) and not np.isfinite(task.needs).any() and _least(task) is None
 
 
-def polar(task: Task) -> Answer | None:
+def least_direction(task: Task) -> Answer | None:
     """Return the least motion over all directions, None where there is none or it does not meet what is asked besides.
 
     What is asked besides, of the target pair or by keep-outs, does not make motions less: where the least motion
@@ -58,10 +64,10 @@ def polar(task: Task) -> Answer | None:
     """
     if not suits(task):
         return None
-    found = _least(replace(task, pair="any", keep_out=()))
-    if found is None:
+    least = _least(replace(task, pair="any", keep_out=()))
+    if least is None:
         return None
-    q, sides = found
+    q, sides = least
     if not task.meets(q, DEFAULT.requirement):
         return None
     counts = task.modelled({own.parts for own in task.tracked}, variables=2, constraints=2, features=len(task.tracked))
@@ -71,7 +77,7 @@ def polar(task: Task) -> Answer | None:
 
 def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     """Return the least motion, and those beside it, in directions a little to both sides."""
-    program = tape(task.motion)
+    program = pose_instructions(task.motion)
     assert program is not None
     own = Descent(task, program, False)
     *scene, path = own.scene
@@ -83,8 +89,8 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     count = RAYS if task.part_pairs <= MANY else RAYS_OF_MANY
     cap, width = farthest(task) / task.unit, 2.0 * math.pi / count
 
-    def merits_of(angles: Array, halvings: int = fan.HALVINGS) -> Array:
-        merits: Array = fan.fan(*given, angles, cap, halvings)
+    def merits_of(angles: Array, halvings: int = compiled.ROOT_HALVINGS) -> Array:
+        merits: Array = compiled.merits(*given, angles, cap, halvings)
         return merits
 
     angles: Array = np.arange(count, dtype=np.float64) * width
@@ -94,9 +100,9 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     best, at = np.inf, 0.0
     for k in lowest[np.argsort(merits[lowest], kind="stable")][:WINDOWS].tolist():
         merit, angle = _narrowed(merits_of, (k - 1) * width, (k + 1) * width)
-        if merit < min(best, fan.FAR):
+        if merit < min(best, compiled.FAR):
             best, at, cap = merit, angle, merit
-    if not best < fan.FAR:
+    if not best < compiled.FAR:
         return None
 
     def motion(angle: float) -> Array:
@@ -116,7 +122,7 @@ def _narrowed(merits_of: Callable[[Array], Array], low: float, high: float) -> t
     first, second = merits_of(np.array([one, two])).tolist()
     misses = 0
     while high - low > FINE:
-        misses = misses + 1 if min(first, second) - fan.FAR > HOPELESS * abs(first - second) else 0
+        misses = misses + 1 if min(first, second) - compiled.FAR > HOPELESS * abs(first - second) else 0
         if misses > PATIENCE:
             break
         if first <= second:
