@@ -49,9 +49,8 @@ def test_a_part_is_laid_out_as_it_is_and_evened_for_coal(thin: float) -> None:
     rng = np.random.default_rng(11)
     body = Body.convex((rng.normal(size=(30, 3)) * [1.0, 1.0, thin]) @ turn(20, 30, 40).T + [3.0, 2.0, 1.0])
     part, scale = body.parts[0], body.size
-    corners = np.concatenate([np.array(loop) for loop in part.loops])
-    starts = np.cumsum([0, *map(len, part.loops)])
-    points, planes, sides, ball, even = judging.solid(part.vertices, part.seed, corners, starts, part.edges)
+    solid = judging.Solid.of(part)
+    points, planes, sides, ball, even = solid.points, solid.planes, solid.edges, solid.ball, solid.even
     local = part.vertices - part.seed
     np.testing.assert_array_equal(points, local)
     np.testing.assert_allclose(planes[:, :3], part.normals, atol=1e-14 / thin)

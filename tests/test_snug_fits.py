@@ -14,6 +14,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.nominal import NominalContact
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.solver import solve
@@ -194,7 +195,7 @@ def test_the_judge_refuses_sizes_that_were_not_asked_for(goal: str, monkeypatch:
     """As the nominal pair was once moved to whatever point of the curve was nearest."""
     wall = Body.convex(block((1, -1, -1), (2, 1, 1)), seed=(1.25, 0, 0))
     one = Body.convex(block((0, -1, -1), (1 - 4e-6, 1, 1)), seed=(0.5, 0, 0))
-    monkeypatch.setattr(Problem, "_within_snap", lambda *_: True)
+    monkeypatch.setattr(NominalContact, "_within_snap", lambda *_: True)
     shift = Translation("x") >> Translation("y")
     problem = Problem(one, wall, nominal="drawn", snap=2e-6, tolerance=0.01, requirement="B", goal=goal, motion=shift)
     assert np.abs(problem.snapped.pair - 1.0).max() > 3e-6
