@@ -15,7 +15,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.keys import Case
+from fcdm_opt.problem.keys import ARGUMENTS, Arguments, Case
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
@@ -267,13 +267,20 @@ def test_an_argument_that_no_problem_has_is_told_with_the_one_meant() -> None:
     with pytest.raises(InputError, match=r"unknown key 'tolerence', did you mean 'tolerance'\?") as caught:
         problem(tolerence=0.02)
     assert caught.value.key == "tolerence"
-    with pytest.raises(InputError, match="missing key"):
-        Problem(MOVABLE, PLATE, target=(1.0, 1.0))
+    with pytest.raises(TypeError, match="motion"):
+        Problem(MOVABLE, PLATE, target=(1.0, 1.0))  # type: ignore[call-arg]
 
 
 def test_every_key_of_a_case_is_an_argument_an_attribute_and_in_the_docstring() -> None:
-    names = list(inspect.signature(Problem).parameters)
+    arguments = dict(inspect.signature(Problem).parameters)
+    assert arguments.pop("unknown").kind is inspect.Parameter.VAR_KEYWORD
+    names = list(arguments)
     assert names[:2] == ["movable", "static"]
+    assert {*names} == {*ARGUMENTS}
+    for name, key in Arguments.model_fields.items():
+        default = arguments[name].default
+        assert (default is inspect.Parameter.empty) == key.is_required(), name
+        assert key.is_required() or default == (key.default or None if key.default == {} else key.default), name
     assert {*Case.model_fields} < {*names}
     made = problem()
     for name in names:

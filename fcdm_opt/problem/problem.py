@@ -6,11 +6,10 @@ Everything is checked, and every default resolved, when a `Problem` is made: sta
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from inspect import Parameter, Signature
-from typing import Any, ClassVar, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -42,18 +41,6 @@ SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C":
 GOALS = get_args(Goal)
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
 _MADE = ("tolerance", "target")  # arguments that only the target pair depends on
-
-
-def _signature() -> Signature:
-    """Return the arguments of `Problem`, with their defaults."""
-    kinds = dict.fromkeys(("movable", "static"), Parameter.POSITIONAL_OR_KEYWORD)
-    defaults = {key: item.default for key, item in Arguments.model_fields.items() if not item.is_required()}
-    return Signature(
-        [
-            Parameter(key, kinds.get(key, Parameter.KEYWORD_ONLY), default=defaults.get(key, Parameter.empty))
-            for key in ARGUMENTS
-        ]
-    )
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -163,10 +150,38 @@ class Problem(NominalContact, Shown):
     published_text: str
     unit: str
     request: Mapping[str, Any] = field(init=False, repr=False)
-    __signature__: ClassVar[Signature] = _signature()
 
-    def __init__(self, movable: Body, static: Body, **asked: Any) -> None:
-        super().__init__(**_resolved({"movable": movable, "static": static, **asked}))
+    def __init__(
+        self,
+        movable: Body,
+        static: Body,
+        *,
+        nominal: int | str | Sequence[float] | Array = "drawn",
+        tolerance: float | Sequence[Any] | Array | None = None,
+        requirement: str | None = None,
+        target: Sequence[float] | Array | None = None,
+        box: Sequence[Sequence[float]] | Array = ((0.8, 3.0), (0.8, 3.0)),
+        motion: Motion,
+        goal: str | None = None,
+        pair: str = "any",
+        clearance: float = 0.0,
+        path: str = "coherent",
+        amount: Any = "weighted",
+        length: float | None = None,
+        weights: Mapping[str, float] | None = None,
+        limits: Mapping[str, Sequence[float]] | None = None,
+        keep_out: Sequence[KeepOut] = (),
+        resolution: float | Mapping[str, float] | None = None,
+        features: Sequence[Any] | None = None,
+        snap: float = DEFAULT.snap,
+        name: str = "",
+        published: Sequence[float] | Array | None = None,
+        published_text: str = "",
+        unit: str = "",
+        **unknown: Any,
+    ) -> None:
+        given = {key: value for key, value in locals().items() if key in ARGUMENTS}
+        super().__init__(**_resolved({**given, **unknown}))
         self._check_goal()
 
     @property
