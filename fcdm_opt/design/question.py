@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -13,6 +14,8 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fcdm_opt.design.places import Place, look_up, parse, put, written
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -21,7 +24,7 @@ from fcdm_opt.problem.entries import STEPS, BodyEntry, KeepOutEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, same_unit
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, checked, closest, plain
+from fcdm_opt.problem.schema import Entry, checked, closest
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
@@ -59,7 +62,7 @@ def digest(text: str) -> str:
 def plain_value(value: Any) -> Any:
     """Return a value of a key as plain data: entries, motions and bodies too, arrays as lists, infinities as text."""
     if isinstance(value, float | int | str):  # most values by far
-        return plain(value)
+        return str(value) if isinstance(value, float) and math.isinf(value) else value
     if isinstance(value, Entry):
         return {
             key: plain_value(getattr(value, key)) for key in type(value).model_fields if key in value.model_fields_set
@@ -72,7 +75,7 @@ def plain_value(value: Any) -> Any:
         return plain_body(value)
     if isinstance(value, list | tuple):
         return [plain_value(item) for item in value]
-    return plain(value)
+    return plain_value(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value
 
 
 @lru_cache(maxsize=1024)

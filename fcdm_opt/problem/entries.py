@@ -19,8 +19,9 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.schema import Entry, Label, Number, Pair, Point, Unit, closest, declared, one_of, plain, refusal
+from fcdm_opt.problem.schema import Entry, Label, Number, Pair, Point, Unit, closest, declared, one_of, refusal
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"] | Point
 _PITCH_KEYS = ("pitch", "pitch_per_deg", "pitch_per_rad")

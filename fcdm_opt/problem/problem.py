@@ -19,6 +19,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion, Screw
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.amounts import OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
 from fcdm_opt.problem.entries import STEPS, plain_body
@@ -34,7 +35,7 @@ from fcdm_opt.problem.keys import (
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
-from fcdm_opt.problem.schema import checked, plain
+from fcdm_opt.problem.schema import checked
 from fcdm_opt.tolerances import DEFAULT
 
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}

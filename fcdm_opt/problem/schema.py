@@ -8,14 +8,12 @@ such as `case[2] 'B'.motion[1].centre` counts from 1, as the vertex labels in a 
 from __future__ import annotations
 
 import difflib
-import math
 import os
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -120,19 +118,6 @@ Positive = Annotated[Number, must(lambda x: 1.0 / LARGEST <= x <= LARGEST, "unus
 Length = Annotated[Number, must(lambda x: 0.0 <= x <= LARGEST, "unusable number")]
 Scales = Annotated[Pair, must(lambda pair: min(pair) > 0.0 and max(pair) <= LARGEST, "unusable pair")]
 ScaleRange = Annotated[Scales, must(lambda ends: ends[0] < ends[1], "empty range of scales")]
-
-
-def plain(value: Any, nan: Any = math.nan) -> Any:
-    """Return tuples and arrays as lists, and what JSON has no number for: infinities as text, `nan` for nan."""
-    if isinstance(value, Mapping):
-        return {name: plain(item, nan) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item, nan) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist(), nan)
-    if isinstance(value, float) and not math.isfinite(value):
-        return nan if math.isnan(value) else str(value)
-    return value
 
 
 def _for_editors(schema: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.problem.schema import plain
+from fcdm_opt.plain import plain
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,7 +78,7 @@ class Sensitivity:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `from_dict` rebuilds it; nan becomes None."""
-        return {item.name: plain(getattr(self, item.name), nan=None) for item in fields(self)}
+        return {item.name: plain(getattr(self, item.name)) for item in fields(self)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:

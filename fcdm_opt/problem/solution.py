@@ -14,10 +14,10 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.plain import plain
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import plain
 from fcdm_opt.problem.sensitivities import Sensitivity, number, numbers
 
 EFFORTS = ("proved", "quick")
@@ -229,8 +229,8 @@ class Solution(Shown):
         certificate = self.certificate
         told: dict[str, Any] = plain(
             {
-                "problem": self.problem.to_dict(),
-                "status": self.status.name,
+                "problem": self.problem,
+                "status": self.status,
                 "advice": self.advice,
                 "usable": self.usable,
                 "parameters": self.parameters,
@@ -246,20 +246,19 @@ class Solution(Shown):
                 "pair_gap": self.pair_gap,
                 "pair_state": self.pair_state,
                 "keep_out_gaps": self.keep_out_gaps,
-                "snapped": None if self.problem.snapped is None else self.problem.snapped._asdict(),
+                "snapped": self.problem.snapped,
                 "active": self.active,
                 "modelled": self.modelled,
                 "stage": self.stage,
                 "gap": self.gap,
                 "doubt": self.doubt,
-                "evidence": None if self.evidence is None else self.evidence.to_dict(),
-                "sensitivity": None if known is None else known.to_dict(),
+                "evidence": self.evidence,
+                "sensitivity": known,
                 "certificate": None
                 if certificate is None
-                else {"passed": certificate.passed, "checks": [check._asdict() for check in certificate.checks]},
+                else {"passed": certificate.passed, "checks": certificate.checks},
                 "seconds": self.seconds,
             },
-            nan=None,
         )
         return told
 
