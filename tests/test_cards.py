@@ -17,8 +17,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.solution import Check
-from fcdm_opt.show.notebook.card import Card
-from fcdm_opt.show.notebook.curve_card import curve_card
+from fcdm_opt.show.notebook.cards import Card, curve_card
 from fcdm_opt.show.notebook.pictures import Mark, Picture, drawing, plane
 from fcdm_opt.show.texts import number
 

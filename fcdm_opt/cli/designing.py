@@ -30,7 +30,6 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
-    from fcdm_opt.design.study.results import StudyResult
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
@@ -84,11 +83,13 @@ def study_command(
         result.to_parquet(out / "study.parquet")
         say(f"wrote {out / 'study.parquet'}")
     pictures = album_in(out)
-    assert pictures is not None
     pictures.add_study("study", result)
     if not as_json:
         print_study(result)
-    codes = [_study_code(result), *([BAD_INPUT] if pictures.failed else [])]
+    counts = result.counts
+    wrong = any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING"))
+    code = NOT_VERIFIED if wrong else BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
+    codes = [code, BAD_INPUT] if pictures.failed else [code]
     finish({"file": str(file), **result.to_dict()} if as_json else None, codes)
 
 
@@ -128,7 +129,10 @@ def whatif_command(
     from fcdm_opt.solver import solve
 
     values = dict(map(_change, changes or ()))
-    limit = None if budget is None else _amount(budget)
+    try:
+        limit = None if budget is None or budget == "limits" else float(budget)
+    except ValueError:
+        raise InputError("not an amount", key="--budget", found=budget, allowed='a length >= 0, or "limits"') from None
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -175,10 +179,10 @@ def map_command(
     """Map the smallest motion over all sizes in the tolerance box, a table for the shop floor, and tell the yield."""
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
+    from fcdm_opt.design.distributions import Normal
     from fcdm_opt.show import design_tables as tables
 
-    covered = None if box is None else _box(box)
-    pairs = None if sizes is None else _pairs(sizes, columns, nominals)
+    covered, pairs = _box(box), _pairs(sizes, columns, nominals)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
     pictures = inquiry.pictures
 
@@ -191,7 +195,8 @@ def map_command(
             say(f"wrote {out / f'{stem}.{ending}'}")
         yield "map", found, tables.print_lines
         if budget is not None:
-            scattered = _normal(found.box) if pairs is None else pairs
+            ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
+            scattered = tuple(ends) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
             pictures.add_yield(f"{stem}-yield", share, title=f"{file.name}: case {problem.name}")
             yield "yield", share, tables.print_yield
@@ -221,9 +226,8 @@ def pose_command(
 
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
-    within = None if box is None else _box(box)
     ends = None if window is None else _two(window, "--clearance")
-    pairs = None if sizes is None else _pairs(sizes, columns, nominals)
+    within, pairs = _box(box), _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         drawn = clearances(problem, sizes=pairs, box=within)
@@ -272,13 +276,6 @@ def _code(answer: Any) -> int:
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
 
 
-def _study_code(result: StudyResult) -> int:
-    counts = result.counts
-    if any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING")):
-        return NOT_VERIFIED
-    return BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
-
-
 # -------------------------------------------------------------------------------------------------------------- options
 
 
@@ -301,51 +298,36 @@ def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Problem, Pr
     return question.problem(), question.changed(values).problem()
 
 
-def _amount(text: str) -> float | None:
-    if text == "limits":
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError("not an amount", key="--budget", found=text, allowed='a length >= 0, or "limits"') from None
-
-
-def _two(text: str, key: str) -> tuple[float, float]:
-    numbers = _numbers(text)
-    if len(numbers) != 2:
-        raise InputError("not two numbers", key=key, found=text, allowed="two numbers with a comma between, as 0.1,0.3")
-    return numbers[0], numbers[1]
-
-
-def _box(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    numbers = _numbers(text)
-    if len(numbers) != 4:
-        allowed = "LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01"
-        raise InputError("not four numbers", key="--box", found=text, allowed=allowed)
-    return (numbers[0], numbers[1]), (numbers[2], numbers[3])
-
-
-def _numbers(text: str) -> list[float]:
-    """Return the numbers of a text with commas between, none where one of them is no number."""
+def _numbers(text: str, key: str, count: str, allowed: str) -> list[float]:
+    """Return the numbers of a text with commas between, as many as those of the example that `allowed` ends with."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        return []
-    return [] if any(map(math.isnan, numbers)) else numbers
+        numbers = []
+    if len(numbers) != allowed.count(",", allowed.rfind(" ")) + 1 or any(map(math.isnan, numbers)):
+        raise InputError(f"not {count} numbers", key=key, found=text, allowed=allowed)
+    return numbers
 
 
-def _pairs(path: Path, columns: str, nominals: str) -> Any:
-    """Return measured pairs of sizes, (n, 2), as shares of those drawn."""
+def _two(text: str, key: str) -> tuple[float, float]:
+    one, two = _numbers(text, key, "two", "two numbers with a comma between, as 0.1,0.3")
+    return one, two
+
+
+def _box(text: str | None) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    if text is None:
+        return None
+    a, b, c, d = _numbers(text, "--box", "four", "LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01")
+    return (a, b), (c, d)
+
+
+def _pairs(path: Path | None, columns: str, nominals: str) -> Any:
+    """Return measured pairs of sizes, (n, 2), as shares of those drawn; None where there is no file of them."""
     from fcdm_opt.design.distributions import read_columns
 
+    if path is None:
+        return None
     names = [name.strip() for name in columns.split(",")]
     if len(names) != 2:
         raise InputError("not two columns", key="--columns", found=columns, allowed="two names with a comma between")
     return read_columns(path, names, _two(nominals, "--nominals"))
-
-
-def _normal(box: Any) -> Any:
-    """Return sizes that scatter about the middle of a box, its ends three standard deviations away."""
-    from fcdm_opt.design.distributions import Normal
-
-    return tuple(Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in box)

@@ -10,14 +10,19 @@ import difflib
 import re
 import sys
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from importlib.metadata import entry_points
+from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fcdm_opt.cli.guarding import EXIT_CODES, Manner, guarded, manner, stopped
+from fcdm_opt.errors import InputError
 
 OPTIONS = "Options"  # heading of options without a group
+LENT = "fcdm_opt.commands"
+"""Entry points of commands that another distribution brings: name of a command -> the function that is the command."""
+INSTALL = "needs the package fcdm_opt_benchmarks: pip install -e benchmarks, in a copy of the repository"
 
 
 class Command(TyperCommand):
@@ -51,11 +56,37 @@ class Command(TyperCommand):
             formatter.write("Examples:\n" + "".join(f"  {line}\n" for line in self.epilog.splitlines()))
 
 
+class LentCommand(Command):
+    """A command of another distribution: only its name, a sentence and examples are known until it is used."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Return the context of the command itself.
+
+        Raises
+        ------
+        InputError
+            Where it is not installed; while a shell completes words, nothing is completed instead.
+        """
+        points = entry_points(group=LENT, name=self.name or "")
+        if not points:
+            if extra.get("resilient_parsing"):
+                return super().make_context(info_name, args, parent, **extra)
+            raise InputError(INSTALL, key=self.name)
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(self.name, cls=Command, epilog=self.epilog)(next(iter(points)).load())
+        return typer.main.get_command(alone).make_context(info_name, args, parent, **extra)
+
+
 class Overview(TyperGroup):
     """All commands; the only place where a run begins and ends."""
 
-    questions: ClassVar[dict[str, Sequence[str]]] = {}
-    """The names of the commands that answer a question, by question."""
+    @property
+    def questions(self) -> dict[str, list[str]]:
+        """The names of the commands that answer a question, by question."""
+        found: dict[str, list[str]] = {}
+        for name, command in self.commands.items():
+            found.setdefault(command.rich_help_panel, []).append(name)  # type: ignore[attr-defined]
+        return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by question, each with the first sentence of its help."""
@@ -63,7 +94,9 @@ class Overview(TyperGroup):
             formatter.write_paragraph()
             formatter.write(f"{question}\n")
             with formatter.indentation():
-                formatter.write_dl([(name, _first_sentence(self.commands[name].help)) for name in names])
+                helps = [" ".join((self.commands[name].help or "").split("\n\n")[0].split()) for name in names]
+                sentences = [re.split(r"[.;:](?: |$)", text)[0] for text in helps]
+                formatter.write_dl(list(zip(names, sentences, strict=True)))
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the commands before the options, which are few and rarely needed."""
@@ -102,12 +135,6 @@ class Overview(TyperGroup):
         finally:
             manner.reset(before)
         sys.exit(code if isinstance(code, int) else 0)
-
-
-def _first_sentence(text: str | None) -> str:
-    """Return the first line of a help text without what follows a semicolon or its full stop."""
-    line = " ".join((text or "").split("\n\n")[0].split())
-    return re.split(r"[.;:](?: |$)", line)[0]
 
 
 def _misunderstood(reason: Any) -> str:

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from fcdm_opt.cli.common import BAD_INPUT, Cases, code_of, finish, opened_files, say
-from fcdm_opt.cli.completing import problem_files
+from fcdm_opt.cli.common import BAD_INPUT, Cases, code_of, finish, opened_files, problem_files, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
@@ -66,11 +65,11 @@ def _files(sources: Iterable[Path]) -> Iterator[Path]:
 
 def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the report on problem files, nothing where none could be read, and the exit code of each file and case."""
+    from fcdm_opt.show.rendering import plotly
     from fcdm_opt.show.report.gather import gather
-    from fcdm_opt.show.report.markup import embedded_plotly
     from fcdm_opt.show.report.page import page
 
-    embedded_plotly()  # what is missing is said before anything is solved
+    plotly()  # what is missing is said before anything is solved
     opened = opened_files(paths, cases)
     if not any(file.problems for file in opened):
         return "", [BAD_INPUT]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -116,8 +116,7 @@ class Situation:
         """Unit direction in which the parts meet, from the movable part to the static one."""
         for near in (self.nearest, self.grown):
             if near is not None:
-                own = near.contact.normal if isinstance(near.contact, Segment) else near.contact.pieces[0].normal
-                return np.array(own)
+                return np.array(_pieces(near.contact)[0].normal)
         offset = self.static.seed - self.movable.seed
         length = float(np.linalg.norm(offset))
         return offset / length if length > DEFAULT.seeds * self.size else np.array([0.0, 0.0, 1.0])
@@ -142,7 +141,7 @@ class Situation:
             return None
         angles = [
             float(np.linalg.norm(one + two))  # of two unit vectors that are nearly opposite
-            for n, (i, j) in _meetings(near.contact)
+            for n, (i, j) in ((piece.normal, piece.parts) for piece in _pieces(near.contact))
             for one in _facing(self.movable.parts[i], n)
             for two in _facing(self.static.parts[j], -n)
         ]
@@ -185,10 +184,9 @@ def _by_nearness(curve: DecisionCurve) -> list[SwitchingPoint]:
     return sorted(curve.switching_points, key=lambda own: float(np.abs(np.log(own.rho)).max()))
 
 
-def _meetings(contact: Segment | SwitchingPoint) -> list[tuple[Array, tuple[int, int]]]:
-    """Return normal and part pair of what touches."""
-    pieces = (contact,) if isinstance(contact, Segment) else contact.pieces
-    return [(piece.normal, piece.parts) for piece in pieces]
+def _pieces(contact: Segment | SwitchingPoint) -> Sequence[Segment]:
+    """Return the pieces of the curve that meet at a contact, each of its normal and part pair."""
+    return (contact,) if isinstance(contact, Segment) else contact.pieces
 
 
 def _facing(part: ConvexPart, direction: Array) -> list[Array]:

@@ -11,18 +11,11 @@ from __future__ import annotations
 from fcdm_opt.doors import Shown, upper
 
 CARDS = {
-    "Body": "body_card:body_card",
-    "DecisionCurve": "curve_card:curve_card",
-    "Problem": "problem_card:problem_card",
-    "Solution": "solution_card:solution_card",
-    "Certificate": "solution_card:certificate_card",
-    "CoherentRange": "solution_card:range_card",
-    "WhatIf": "design_cards:whatif_card",
-    "AssemblyYield": "design_cards:yield_card",
-    "CompensationMap": "design_cards:map_card",
-    "BestPose": "design_cards:best_pose_card",
-    "Clearances": "design_cards:clearances_card",
-    "StudyResult": "design_cards:study_card",
+    **{"Body": "cards:body_card", "DecisionCurve": "cards:curve_card", "Problem": "cards:problem_card"},
+    **{"Solution": "cards:solution_card", "Certificate": "cards:certificate_card", "CoherentRange": "cards:range_card"},
+    **{"WhatIf": "design_cards:whatif_card", "AssemblyYield": "design_cards:yield_card"},
+    **{"CompensationMap": "design_cards:map_card", "BestPose": "design_cards:best_pose_card"},
+    **{"Clearances": "design_cards:clearances_card", "StudyResult": "design_cards:study_card"},
 }
 """The function of this package that says what stands on each class's card."""
 

@@ -11,9 +11,8 @@ from fcdm_opt.design.compensation.assembly_yield import OTHERS
 from fcdm_opt.design.fixed_pose.best_pose import NONE, UNDECIDED
 from fcdm_opt.design.fixed_pose.clearances import gaps_text
 from fcdm_opt.design.study.results import PENDING
-from fcdm_opt.show.notebook.card import Card, Rows
+from fcdm_opt.show.notebook.cards import Card, Rows, mood_of
 from fcdm_opt.show.notebook.pictures import Mark, plane
-from fcdm_opt.show.notebook.solution_card import mood_of
 from fcdm_opt.show.texts import counted, number, numbers
 
 if TYPE_CHECKING:
@@ -71,12 +70,8 @@ def map_card(sizes: CompensationMap) -> Card:
         (k, f"{region.share:.1%}", " to ".join(map(number, region.amounts)) if region.kind == "motion" else "-", region)
         for k, region in enumerate(sizes.regions, 1)
     ]
-    marks = [
-        Mark("after", line.points, "", "boundary with a jump")
-        if line.jumps
-        else Mark("before", line.points, "", "boundary")
-        for line in sizes.boundaries
-    ]
+    styles = {True: ("after", "boundary with a jump"), False: ("before", "boundary")}
+    marks = [Mark(styles[line.jumps][0], line.points, "", styles[line.jumps][1]) for line in sizes.boundaries]
     nominal = Mark("nominal", sizes.nominal, "", "nominal pair")
     told = f"{counted(len(sizes.regions), 'region')} over the box of sizes"
     exact = sizes.reached <= sizes.error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -19,9 +19,10 @@ SIGNS = ("switch", "nominal", "target", "tracked", "seed")
 """Styles of marks: what a style looks like says the template; told apart by dashes, width or shape too."""
 
 POINTS, TICKS, DIGIT = 1200, 4, 5.8  # corners of all lines of a picture; ticks an axis, about; pixels a digit
+STEP = 1.5  # pixels between corners, at least
 SIDE = 260.0, 234.0  # pixels of the plane of scales
 
-Chain = list[tuple[float, float]]
+Chain = list[list[float]]
 
 
 class Mark(NamedTuple):
@@ -49,7 +50,7 @@ class Mark(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A picture in pixels.
+    """A picture in pixels, as the template draws it.
 
     Attributes
     ----------
@@ -95,8 +96,7 @@ def plane(marks: Sequence[Mark], window: ArrayLike, *, told: str) -> Picture | N
     }
     named = list({mark.name: mark for mark in reversed(marks) if mark.name}.values())[::-1]
     legend = [(mark, round(left + 12.0, 1), 288.0 + 18.0 * k) for k, mark in enumerate(named)]
-    size = (left + SIDE[0] + 24.0, 280.0 + 18.0 * len(named))
-    return Picture(size, told, place.drawn(marks), axes, legend)
+    return Picture((left + SIDE[0] + 24.0, 280.0 + 18.0 * len(named)), told, place.drawn(marks), axes, legend)
 
 
 def drawing(marks: Sequence[Mark], window: ArrayLike, *, told: str) -> Picture | None:
@@ -104,10 +104,9 @@ def drawing(marks: Sequence[Mark], window: ArrayLike, *, told: str) -> Picture |
     limits = np.asarray(window, dtype=float)
     if not _spans(limits):
         return None
-    extent = limits[:, 1] - limits[:, 0]
+    extent = np.ptp(limits, axis=1)
     width, height = (220.0 / extent.max() * extent).tolist()
-    place = _Placing(limits, (8.0, 8.0), (width, height))
-    return Picture((16.0 + width, 16.0 + height), told, place.drawn(marks))
+    return Picture((16.0 + width, 16.0 + height), told, _Placing(limits, (8.0, 8.0), (width, height)).drawn(marks))
 
 
 def _spans(limits: Array) -> bool:
@@ -128,7 +127,7 @@ class _Placing:
 
     def drawn(self, marks: Sequence[Mark]) -> list[Mark]:
         """Return the marks that are to be seen, in pixels; lines that follow each other and look the same are one."""
-        chains = _thinned([self._chains(mark.at) if mark.kind == "line" else [] for mark in marks])
+        chains = _longest([self._chains(mark.at) if mark.kind == "line" else [] for mark in marks])
         made: list[Mark] = []
         joins = ""
         for mark, seen in zip(marks, chains, strict=True):
@@ -152,40 +151,27 @@ class _Placing:
         (left, top), (right, bottom) = self.of((a, d)), self.of((b, c))
         return (left, top, round(right - left, 1), round(bottom - top, 1))
 
-    def _chains(self, corners: Iterable[Any]) -> list[Chain]:
+    def _chains(self, corners: ArrayLike) -> list[Chain]:
         """Return what is seen of a line, in pixels: several chains where it leaves the window."""
-        points = np.array([(float(corner[0]), float(corner[1])) for corner in corners]).reshape(-1, 2)
-        parts, _ = clipped(np.stack([points[:-1], points[1:]], axis=1), self.limits)
+        points = np.asarray(corners, dtype=float).reshape(-1, 2)
         chains: list[Chain] = []
-        for start, end in self.of(parts):
-            start, end = tuple(start), tuple(end)
+        for start, end in self.of(clipped(np.stack([points[:-1], points[1:]], axis=1), self.limits)[0]):
             if not chains or chains[-1][-1] != start:
                 chains.append([start, end])
-            elif end != start:
+            elif math.dist(*chains[-1][-2:]) < STEP and len(chains[-1]) > 2:
+                chains[-1][-1] = end  # the corner before is too near to be told apart
+            else:
                 chains[-1].append(end)
         return chains
 
 
-def _thinned(marks: list[list[Chain]]) -> list[list[Chain]]:
-    """Return chains with no more corners than `POINTS`: near ones are left out, then the shortest chains."""
-    step = 0.5
-    while sum(len(chain) for line in marks for chain in line) > POINTS and step < 32.0:
-        marks = [[_sparse(chain, step) for chain in line] for line in marks]
-        step *= 2.0
+def _longest(marks: list[list[Chain]]) -> list[list[Chain]]:
+    """Return the longest chains with no more corners than `POINTS`."""
     chains = [(k, i, chain) for k, line in enumerate(marks) for i, chain in enumerate(line)]
     chains.sort(key=lambda item: -sum(math.dist(*ends) for ends in pairwise(item[2])))
     fitting = np.cumsum([len(chain) for *_, chain in chains]) <= POINTS
     kept = {(k, i) for (k, i, _), fits in zip(chains, fitting, strict=True) if fits}
     return [[chain for i, chain in enumerate(line) if (k, i) in kept] for k, line in enumerate(marks)]
-
-
-def _sparse(chain: Chain, step: float) -> Chain:
-    """Return a chain without the corners that are near the one before, its ends apart."""
-    kept = chain[:1]
-    for corner in chain[1:-1]:
-        if math.dist(corner, kept[-1]) >= step:
-            kept.append(corner)
-    return [*kept, chain[-1]]
 
 
 def _ticks(low: float, high: float) -> list[tuple[float, str]]:

@@ -8,7 +8,6 @@ frames      what scene, curve and numbers show at one place
 scenes      bodies and features as triangles and edges
 page        these data as plain values for the template `page.html`
 study_page  the same for the folder of a study and `study.html`
-markup      a page that is one file, with scripts and their data inside
 
 Templates, style and scripts are in `show/templates`. `frame.html` is what both pages stand in, `pieces.html` their
 small pieces; `curve.js`, `scene.js`, `page.js`, `study.js` draw, and `common.js` serves all.

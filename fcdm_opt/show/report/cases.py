@@ -200,9 +200,9 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
         "quadrant": problem.goal == "beyond",
         "tracking": problem.goal in TRACKING,
         "poses": poses,
-        "tracked_shapes": frames.shapes.of(solution.features),
+        "tracked_shapes": frames.shapes_of(solution.features),
         "families": {"tolerance": tolerance, "motion": motion},
-        "feature_shapes": frames.shapes.listed(),
+        "feature_shapes": frames.shapes,
         "labels": frames.labels,
     }
 

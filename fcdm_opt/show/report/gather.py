@@ -9,7 +9,7 @@ from dataclasses import fields
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import Problem
@@ -26,32 +26,8 @@ FAMILIES = 8.0
 """Seconds that the frames of one case may take, by default."""
 
 
-class ReadFile(Protocol):
-    """A problem file as read: its problems, or why there are none."""
-
-    @property
-    def path(self) -> Path:
-        """Where it was read."""
-
-    @property
-    def title(self) -> str:
-        """The file's title, which may be empty."""
-
-    @property
-    def note(self) -> str:
-        """The file's note, which may be empty."""
-
-    @property
-    def problems(self) -> Sequence[Problem]:
-        """Its cases."""
-
-    @property
-    def error(self) -> str | None:
-        """What is wrong with it."""
-
-
 def gather(
-    files: Iterable[ReadFile],
+    files: Iterable[Any],
     *,
     certify: bool = True,
     say: Callable[[str], None] | None = None,
@@ -61,7 +37,8 @@ def gather(
 
     Parameters
     ----------
-    files : iterable of ReadFile
+    files : iterable
+        Problem files as read: their `path`, `title`, `note` and `problems`, and an `error` or None.
     certify : bool
         Prove how small a motion can be at all.
     say : callable, optional
@@ -77,13 +54,8 @@ def gather(
     """
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
-        head: dict[str, Any] = {
-            "file": file.path.name,
-            "title": file.title,
-            "note": file.note,
-            "sha256": _digest(file.path),
-        }
-        head["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
+        meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
+        head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
         errors = [file.error] if file.error else []
         problems, solved = list[Problem](), list[SolvedCase]()
         for problem in file.problems:
@@ -102,9 +74,9 @@ def gather(
             cases.append({"file": number, **data})
         first = len(cases) - len(solved)
         tables += [{"file": number, **table} for table in matrices(problems, solved, first=first)]
-        listed.append(
-            {**head, "cases": list(range(first, len(cases))), **({"error": "; ".join(errors)} if errors else {})}
-        )
+        listed.append({**head, "meshes": meshes, "cases": list(range(first, len(cases)))})
+        if errors:
+            listed[-1]["error"] = "; ".join(errors)
     return {
         **_title(listed),
         "made": made(),

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.markup import whole_page
 from fcdm_opt.show.texts import shown
 
 if TYPE_CHECKING:
