@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 WIDTH = 12.0 / 2.54
 """Inches: between a column and the page."""
 
+ALONE, VIEW = 2.6, (27.0, -54.0)
+"""Inches across of a body alone, and degrees it is seen from; no symmetric view, in which edges of a cube meet."""
+
 LEAST, MOST = 1.6, 3.9
 """Inches that a scene may be high."""
 
@@ -98,6 +101,17 @@ def scene_figure(
     x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
     labels = [*map(literal, labels)]
     sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.6)
+    return sheet.figure
+
+
+@styled
+def body_figure(body: Body) -> Figure:
+    """Draw one body as drawn, with its seed."""
+    page = page_directions(*VIEW)
+    shown = ShownPair((body, body), (), np.vstack([body.vertices, body.seed]), VIEW)
+    height = float(np.clip(shown.slenderness * ALONE, LEAST, MOST))
+    sheet = Sheet.of(ALONE, height)
+    _draw_body(_axes_for(sheet, (0.0, 0.0, ALONE, height), shown), page, body, BLUE, "solid", 0.16, body.name)
     return sheet.figure
 
 

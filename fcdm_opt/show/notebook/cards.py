@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import math
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from functools import partial
-from itertools import groupby
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
-from fcdm_opt.show.notebook.pictures import Mark, Picture, drawing, plane
+from fcdm_opt.show import pixels
+from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
-from fcdm_opt.show.scales import tolerance_box, window
-from fcdm_opt.show.scene import page_directions
+from fcdm_opt.show.scene import body_figure
 from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_units
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from fcdm_opt.along.coherent_range import CoherentRange
-    from fcdm_opt.curve.segments import Segment
+    from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Certificate, Solution
@@ -31,15 +31,11 @@ if TYPE_CHECKING:
 Fact = tuple[str, ...]  # name, value, and a unit or remark where there is one
 Rows = tuple[Sequence[str], Sequence[Sequence[object]]]
 
-LISTED, CHECKS_SHOWN, TIPPED, EDGES = 12, 30, 24, 400
-"""Lines of a list or table, and checks of a certificate, that are shown; segments, or switching points, that are marks
-of their own; edges of a body, of which else only the outline is drawn."""
+LISTED, CHECKS_SHOWN = 12, 30
+"""Lines of a list or table, and checks of a certificate, that are shown."""
 
-VIEW = 27.0, -54.0
-"""Elevation and azimuth in degrees that a body is seen from; no symmetric view, in which edges of a cube meet."""
-
-MARGIN = 0.04
-"""Room about a body's picture, as a share of its size."""
+DOTS = 100
+"""Dots per inch of a card's picture."""
 
 
 class Card(NamedTuple):
@@ -58,8 +54,10 @@ class Card(NamedTuple):
     state : str
         In a badge beside the title, with a sign before it that tells the mood.
     mood : {"good", "bad", "mind", ""}
-    picture : Picture, optional
+    picture : matplotlib Figure, optional
         Beside all that, or below it where the page is narrow.
+    told : str
+        What the picture shows, for who cannot see it.
     most : int
         Lines of a list or table that are shown; how many more there are is said.
     """
@@ -71,21 +69,24 @@ class Card(NamedTuple):
     lists: Mapping[str, Sequence[str]] = {}
     state: str = ""
     mood: str = ""
-    picture: Picture | None = None
+    picture: Figure | None = None
+    told: str = ""
     most: int = LISTED
 
     @property
     def html(self) -> str:
         """The card as one line of HTML."""
-        card = self._replace(facts=[fact for fact in self.facts if fact[1]])
-        return "".join(map(str.strip, rendered("card.html", card=card).split("\n")))
+        data = {**self._asdict(), "facts": [fact for fact in self.facts if fact[1]]}
+        if self.picture is not None:
+            data["picture"] = b64encode(pixels(self.picture, across=int(DOTS * self.picture.get_figwidth()))).decode()
+        return "".join(map(str.strip, rendered("card.html", card=data).split("\n")))
 
 
 # -------------------------------------------------------------------------------------------------------------- bodies
 
 
 def body_card(body: Body) -> Card:
-    """Return the card of a body: what it is made of, its seed, and its edges, those at the back of their part thin."""
+    """Return the card of a body: what it is made of, its seed, and its faces and edges."""
     facts = [
         ("corners", str(len(body.corners))),
         ("faces", str(len(body.faces))),
@@ -94,21 +95,9 @@ def body_card(body: Body) -> Card:
         ("extent", " x ".join(map(number, np.ptp(body.vertices, axis=0).tolist())), "length"),
         ("off the solid", numbers(body.deviation, 3) if any(body.deviation) else "", "outward, inward at most"),
     ]
-    page = page_directions(*VIEW)
-    eye = np.cross(*page.T)
-    lines: list[Mark] = []
-    many = sum(len(part.edges) for part in body.parts) > EDGES
-    for part in body.parts:
-        flat, seen = part.vertices @ page, part.normals @ eye > 0.0
-        for element, (origin, end, one, two) in zip(part.elements["E"], part.edges.tolist(), strict=True):
-            if element.kind == "E" and not (many and seen[one] == seen[two]):  # else a cut between parts runs here
-                lines.append(Mark("front" if seen[one] or seen[two] else "back", (flat[origin], flat[end])))
-    lines.sort(key=lambda line: line.style)
-    corners, room = np.vstack([body.vertices, body.seed]) @ page, MARGIN * body.size
-    limits = np.column_stack([corners.min(axis=0) - room, corners.max(axis=0) + room])
-    told = f"{counted(len(lines), 'edge')} of the body, seen from above; the cross is its seed"
-    picture = drawing([*lines, Mark("seed", corners[-1], "seed")], limits, told=told)
-    return Card(f"Body: {body.name}", facts=facts, lists={"how it was made": body.notes}, picture=picture)
+    told = f"{counted(len(body.faces), 'face')} of the body; the cross is its seed"
+    lists = {"how it was made": body.notes}
+    return Card(f"Body: {body.name}", facts=facts, lists=lists, picture=body_figure(body), told=told)
 
 
 # -------------------------------------------------------------------------------------------------------------- curves
@@ -117,53 +106,29 @@ def body_card(body: Body) -> Card:
 def curve_card(curve: DecisionCurve) -> Card:
     """Return the card of a decision curve: its picture in the box, and its features."""
     segments, points = curve.segments, curve.switching_points
-    marks = [*_lines(curve, "before", ""), *_switching(curve)]
     counts = [counted(len(curve.branches), "chain"), counted(len(segments), "segment")]
     facts = [
         ("bodies", f"{curve.movable.name} (movable), {curve.static.name} (static)"),
         ("box of scales", " x ".join(f"[{numbers(side)}]" for side in curve.box)),
-        ("curve", ", ".join([*counts, counted(len(points), "switching point")]) if marks else "none in the box"),
+        ("curve", ", ".join([*counts, counted(len(points), "switching point")]) if segments else "none in the box"),
     ]
     lists = {
-        "contact along it": [_tip(segment) for segment in segments],
+        "contact along it": [
+            f"S{each.index} {each.feature.label}, {each.configuration}{', snug' if each.snug else ''}"
+            for each in segments
+        ],
         "contact changes at": [f"SW{point.index} ({numbers(point.rho)}), {point.kind}" for point in points],
     }
     told = f"decision curve, {counted(len(segments), 'segment')}"
-    picture = plane(marks, curve.box, told=told) if marks else None
-    return Card("Decision curve", facts=facts, lists=lists, state=curve.status, picture=picture)
-
-
-def _lines(curve: DecisionCurve, style: str, name: str) -> list[Mark]:
-    """Return the lines of a curve, those of a snug fit with a wide one below."""
-    if len(curve.segments) <= TIPPED:
-        runs = [[segment] for segment in curve.segments if segment.snug]
-        lines = [Mark(style, (segment.start, segment.end), _tip(segment), name) for segment in curve.segments]
-    else:
-        chains = [branch.segments for branch in curve.branches]
-        runs = [list(run) for chain in chains for snug, run in groupby(chain, attrgetter("snug")) if snug]
-        lines = [Mark(style, _corners(chain), "", name) for chain in chains]
-    return [*(Mark("snug", _corners(run), "", "snug fit") for run in runs), *lines]
-
-
-def _switching(curve: DecisionCurve) -> list[Mark]:
-    """Return the switching points as marks, none where they are too many to tell apart."""
-    points = curve.switching_points if len(curve.switching_points) <= TIPPED else ()
-    return [Mark("switch", point.rho, f"SW{point.index} ({numbers(point.rho)}): {point.label}") for point in points]
-
-
-def _corners(run: Sequence[Segment]) -> list[Any]:
-    return [run[0].start, *(segment.end for segment in run)]
-
-
-def _tip(segment: Segment) -> str:
-    return f"S{segment.index} {segment.feature.label}, {segment.configuration}{', snug' if segment.snug else ''}"
+    picture = decision_curve_figure(curve, beside=False) if segments and np.isfinite(curve.box).all() else None
+    return Card("Decision curve", facts=facts, lists=lists, state=curve.status, picture=picture, told=told)
 
 
 # ----------------------------------------------------------------------------------------------- problems and answers
 
 
 def problem_card(problem: Problem) -> Card:
-    """Return the card of a problem: what is asked, and the plane of scales about it."""
+    """Return the card of a problem: what is asked, and the curve with what it is about."""
     names = [name for name, _ in problem.motion.parameters]
     limits = [
         f"{name} from {number(in_unit(low, unit))} to {number(in_unit(high, unit))} {unit}"
@@ -189,7 +154,8 @@ def problem_card(problem: Problem) -> Card:
         facts=facts,
         lists={"limits": limits, "tracked contact": [feature.label for feature in problem.tracked_features]},
         state="to be solved",
-        picture=_scales(problem),
+        picture=before_after_figure(problem),
+        told="decision curve, nominal pair and pair made",
     )
 
 
@@ -220,7 +186,8 @@ def solution_card(solution: Solution) -> Card:
         lists={"contact": [feature.label for feature in solution.features]},
         state=solution.status.name,
         mood=mood_of(solution),
-        picture=_scales(problem, solution),
+        picture=before_after_figure(problem, solution),
+        told="decision curve before and after the motion, nominal pair and pair made",
     )
 
 
@@ -252,35 +219,6 @@ def _verdict(solution: Solution) -> str:
     if certificate.passed:
         return f"yes, {counted(len(certificate.checks), 'check')} passed"
     return f"no: {', '.join(check.name for check in certificate.failed) or 'no checks'}"
-
-
-def _scales(problem: Problem, solution: Solution | None = None) -> Picture | None:
-    """Return the curve about the nominal pair, tolerances, and the pair made; after a motion, the curve then too.
-
-    Star: nominal pair; diamond: the pair made; circle: the tracked point after the motion.
-    """
-    nominal, made, tracking = problem.nominal_pair, problem.target, problem.goal in TRACKING
-    pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)
-    signs = [
-        Mark("nominal", nominal, f"nominal pair ({numbers(nominal)})", "nominal pair"),
-        Mark("target", made, f"pair made ({numbers(made)})", "pair made"),
-    ]
-    if tracking and rho is not None:
-        signs.append(Mark("tracked", rho, f"tracked contact after ({numbers(rho)})", "tracked contact after"))
-    areas = []
-    if problem.tolerance is not None:
-        areas.append(Mark("tolerance", tolerance_box(problem).T, "", "tolerance"))
-    if problem.goal == "beyond":
-        far = np.where(problem.signs > 0, np.inf, -np.inf)
-        areas.append(Mark("required", np.sort(np.column_stack([made, far]), axis=1), "", "required"))
-    limits = window(problem, solution if tracking else None)
-    curve = partial(decision_curve, problem.movable, problem.static, box=tuple(map(tuple, limits.tolist())))
-    before = curve()
-    lines = [*_lines(before, "before", "curve as drawn"), *_switching(before)]
-    if pose is not None:
-        lines += _lines(curve(transform=pose), "after", "curve after the motion")
-    told = f"decision curve{'' if pose is None else ' before and after the motion'}, nominal pair and pair made"
-    return plane([*areas, *lines, *signs], limits, told=told)
 
 
 def certificate_card(certificate: Certificate) -> Card:

@@ -11,8 +11,8 @@ from fcdm_opt.design.compensation.assembly_yield import OTHERS
 from fcdm_opt.design.fixed_pose.best_pose import NONE, UNDECIDED
 from fcdm_opt.design.fixed_pose.clearances import gaps_text
 from fcdm_opt.design.study.results import PENDING
+from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.notebook.cards import Card, Rows, mood_of
-from fcdm_opt.show.notebook.pictures import Mark, plane
 from fcdm_opt.show.texts import counted, number, numbers
 
 if TYPE_CHECKING:
@@ -70,10 +70,6 @@ def map_card(sizes: CompensationMap) -> Card:
         (k, f"{region.share:.1%}", " to ".join(map(number, region.amounts)) if region.kind == "motion" else "-", region)
         for k, region in enumerate(sizes.regions, 1)
     ]
-    styles = {True: ("after", "boundary with a jump"), False: ("before", "boundary")}
-    marks = [Mark(styles[line.jumps][0], line.points, "", styles[line.jumps][1]) for line in sizes.boundaries]
-    nominal = Mark("nominal", sizes.nominal, "", "nominal pair")
-    told = f"{counted(len(sizes.regions), 'region')} over the box of sizes"
     exact = sizes.reached <= sizes.error
     return Card(
         "Compensation map",
@@ -84,7 +80,8 @@ def map_card(sizes: CompensationMap) -> Card:
         tables=[(("region", "of the box", "amount", "held by"), lines)],
         state="as accurate as asked" if exact else "less accurate than asked",
         mood="good" if exact else "mind",
-        picture=plane([*marks, nominal], sizes.box, told=told),
+        picture=map_figure(sizes),
+        told=f"{counted(len(sizes.regions), 'region')} over the box of sizes",
     )
 
 
