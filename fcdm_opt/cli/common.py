@@ -56,30 +56,23 @@ def case_names(ctx: typer.Context, incomplete: str) -> list[str]:
     return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]
 
 
-Files = Annotated[
-    list[Path],
-    typer.Argument(metavar="FILE", help="Problem files (TOML).", show_default=False, autocompletion=problem_files),
-]
-AsJson = Annotated[
-    bool,
-    typer.Option("--json", help="Write one JSON document to stdout in place of tables.", rich_help_panel=OUTPUT),
-]
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.", rich_help_panel=OUTPUT),
-]
-Seed = Annotated[
-    int, typer.Option("--seed", metavar="N", min=0, help="Start of everything that is drawn at random, >= 0.")
-]
+def option(name: str, metavar: str | None, text: str, group: str | None = None, **more: Any) -> Any:
+    """Return an option of a command: its name, what its value is called, its help, and the heading it stands under."""
+    return typer.Option(name, metavar=metavar, help=text, rich_help_panel=group, **more)
+
+
+def argument(metavar: str, text: str, **more: Any) -> Any:
+    """Return an argument of a command: what it is called, and its help."""
+    return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
+
+
+Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocompletion=problem_files)]
+AsJson = Annotated[bool, option("--json", None, "Write one JSON document to stdout in place of tables.", OUTPUT)]
+Out = Annotated[Path | None, option("--out", "DIR", "Write pictures (PNG and SVG) there.", OUTPUT)]
+Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
 Cases = Annotated[
     list[str] | None,
-    typer.Option(
-        "--case",
-        metavar="NAME",
-        help="Take only this case; may be repeated.",
-        rich_help_panel=CHOICE,
-        autocompletion=case_names,
-    ),
+    option("--case", "NAME", "Take only this case; may be repeated.", CHOICE, autocompletion=case_names),
 ]
 
 

@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from fcdm_opt.cli.common import (
     BAD_INPUT,
     NO_MOTION,
@@ -22,8 +20,10 @@ from fcdm_opt.cli.common import (
     OpenedFile,
     Seed,
     album_in,
+    argument,
     code_of,
     finish,
+    option,
     say,
 )
 from fcdm_opt.errors import InputError
@@ -33,40 +33,29 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
-Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="Write results and pictures there.")]
-Jobs = Annotated[int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; default: one a core.")]
-Sizes = Annotated[
-    Path | None,
-    typer.Option("--sizes", metavar="CSV", help="Measured pairs of parts; default: the tolerance box."),
-]
-SizeBox = Annotated[
-    str | None,
-    typer.Option(
-        "--box",
-        metavar="LOW1,HIGH1,LOW2,HIGH2",
-        help="Sizes of both parts as shares of those drawn, in place of the tolerance box.",
-    ),
-]
-Columns = Annotated[
-    str, typer.Option("--columns", metavar="A,B", help="Its columns with the movable and the static part's sizes.")
-]
-Nominals = Annotated[
-    str, typer.Option("--nominals", metavar="X,Y", help="What these columns are divided by: the sizes as drawn.")
-]
+Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
+Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
+Sizes = Annotated[Path | None, option("--sizes", "CSV", "Measured pairs of parts; default: the tolerance box.")]
+Columns = Annotated[str, option("--columns", "A,B", "Its columns with the movable and the static part's sizes.")]
+Nominals = Annotated[str, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn.")]
+BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
+SizeBox = Annotated[str | None, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX)]
+SET = "Change any key of a case, or bodies.movable...: tolerance=0.03, limits.RZ_deg=[-5,5]; may be repeated."
+BUDGET = (
+    'Largest tolerance that motions up to this amount make good, per requirement; "limits": that any motion within the '
+    "case's own limits does."
+)
+SCHEDULER = "Of a Dask cluster; without it a local one is made."
+WINDOW = "Smallest motion after which every pair's gap is in this window."
 
 
 def study_command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).", show_default=False)],
+    file: Annotated[Path, argument("FILE", "A study file (TOML).")],
     out: Results,
     jobs: Jobs = None,
-    engine: Annotated[
-        str, typer.Option("--engine", metavar="NAME", help='"joblib" (this machine) or "dask" (many).')
-    ] = "joblib",
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster; without it a local one is made."),
-    ] = None,
-    parquet: Annotated[bool, typer.Option("--parquet", help="Write study.parquet besides study.csv.")] = False,
+    engine: Annotated[str, option("--engine", "NAME", '"joblib" (this machine) or "dask" (many).')] = "joblib",
+    scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", SCHEDULER)] = None,
+    parquet: Annotated[bool, option("--parquet", None, "Write study.parquet besides study.csv.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Solve and verify every point of a study; a run that was stopped is taken up where it was.
@@ -95,27 +84,11 @@ def study_command(
 
 def whatif_command(
     files: Files,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Change any key of a case, or bodies.movable...: tolerance=0.03, limits.RZ_deg=[-5,5]; "
-            "may be repeated.",
-        ),
-    ] = None,
-    budget: Annotated[
-        str | None,
-        typer.Option(
-            "--budget",
-            metavar="AMOUNT",
-            help='Largest tolerance that motions up to this amount make good, per requirement; "limits": that any '
-            "motion within the case's own limits does.",
-        ),
-    ] = None,
-    conflicts: Annotated[bool, typer.Option("--conflicts", help="Why there is no motion, and what cures it.")] = False,
-    drop: Annotated[bool, typer.Option("--drop", help="What each constraint costs.")] = False,
-    compare: Annotated[bool, typer.Option("--compare", help="Which family of motions is cheapest.")] = False,
+    changes: Annotated[list[str] | None, option("--set", "KEY=VALUE", SET)] = None,
+    budget: Annotated[str | None, option("--budget", "AMOUNT", BUDGET)] = None,
+    conflicts: Annotated[bool, option("--conflicts", None, "Why there is no motion, and what cures it.")] = False,
+    drop: Annotated[bool, option("--drop", None, "What each constraint costs.")] = False,
+    compare: Annotated[bool, option("--compare", None, "Which family of motions is cheapest.")] = False,
     as_json: AsJson = False,
     case: Cases = None,
 ) -> None:
@@ -155,17 +128,11 @@ def map_command(
     files: Files,
     out: Results,
     error: Annotated[
-        float | None,
-        typer.Option(
-            "--error", metavar="LENGTH", help="Error of the amount that is allowed; default: 1e-4 of the largest."
-        ),
+        float | None, option("--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.")
     ] = None,
-    seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", help="Time after which a map is left as accurate as it is.")
-    ] = 120.0,
+    seconds: Annotated[float, option("--seconds", "S", "Time after which a map is left as accurate as it is.")] = 120.0,
     budget: Annotated[
-        float | None,
-        typer.Option("--budget", metavar="AMOUNT", help="Tell the share of pairs whose motion stays within it."),
+        float | None, option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.")
     ] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
@@ -206,12 +173,7 @@ def map_command(
 
 def pose_command(
     files: Files,
-    window: Annotated[
-        str | None,
-        typer.Option(
-            "--clearance", metavar="LO,HI", help="Smallest motion after which every pair's gap is in this window."
-        ),
-    ] = None,
+    window: Annotated[str | None, option("--clearance", "LO,HI", WINDOW)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",

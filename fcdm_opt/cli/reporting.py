@@ -7,31 +7,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from fcdm_opt.cli.common import BAD_INPUT, Cases, code_of, finish, opened_files, problem_files, say
+from fcdm_opt.cli.common import BAD_INPUT, Cases, argument, code_of, finish, opened_files, option, problem_files, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
 MEGABYTE = 1e6
 
-Sources = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="FILE|DIR",
-        help="Problem files (TOML), folders of them, or the folder that a study was run into.",
-        show_default=False,
-        autocompletion=problem_files,
-    ),
-]
+FILES = "Problem files (TOML), folders of them, or the folder that a study was run into."
 
 
 def report_command(
-    sources: Sources,
-    out: Annotated[Path, typer.Option("--out", metavar="HTML", help="The file to write.")] = Path("report.html"),
-    certify: Annotated[
-        bool, typer.Option("--certify/--no-certify", help="Prove how small a motion can be at all.")
-    ] = True,
+    sources: Annotated[list[Path], argument("FILE|DIR", FILES, autocompletion=problem_files)],
+    out: Annotated[Path, option("--out", "HTML", "The file to write.")] = Path("report.html"),
+    certify: Annotated[bool, option("--certify/--no-certify", None, "Prove how small a motion can be at all.")] = True,
     case: Cases = None,
 ) -> None:
     """Write problems and their solutions, or a study, as one HTML file to look at; it needs no network."""

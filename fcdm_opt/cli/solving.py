@@ -6,9 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, say
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, option, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,6 +14,11 @@ if TYPE_CHECKING:
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.problem.problem import Problem
+
+DIRECTION = (
+    "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
+    "motion that solves the case."
+)
 
 
 def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
@@ -40,14 +43,13 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 def solve_command(
     files: Files,
     certify: Annotated[
-        bool,
-        typer.Option("--certify", help="Prove to 1e-4 how small a motion can be at all, and have the proof checked."),
+        bool, option("--certify", None, "Prove to 1e-4 how small a motion can be at all, and have the proof checked.")
     ] = False,
     effort: Annotated[
-        str, typer.Option(metavar="proved|quick", help="quick: the first motion that the stages find, without proof.")
+        str, option("--effort", "proved|quick", "quick: the first motion that the stages find, without proof.")
     ] = "proved",
     seconds: Annotated[
-        float | None, typer.Option(metavar="S", help="Wall time of a case's proof; default: a number of looks.")
+        float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
     ] = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -82,15 +84,7 @@ def solve_command(
 
 def range_command(
     files: Files,
-    direction: Annotated[
-        str | None,
-        typer.Option(
-            "--direction",
-            metavar="NAME=VALUE,...",
-            help="Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, "
-            "else the motion that solves the case.",
-        ),
-    ] = None,
+    direction: Annotated[str | None, option("--direction", "NAME=VALUE,...", DIRECTION)] = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,

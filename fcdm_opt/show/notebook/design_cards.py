@@ -13,7 +13,7 @@ from fcdm_opt.design.fixed_pose.clearances import gaps_text
 from fcdm_opt.design.study.results import PENDING
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.notebook.cards import Card, Rows, mood_of
-from fcdm_opt.show.texts import counted, number, numbers
+from fcdm_opt.show.texts import counted, number, numbers, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
@@ -125,25 +125,11 @@ def clearances_card(clearances: Clearances) -> Card:
 
 
 def study_card(study: StudyResult) -> Card:
-    """Return the card: how many points have which status, amounts, yield and time."""
-    amounts = sorted(row["amount"] for key, _ in study.points if (row := study.answer(key)) and row["usable"])
-    length = study.unit or "length"
+    """Return the card: what was varied, how many points have which status, amounts, yield and time."""
     varied = "; ".join(f"{label}: {counted(len(values), 'value')}" for label, values in study.axes.items())
-    facts = [("points", str(len(study.points)), varied)]
-    if amounts:
-        ends = (("least", 0), ("middle", len(amounts) // 2), ("largest", -1))
-        facts += [(f"{name} amount", number(amounts[k]), length) for name, k in ends]
-    if (share := study.assembly_yield) is not None:
-        low, high = share.interval
-        sure = f"{share.confidence:.0%} interval {low:.2%} to {high:.2%}"
-        told = f"within {number(share.budget)} ({share.within} of {share.of}; {sure})"
-        facts.append(("yield", f"{share.share:.2%}", told))
-    if study.seconds:
-        facts.append(("working time", number(study.seconds.get("point"), 3), "s"))
     return Card(
         f"Study: {study.definition.get('title') or 'without title'}",
-        facts=facts,
-        tables=[(("status", "points"), list(study.counts.items()))],
+        facts=[("varied", varied), *study_facts(study)],
         state="complete" if study.complete else f"{study.counts[PENDING]} not worked out yet",
         mood="good" if study.complete else "mind",
     )

@@ -1,8 +1,7 @@
 """The report: one HTML file about problems and their solutions, or about a study.
 
-gather      the data of all cases, from problem files: read this first
+gather      the data of all cases, from problem files: read this first; the requirements A to D as in the paper's tables
 cases       one case: question, answer, certificate, sensitivities, poses
-matrix      the requirements A to D as in the paper's Tables 1 and 2
 families    the frames along tolerance and motion
 frames      what scene, curve and numbers show at one place
 scenes      bodies and features as triangles and edges

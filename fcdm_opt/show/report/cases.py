@@ -43,32 +43,45 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
     return {**_answer(problem, case), **_grounds(case.solution), **_pictures(problem, case.solution, seconds)}
 
 
+def answered(solution: Solution) -> dict[str, Any]:
+    """Return what a case, and a cell of the table of requirements, says of an answer."""
+    return {
+        "status": solution.status.name,
+        "motion": motion_text(solution),
+        "amount": plain(solution.amount),
+        "amount_unit": solution.problem.amount_unit,
+        "doubt": solution.doubt,
+        "bound_text": bound_line(solution),
+        "pair_state": solution.pair_state,
+    }
+
+
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
     solution = case.solution
     published = {"motion": problem.published_text, "amount": plain(case.published_amount)}
+    units = {"translation": problem.unit or "length", "rotation": "rad"}
+    kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
+    texts = dict(zip(solution.parameters, parameter_texts(problem, solution.parameters), strict=True))
     return {
         "name": problem.name,
         "unit": problem.unit,
-        "amount_unit": problem.amount_unit,
         "asked": asked_text(problem),
         "goal": problem.goal,
-        "status": solution.status.name,
         "advice": advised(case),
         "remarks": remarks(solution),
         "usable": solution.usable,
-        "motion": motion_text(solution),
-        "amount": plain(solution.amount),
+        **answered(solution),
         "lower_bound": plain(solution.lower_bound),
         "gap": plain(solution.gap),
-        "doubt": solution.doubt,
-        "bound_text": bound_line(solution),
         "published": published if problem.published_text or problem.published is not None else None,
         "touch_amount": plain(case.touch_amount),
-        "parameters": _parameters(problem, solution),
+        "parameters": [
+            {"name": name, "value": value, "unit": kinds[name], "shown": texts[name]}
+            for name, value in solution.parameters.items()
+        ],
         "pair": plain(solution.pair),
         "pair_gap": plain(solution.pair_gap),
-        "pair_state": solution.pair_state,
         "rho": plain(solution.rho),
         "features": [feature.label for feature in solution.features],
         "configurations": _configurations(solution),
@@ -79,24 +92,13 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     }
 
 
-def _parameters(problem: Problem, solution: Solution) -> list[dict[str, Any]]:
-    units = {"translation": problem.unit or "length", "rotation": "rad"}
-    kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
-    shown = parameter_texts(problem, solution.parameters)
-    return [
-        {"name": name, "value": value, "unit": kinds[name], "shown": text}
-        for (name, value), text in zip(solution.parameters.items(), shown, strict=True)
-    ]
-
-
 def _configurations(solution: Solution) -> list[str]:
     """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
     problem = solution.problem
     contact = problem.nominal_contact
     if solution.transform is not None and solution.rho is not None:
-        contact = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform).locate(
-            solution.rho
-        )
+        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+        contact = moved.locate(solution.rho)
     if contact is None:
         return []
     return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
@@ -124,25 +126,23 @@ def _grounds(solution: Solution) -> dict[str, Any]:
 
 
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
-    listed = [("movable", problem.movable), ("static", problem.static)]
-    listed += [("keep-out", keep_out.body) for keep_out in problem.keep_out]
-    told = [
+    listed = [("movable", problem.movable, ""), ("static", problem.static, "")]
+    for keep_out in problem.keep_out:
+        scale = " to ".join(f"{end:g}" for end in dict.fromkeys(keep_out.ends))
+        clear = measured(f"{keep_out.clearance:g}", problem.unit)
+        listed.append(("keep-out", keep_out.body, f"scale {scale}, clearance {clear}"))
+    return [
         {
             "name": body.name,
             "role": role,
             "vertices": len(body.corners),
             "parts": len(body.parts),
             "seed": plain(body.seed),
-            "notes": [note for note in body.notes if note],
+            "notes": [note for note in (first, *body.notes) if note],
             "deviation": plain(body.deviation),
         }
-        for role, body in listed
+        for role, body, first in listed
     ]
-    for body, keep_out in zip(told[2:], problem.keep_out, strict=True):
-        low, high = keep_out.ends
-        scale = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-        body["notes"].insert(0, f"scale {scale}, clearance {measured(f'{keep_out.clearance:g}', problem.unit)}")
-    return told
 
 
 def _modelled(solution: Solution) -> list[dict[str, Any]]:
@@ -212,16 +212,10 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
     if solution.transform is not None:
         corrected = frames.solved(solution, "the parts made, after the motion")
         if solution.rho is not None and (abs(solution.rho / solution.pair - 1.0) > DEFAULT.requirement).any():
-            tracked = frames.frame(
-                solution.rho,
-                solution.transform,
-                solution.rho,
-                target=solution.pair,
-                motion=corrected["motion"],
-                amount=solution.amount,
-                parameters=corrected["parameters"],
-                note="at the scales of the tracked contact, after the motion",
-            )
+            told = {key: corrected[key] for key in ("motion", "parameters")}
+            note = "at the scales of the tracked contact, after the motion"
+            at = solution.rho, solution.transform, solution.rho
+            tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
     return {
         "nominal": frames.still(problem.nominal_pair, "nominal sizes, no motion"),
         "rescaled": frames.still(problem.target, "the parts made, no motion"),

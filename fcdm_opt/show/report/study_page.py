@@ -8,10 +8,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.geometry.units import floored
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.texts import shown
+from fcdm_opt.show.texts import shown, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -56,7 +56,7 @@ def study_page(result: StudyResult) -> str:
         },
         title=result.definition.get("title") or "Study",
         note=result.definition.get("note"),
-        summary=_summary(result, rows),
+        summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
         picture=_picture(result),
         varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
@@ -66,25 +66,6 @@ def study_page(result: StudyResult) -> str:
         versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
         definition=json.dumps(definition, indent=1, ensure_ascii=False),
     )
-
-
-def _summary(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
-    """Return name, value and small print of what was found."""
-    amounts = sorted(row["amount"] for row in rows if row["usable"])
-    counts = ", ".join(f"{count} {status}" for status, count in result.counts.items())
-    told = [("Points", str(len(rows)), counts)]
-    if amounts:
-        least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
-        unit = result.unit or "length units"
-        told.append((f"Amounts ({unit})", f"{least} to {largest}", f"the middle one {middle}"))
-    if (share := result.assembly_yield) is not None:
-        low, high = share.interval
-        sure = f"{share.within} of {share.of}; {share.confidence:.0%} interval {low:.2%} to {high:.2%}"
-        told.append((f"Yield within {measured(f'{share.budget:g}', result.unit)}", f"{share.share:.2%}", sure))
-    if result.seconds:
-        parts = ", ".join(f"{name} {value:.3g}" for name, value in result.seconds.items() if name != "point")
-        told.append(("Working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))
-    return told
 
 
 def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
