@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import BLACK, GREY, NOTE, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Sheet
 from fcdm_opt.show.plots import plane
@@ -51,16 +51,16 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
     axes.grid(visible=False)
     _fill(sheet.figure, axes, bar, sizes)
     for boundary in sizes.boundaries:
-        line = boundary.points.T
-        if boundary.jumps:
-            axes.plot(*line, color=BLACK, linewidth=3.2, zorder=3, solid_capstyle="butt")
-            axes.plot(*line, color="white", linewidth=1.6, zorder=3.1, solid_capstyle="butt")
-        else:
-            axes.plot(*line, color=BLACK, linewidth=1.0, zorder=3)
-    _number(axes, sizes)
+        for colour, width in ((BLACK, 3.2), ("white", 1.6)) if boundary.jumps else ((BLACK, 1.0),):
+            axes.plot(*boundary.points.T, color=colour, linewidth=width, zorder=3, solid_capstyle="butt")
     _mark(axes, sizes)
     lines = []
     for number, region in enumerate(sizes.regions[:LISTED], 1):
+        if region.share >= SHARE:
+            axes.text(
+                *region.place, str(number), ha="center", va="center", fontsize=NOTE, zorder=5,
+                bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
+            )  # fmt: skip
         least, largest = region.amounts
         amount = "" if np.isnan(least) else f", amount {least:.4g} to {largest:.4g}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
@@ -95,23 +95,11 @@ def _fill(figure: Figure, axes: Any, bar: Any, sizes: CompensationMap) -> None:
     bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
 
 
-def _number(axes: Any, sizes: CompensationMap) -> None:
-    for number, region in enumerate(sizes.regions[:LISTED], 1):
-        if region.share >= SHARE:
-            axes.text(
-                *region.place, str(number), ha="center", va="center", fontsize=NOTE, zorder=5,
-                bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
-            )  # fmt: skip
-
-
 def _mark(axes: Any, sizes: CompensationMap) -> None:
     """Mark the nominal pair and the corners that the requirements ask for."""
     box = np.asarray(sizes.box)
-    corners: dict[str, Array] = {
-        name: np.array([box[0, one], box[1, two]])
-        for name, one, two in (("A", 1, 1), ("B", 1, 0), ("C", 0, 1), ("D", 0, 0))
-    }
-    for name, corner in corners.items():
+    for name, signs in SIGNS.items():
+        corner = np.where(np.asarray(signs) > 0, box[:, 1], box[:, 0])
         axes.plot(*corner, marker="D", markersize=4.5, markerfacecolor="white", markeredgecolor=VERMILLION, zorder=6)
         shift = -9 * np.sign(corner - box.mean(axis=1))
         axes.annotate(name, tuple(corner), xytext=tuple(shift), textcoords="offset points", ha="center", va="center",

@@ -53,9 +53,8 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
     below = "within the budget" if math.isfinite(result.budget) else "pairs with a motion"
     for chosen, colour, name in ((within, BLUE, below), (~within, VERMILLION, "beyond the budget")):
         if (heights[chosen] > 0.0).any():
-            axes.bar(
-                edges[:-1][chosen], heights[chosen], np.diff(edges)[chosen], align="edge", color=colour, label=name
-            )
+            wide = np.diff(edges)[chosen]
+            axes.bar(edges[:-1][chosen], heights[chosen], wide, align="edge", color=colour, label=name)
     highest = max(float(heights.max()), 1.0 / result.count)
     axes.set_ylim(0.0, HIGHEST * highest)
     if math.isfinite(result.budget):
@@ -64,17 +63,9 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
     for share, amount in result.quantiles.items():
         if math.isfinite(amount):
             axes.axvline(amount, color=GREY, linewidth=0.6, linestyle=":")
-            axes.annotate(
-                f"{share:.4g}".lstrip("0"),
-                (amount, HIGHEST * highest),
-                xytext=(-1.5, -2),
-                textcoords="offset points",
-                ha="right",
-                va="top",
-                rotation=90,
-                fontsize=NOTE,
-                color=DARK,
-            )
+            axes.annotate(f"{share:.4g}".lstrip("0"), (amount, HIGHEST * highest), xytext=(-1.5, -2),
+                          textcoords="offset points", ha="right", va="top", rotation=90, fontsize=NOTE,
+                          color=DARK)  # fmt: skip
     axes.set_xlabel(f"amount of the motion ({result.unit or 'length units'})")
     axes.set_ylabel("share of all pairs in a bin")
     if not heights.any():
