@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import TRACKING, Problem
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, TEXT, VERMILLION, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
 from fcdm_opt.show.scales import clipped, marked, path, pieces, reaching, tolerance_box, window
 
@@ -164,7 +164,7 @@ def name_sides(names: Names, axes: Any, curve: DecisionCurve) -> None:
         rho = np.asarray(curve.box)[:, corner]
         gap = curve.gap(rho)
         word = "apart" if gap > 0 else "overlapping" if gap < 0 else "touching"
-        names.put(word, rho, (inwards, inwards), colour=DARK, size=TEXT, lead=False)
+        names.put(word, rho, (inwards, inwards), colour=DARK)
 
 
 def draw_tolerance(axes: Any, problem: Problem) -> None:

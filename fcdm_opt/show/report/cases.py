@@ -30,17 +30,20 @@ PROOF = "proof"
 
 
 def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[str, Any]:
-    """Return the data of one case.
+    """Return the data of one case; `seconds` are for the frames of both families.
 
-    Parameters
-    ----------
-    problem : Problem
-        As asked; that of the solution names the features that were chosen.
-    case : SolvedCase
-    seconds : float
-        Time for the frames of both families.
+    `problem` is as asked; that of the solution names the features that were chosen.
     """
-    return {**_answer(problem, case), **_grounds(case.solution), **_pictures(problem, case.solution, seconds)}
+    solution = case.solution
+    grounds = {
+        "bodies": _bodies(solution.problem),
+        "modelled": _modelled(solution),
+        "left_out": left_out(solution),
+        "certificate": plain(solution.to_dict()["certificate"]),
+        "evidence": _evidence(solution),
+        "sensitivities": _sensitivities(solution),
+    }
+    return {**_answer(problem, case), **grounds, **_pictures(problem, solution, seconds)}
 
 
 def answered(solution: Solution) -> dict[str, Any]:
@@ -111,18 +114,6 @@ def digest(problem: Problem) -> str:
 
 
 # ------------------------------------------------------------------------------------------------------------- grounds
-
-
-def _grounds(solution: Solution) -> dict[str, Any]:
-    """Return what the answer rests on."""
-    return {
-        "bodies": _bodies(solution.problem),
-        "modelled": _modelled(solution),
-        "left_out": left_out(solution),
-        "certificate": plain(solution.to_dict()["certificate"]),
-        "evidence": _evidence(solution),
-        "sensitivities": _sensitivities(solution),
-    }
 
 
 def _bodies(problem: Problem) -> list[dict[str, Any]]:

@@ -94,15 +94,8 @@ def matrices(problems: Sequence[Problem], cases: Sequence[SolvedCase], *, first:
 
     Cases of the same bodies, nominal sizes, tolerances, goal, pair state and clearance that differ in the requirement
     share a table; keep-outs and path must be the same too, the motion need not. A requirement that the file does not
-    ask for is solved with the motion of the table's first case. Without a requirement a case has no table.
-
-    Parameters
-    ----------
-    problems : sequence of Problem
-        As asked, one a case.
-    cases : sequence of SolvedCase
-    first : int
-        Number of the first case in the report.
+    ask for is solved with the motion of the table's first case. Without a requirement a case has no table. `first` is
+    the number of the first case in the report.
     """
     tables: list[tuple[Any, Problem, dict[str, tuple[int, Solution]]]] = []
     for number, (problem, case) in enumerate(zip(problems, cases, strict=True), first):

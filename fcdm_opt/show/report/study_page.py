@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.geometry.units import floored
+from fcdm_opt.show.plain import plain
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.texts import shown, study_facts
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
 """Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
 
-ALWAYS = ("status", "amount", "lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
-"""Columns of a row besides what was varied and the motion's parameters."""
+ALWAYS = ("lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
+"""Columns of a row besides what was varied, status, amount and the motion's parameters."""
 
 
 def study_page(result: StudyResult) -> str:
@@ -47,7 +47,7 @@ def study_page(result: StudyResult) -> str:
         figures={
             "columns": columns,
             "varied": varied,
-            "rows": [[_plain(rows[k][name]) for name in columns] for k in charted],
+            "rows": [[plain(rows[k][name]) for name in columns] for k in charted],
             "usable": [bool(rows[k]["usable"]) for k in charted],
             "numbers": list(charted),
             "of": count,
@@ -61,7 +61,7 @@ def study_page(result: StudyResult) -> str:
         varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
         heads=("number", *columns),
-        rows=[(str(k), *(_cell(name, _plain(rows[k][name])) for name in columns)) for k in printed],
+        rows=[(str(k), *(_cell(name, plain(rows[k][name])) for name in columns)) for k in printed],
         study=result.study,
         versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
         definition=json.dumps(definition, indent=1, ensure_ascii=False),
@@ -78,12 +78,7 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
     names = list(rows[0])
     varied = names[names.index("number") + 1 : names.index("status")]
     motion = names[names.index("lower_bound") + 1 : names.index("rho_1")]
-    return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS[2:] if name in rows[0])]
-
-
-def _plain(value: Any) -> Any:
-    """Return a value that JSON has."""
-    return value if not isinstance(value, float) or math.isfinite(value) else None
+    return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
 
 
 def _evenly(count: int, most: int) -> Sequence[int]:
