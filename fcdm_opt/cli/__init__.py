@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from fcdm_opt.cli import designing, reporting, solving, starting
 from fcdm_opt.cli.helping import Command, LentCommand, Overview
 
-COMMANDS = {
+COMMANDS: dict[str, dict[str, Any]] = {
     "How do I begin?": {"init": starting.init_command, "schema": starting.schema_command},
     "How do the parts touch, and what is the smallest motion?": {
         **{"curve": solving.curve_command, "solve": solving.solve_command, "range": solving.range_command},
@@ -98,7 +98,7 @@ def _common(
 for _question, _commands in COMMANDS.items():
     for _name, _command in _commands.items():
         _lines = [line for line in EXAMPLES.splitlines() if line.split(" ")[1] == _name]
-        _about = {"epilog": "\n".join(_lines), "rich_help_panel": _question}
+        _about: Any = {"epilog": "\n".join(_lines), "rich_help_panel": _question}
         if isinstance(_command, str):
             app.command(_name, cls=LentCommand, help=_command, **_about)(lambda: None)
         else:

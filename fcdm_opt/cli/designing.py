@@ -163,7 +163,7 @@ def map_command(
         yield "map", found, tables.print_lines
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
-            scattered = tuple(ends) if pairs is None else pairs
+            scattered: Any = tuple(ends) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
             pictures.add_yield(f"{stem}-yield", share, title=f"{file.name}: case {problem.name}")
             yield "yield", share, tables.print_yield

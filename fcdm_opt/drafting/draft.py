@@ -150,7 +150,7 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     return made.get_template("problem.toml.jinja")
 
 
-# ---------------------------------------------------------------------------------------------------- what else could be
+# --------------------------------------------------------------------------------------------------- what else could be
 
 
 def _goals(situation: Situation) -> dict[str, tuple[str, str, bool, bool]]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -184,7 +184,7 @@ def _by_nearness(curve: DecisionCurve) -> list[SwitchingPoint]:
     return sorted(curve.switching_points, key=lambda own: float(np.abs(np.log(own.rho)).max()))
 
 
-def _pieces(contact: Segment | SwitchingPoint) -> Sequence[Segment]:
+def _pieces(contact: Segment | SwitchingPoint) -> Sequence[Any]:
     """Return the pieces of the curve that meet at a contact, each of its normal and part pair."""
     return (contact,) if isinstance(contact, Segment) else contact.pieces
 

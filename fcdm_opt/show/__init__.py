@@ -11,7 +11,7 @@ Pictures, and here what they share:
 plots            decision curves, before and after a motion
 scene            the pair of bodies in space
 family           the curves over a coherent range
-maps, yields     compensation maps, and the yield of a fit
+maps             compensation maps, and the yield of a fit
 studies          the amount over what a study varied
 sensitivities    what the amount depends on
 lettering        words on a picture, none upon another

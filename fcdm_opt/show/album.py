@@ -111,7 +111,7 @@ class Album:
 
     def add_yield(self, stem: str, result: AssemblyYield, *, title: str = "") -> None:
         """Add how the amounts of all part pairs are spread about the budget."""
-        from fcdm_opt.show.yields import yield_figure
+        from fcdm_opt.show.maps import yield_figure
 
         self._write(self._once(stem), yield_figure(result, title=title or f"yield: {stem}"))
 

@@ -67,7 +67,7 @@ class Sheet:
         if head:
             figure.text(0.5, 1.0 - EDGE / whole, literal("\n".join(head)), ha="center", va="top", fontsize=TITLE)
         if foot:
-            look = {"ha": "center", "va": "bottom", "fontsize": NOTE, "color": DARK, "linespacing": SPACING / 1.2}
+            look: Any = {"ha": "center", "va": "bottom", "fontsize": NOTE, "color": DARK, "linespacing": SPACING / 1.2}
             figure.text(0.5, EDGE / whole, literal("\n".join(foot)), **look)
         return cls(figure, (width, height), below)
 

@@ -99,8 +99,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     axes.set_xlabel(f"change of the amount ({unit}) with the step on the right, to first order")
     axes.set_yticks(range(len(shown)), [literal(_short(bar.name)) for bar in shown])
     axes.tick_params(axis="y", length=0)
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right", "left"]].set_visible(False)
     if not shown:
         text = "nothing nearby changes the amount" if derivatives.exists else "no derivatives"
         axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=DARK)

@@ -51,11 +51,9 @@ def answered(solution: Solution) -> dict[str, Any]:
     return {
         "status": solution.status.name,
         "motion": motion_text(solution),
-        "amount": plain(solution.amount),
         "amount_unit": solution.problem.amount_unit,
-        "doubt": solution.doubt,
         "bound_text": bound_line(solution),
-        "pair_state": solution.pair_state,
+        **{key: plain(getattr(solution, key)) for key in ("amount", "doubt", "pair_state")},
     }
 
 
@@ -65,32 +63,23 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     published = {"motion": problem.published_text, "amount": plain(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
-    texts = dict(zip(solution.parameters, parameter_texts(problem, solution.parameters), strict=True))
+    texts = parameter_texts(problem, solution.parameters)
+    named = ("usable", "lower_bound", "gap", "pair", "pair_gap", "rho", "active", "stage", "seconds")
     return {
-        "name": problem.name,
-        "unit": problem.unit,
+        **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
-        "goal": problem.goal,
         "advice": advised(case),
         "remarks": remarks(solution),
-        "usable": solution.usable,
         **answered(solution),
-        "lower_bound": plain(solution.lower_bound),
-        "gap": plain(solution.gap),
+        **{key: plain(getattr(solution, key)) for key in named},
         "published": published if problem.published_text or problem.published is not None else None,
         "touch_amount": plain(case.touch_amount),
         "parameters": [
-            {"name": name, "value": value, "unit": kinds[name], "shown": texts[name]}
-            for name, value in solution.parameters.items()
+            {"name": name, "value": value, "unit": kinds[name], "shown": text}
+            for (name, value), text in zip(solution.parameters.items(), texts, strict=True)
         ],
-        "pair": plain(solution.pair),
-        "pair_gap": plain(solution.pair_gap),
-        "rho": plain(solution.rho),
         "features": [feature.label for feature in solution.features],
         "configurations": _configurations(solution),
-        "active": list(solution.active),
-        "stage": solution.stage,
-        "seconds": plain(solution.seconds),
         "sha256": digest(problem),
     }
 
