@@ -17,11 +17,15 @@ from fcdm_opt.cli.helping import Command, LentCommand, Overview
 COMMANDS: dict[str, dict[str, Any]] = {
     "How do I begin?": {"init": starting.init_command, "schema": starting.schema_command},
     "How do the parts touch, and what is the smallest motion?": {
-        **{"curve": solving.curve_command, "solve": solving.solve_command, "range": solving.range_command},
+        "curve": solving.curve_command,
+        "solve": solving.solve_command,
+        "range": solving.range_command,
         "report": reporting.report_command,
     },
     "What if sizes, tolerances, motions or shapes were different?": {
-        **{"whatif": designing.whatif_command, "map": designing.map_command, "pose": designing.pose_command},
+        "whatif": designing.whatif_command,
+        "map": designing.map_command,
+        "pose": designing.pose_command,
         "study": designing.study_command,
     },
     "How fast and how right is it?": {
