@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.geometry.bodies import Body
-    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
     from fcdm_opt.show.solved import SolvedCase
 
@@ -100,21 +98,14 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
             print_text(f"{solution.problem.name}: {advised(row)}{checks}", indent="   ")
         for remark in remarks(solution):
             print_text(f"{solution.problem.name}: {remark}", indent="   ")
-    _print_notes([body for row in rows for body in _bodies(row.solution.problem)])
+    asked = [row.solution.problem for row in rows]
+    bodies = [body for each in asked for body in (each.movable, each.static, *(own.body for own in each.keep_out))]
+    for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
+        print_text(text, indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
     console().print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
-
-
-def _bodies(problem: Problem) -> tuple[Body, ...]:
-    return (problem.movable, problem.static, *(keep_out.body for keep_out in problem.keep_out))
-
-
-def _print_notes(bodies: Iterable[Body]) -> None:
-    """Print once how each body was made, where that is worth a note."""
-    for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
-        print_text(text, indent="   ")
 
 
 def _cells(row: SolvedCase) -> dict[str, str]:

@@ -2,8 +2,8 @@
 
 A card is one piece of HTML that depends on nothing: no script, no style sheet, no identifier, nothing from outside.
 Notebook viewers drop all of these; what is left even without inline styles can still be read. Words take the colour of
-the page, light or dark, and no state is told by colour alone. Equal results give equal bytes. `cards` and `design_cards`
-gather what a card says as plain values; the template `card.html` escapes them.
+the page, light or dark, and no state is told by colour alone. Equal results give equal bytes. `cards` and
+`design_cards` gather what a card says as plain values; the template `card.html` escapes them.
 """
 
 from __future__ import annotations
