@@ -124,7 +124,7 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFil
         raise InputError("no such case", key="--case", found=name, allowed=", ".join(known) or "none is there")
     if not wanted:
         return files
-    return [replace(file, problems=tuple(own for own in file.problems if own.name in wanted)) for file in files]
+    return [replace(file, problems=tuple(each for each in file.problems if each.name in wanted)) for file in files]
 
 
 def _refused(reason: InputError, **place: Any) -> str:

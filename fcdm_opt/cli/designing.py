@@ -256,7 +256,7 @@ def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Problem, Pr
     """Return a case of a file as it is, and with other values at some places."""
     from fcdm_opt.design.question import Question
 
-    question = next(own for own in Question.read(path) if own.name == name)
+    question = next(each for each in Question.read(path) if each.name == name)
     return question.problem(), question.changed(values).problem()
 
 

@@ -102,7 +102,7 @@ class Overview(TyperGroup):
         """Write the commands before the options, which are few and rarely needed."""
         self.format_commands(ctx, formatter)
         with formatter.section(OPTIONS):
-            formatter.write_dl([record for own in self.get_params(ctx) if (record := own.get_help_record(ctx))])
+            formatter.write_dl([record for each in self.get_params(ctx) if (record := each.get_help_record(ctx))])
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write how to go on, and the exit codes."""
@@ -121,9 +121,9 @@ class Overview(TyperGroup):
         if not standalone_mode:
             return super().main(args, standalone_mode=False, **extra)
         words = list(sys.argv[1:] if args is None else args)
-        own = words[: words.index("--")] if "--" in words else words
-        before = manner.set(Manner(debug="--debug" in own, as_json="--json" in own))
-        words = [word for word in own if word != "--debug"] + words[len(own) :]
+        ours = words[: words.index("--")] if "--" in words else words
+        before = manner.set(Manner(debug="--debug" in ours, as_json="--json" in ours))
+        words = [word for word in ours if word != "--debug"] + words[len(ours) :]
         try:
             code = super().main(words, standalone_mode=False, **extra)
         except typer.Abort:
@@ -143,7 +143,7 @@ def _misunderstood(reason: Any) -> str:
     command = ctx.command if ctx is not None else None
     where = f"; see {ctx.command_path} --help" if ctx is not None else ""
     if kind == "NoSuchOption":
-        known = [name for own in command.get_params(ctx) for name in own.opts] if command is not None else []
+        known = [name for each in command.get_params(ctx) for name in each.opts] if command is not None else []
         return f"{reason.option_name}: no such option{_near(reason.option_name, known)}{where}"
     unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
     if unknown and command is not None:

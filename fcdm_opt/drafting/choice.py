@@ -47,28 +47,29 @@ class Choice:
     @property
     def usable(self) -> dict[str, Solution]:
         """The solutions that are solved and verified, by requirement."""
-        return {letter: own for letter, own in self.solutions.items() if own is not None and own.usable}
+        return {letter: answer for letter, answer in self.solutions.items() if answer is not None and answer.usable}
 
     @property
     def answered(self) -> int:
         """How many requirements are solved, or told not to fit together: that is an answer of another goal's too."""
-        outside = [own for own in self.solutions.values() if own is not None and own.status is Status.OUTSIDE_FIT]
-        return len(self.usable) + sum(not own.usable for own in outside)
+        outside = sum(answer is not None and answer.status is Status.OUTSIDE_FIT for answer in self.solutions.values())
+        return len(self.usable) + outside
 
     @cached_property
     def tied(self) -> tuple[str, ...]:
         """Requirements that another motion answers as well, some way off; of bodies with many parts it is not asked."""
         return tuple(
             letter
-            for letter, own in self.usable.items()
-            if own.modelled.get("part_pairs_total", 0) <= MOST_PAIRS
-            and any("another motion" in reason for reason in own.sensitivity.reasons)
+            for letter, answer in self.usable.items()
+            if answer.modelled.get("part_pairs_total", 0) <= MOST_PAIRS
+            and any("another motion" in reason for reason in answer.sensitivity.reasons)
         )
 
     @property
     def axis(self) -> Array | None:
         """The one direction in which all translations found go, (3,); None where there are several, or none."""
-        moves = [own.transform[:3, 3] for own in self.solutions.values() if own and own.transform is not None]
+        poses = [None if answer is None else answer.transform for answer in self.solutions.values()]
+        moves = [pose[:3, 3] for pose in poses if pose is not None]
         longest = max(moves, key=lambda move: float(np.linalg.norm(move)), default=np.zeros(3))
         length = float(np.linalg.norm(longest))
         if not length > 0 or len(self.usable) < len(SIGNS):
@@ -113,7 +114,7 @@ def named(axis: Array) -> str | tuple[float, float, float]:
 def _simpler(situation: Situation, choice: Choice) -> Choice:
     """Return the choice with one axis in place of three where that costs nothing."""
     axis = choice.axis
-    moves = any(own is not None and own.amount > 0 for own in choice.solutions.values())
+    moves = any(answer is not None and answer.amount > 0 for answer in choice.solutions.values())
     if len(choice.motion.steps) == 1 or (axis is None and moves):
         return choice
     less = _tried(situation, choice.goal, Translation(named(situation.normal if axis is None else axis)))

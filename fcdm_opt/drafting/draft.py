@@ -85,22 +85,22 @@ def draft(
     if unit is not None and unit not in NANOMETRES:
         what = f"unknown unit{closest(unit, NANOMETRES)}"
         raise InputError(what, key="--unit", found=unit, allowed=", ".join(NANOMETRES))
-    own = UNIT if unit is None else unit
+    lengths = UNIT if unit is None else unit
     paths = Path(movable), Path(static)
     places = [_relative(path, Path(file)) for path in paths]
     bodies = []
     for path in paths:
         at(f"reading {writing.shown(str(path))} and cutting it into convex parts")
-        bodies.append(Body.from_file(path, unit=own))
+        bodies.append(Body.from_file(path, unit=lengths))
     at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     situation = Situation(*bodies)
     choice = chosen(situation, at=at)
-    warned = remarks.remarks(situation, own)
-    state = remarks.state(situation, own)
+    warned = remarks.remarks(situation, lengths)
+    state = remarks.state(situation, lengths)
     tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
     steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
-        "extent": partial(_extent, unit=own),
+        "extent": partial(_extent, unit=lengths),
         "limits": partial(_limits, situation, choice),
         "steps": partial(writing.table, length=steps, angle="0.1"),
         "moved": _moved,
@@ -109,7 +109,7 @@ def draft(
         title=f"{paths[0].stem} and {paths[1].stem}",
         name=writing.shown(writing.quoted(Path(file).name)),
         warned=warned,
-        unit=own,
+        unit=lengths,
         asked=unit is not None,
         parts=list(zip(("movable", "static"), bodies, places, map(_points, bodies), strict=True)),
         situation=situation,
@@ -126,12 +126,16 @@ def draft(
     )
     asked = f'goal "{choice.goal}", motion {writing.motion(choice.motion)}'
     summary = (
-        *(f"{role}: {_extent(body, own)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
+        *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
         f"as drawn: {state}",
         *([f"practically face on face: {tilted}"] if tilted else []),
         *(f"warning: {remark}" for remark in warned),
         f"{asked}: {len(choice.usable)} of {len(SIGNS)} cases solved and verified",
-        *(f"{letter}: {own.advice}" for letter, own in choice.solutions.items() if own is not None and not own.usable),
+        *(
+            f"{letter}: {answer.advice}"
+            for letter, answer in choice.solutions.items()
+            if answer is not None and not answer.usable
+        ),
         *([f"{TIE} in {', '.join(choice.tied)}"] if choice.tied else []),
     )
     return Draft(text, summary)
@@ -207,7 +211,7 @@ def _motions(situation: Situation, choice: Choice) -> list[tuple[Motion, str]]:
 def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
     """Return limits of a motion that keep it short, but hold what was found to be needed."""
     shifts = [name for name, kind in choice.motion.parameters if kind == "translation"]
-    longest = max((abs(own.parameters[name]) for own in choice.usable.values() for name in shifts), default=0.0)
+    longest = max((abs(answer.parameters[name]) for answer in choice.usable.values() for name in shifts), default=0.0)
     reach = rounded(max(min(situation.movable.size, situation.static.size) / 2.0, longest), math.ceil)
     return writing.table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")
 

@@ -32,8 +32,8 @@ class Near(NamedTuple):
     @property
     def features(self) -> str:
         """Labels of what touches."""
-        own = (self.contact.feature,) if isinstance(self.contact, Segment) else self.contact.features
-        return " and ".join(feature.label for feature in own)
+        features = (self.contact.feature,) if isinstance(self.contact, Segment) else self.contact.features
+        return " and ".join(feature.label for feature in features)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Situation:
 
     def switching_points(self, most: int) -> list[SwitchingPoint]:
         """Return the switching points in `box` that are nearest to the parts as drawn, by number."""
-        return sorted(_by_nearness(self.curve)[:most], key=lambda own: own.index)
+        return sorted(_by_nearness(self.curve)[:most], key=lambda point: point.index)
 
     @property
     def beyond(self) -> SwitchingPoint | None:
@@ -181,7 +181,7 @@ def _on_diagonal(segment: Segment) -> list[float]:
 
 def _by_nearness(curve: DecisionCurve) -> list[SwitchingPoint]:
     """Return the switching points listed, the nearest to the parts as drawn first."""
-    return sorted(curve.switching_points, key=lambda own: float(np.abs(np.log(own.rho)).max()))
+    return sorted(curve.switching_points, key=lambda point: float(np.abs(np.log(point.rho)).max()))
 
 
 def _pieces(contact: Segment | SwitchingPoint) -> Sequence[Any]:

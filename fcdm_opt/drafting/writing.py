@@ -26,7 +26,7 @@ def motion(motion: Motion) -> str:
                 entry[key] = names.get(tuple(entry[key]), entry[key])
         if "pitch_per_rad" in entry:
             entry["pitch_per_deg"] = float(f"{math.radians(entry.pop('pitch_per_rad')):.12g}")
-        words.append("{ " + ", ".join(f"{key} = {toml(own)}" for key, own in entry.items()) + " }")
+        words.append("{ " + ", ".join(f"{key} = {toml(value)}" for key, value in entry.items()) + " }")
     return f"[{', '.join(words)}]"
 
 
@@ -46,8 +46,8 @@ def point(point: Array, digits: int = 9) -> str:
 
 def table(motion: Motion, length: str, angle: str) -> str:
     """Return a table with an entry for each parameter of a motion."""
-    entries = (f"{own}_deg = {angle}" if kind == "rotation" else f"{own} = {length}" for own, kind in motion.parameters)
-    return f"{{ {', '.join(entries)} }}"
+    entries = [(f"{name}_deg", angle) if kind == "rotation" else (name, length) for name, kind in motion.parameters]
+    return "{ " + ", ".join(f"{name} = {value}" for name, value in entries) + " }"
 
 
 def sizes(pair: Array) -> str:

@@ -218,7 +218,7 @@ class Names:
                         if not ((middle >= low).all() and (middle <= high).all()):
                             continue
                         box = np.array([middle - half, middle + half])
-                        if any((box[0] < own[1]).all() and (own[0] < box[1]).all() for own in self._taken):
+                        if any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in self._taken):
                             continue
                         if not strict or not clipped(self._lines, box.T)[1].any():
                             return spot, middle

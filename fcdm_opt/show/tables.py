@@ -99,7 +99,9 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
         for remark in remarks(solution):
             print_text(f"{solution.problem.name}: {remark}", indent="   ")
     asked = [row.solution.problem for row in rows]
-    bodies = [body for each in asked for body in (each.movable, each.static, *(own.body for own in each.keep_out))]
+    bodies = [
+        body for each in asked for body in (each.movable, each.static, *(keep_out.body for keep_out in each.keep_out))
+    ]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
         print_text(text, indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}

@@ -150,8 +150,8 @@ class Frames:
     def _segments(self, curve: DecisionCurve) -> list[list[float]]:
         """Return both ends of each segment, the place of its feature in `labels`, and whether it is snug."""
         return [
-            [*drawn((*own.start, *own.end)), self._labels.setdefault(own.feature, len(self._labels)), int(own.snug)]
-            for own in curve.segments
+            [*drawn((*each.start, *each.end)), self._labels.setdefault(each.feature, len(self._labels)), int(each.snug)]
+            for each in curve.segments
         ]
 
     def _switching(self, curve: DecisionCurve) -> list[list[Any]]:
