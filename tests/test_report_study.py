@@ -16,7 +16,7 @@ import pytest
 from fcdm_opt.design.study.point import row
 from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.errors import InputError
-from fcdm_opt.show.report import markup
+from fcdm_opt.show import rendering
 from fcdm_opt.show.report import study_page as module
 from fcdm_opt.show.report.study_page import study_page
 
@@ -135,11 +135,10 @@ def test_pictures_show_dollar_signs_as_they_are() -> None:
 
 
 def test_a_missing_plotly_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    markup._plotly.cache_clear()
-    markup.embedded_plotly.cache_clear()
+    rendering.plotly.cache_clear()
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     with pytest.raises(InputError, match="install it with pip install plotly"):
-        markup.embedded_plotly()
+        rendering.plotly()
 
 
 def test_infinite_values_are_none() -> None:

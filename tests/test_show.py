@@ -21,7 +21,7 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
 from fcdm_opt.show.lettering import Sheet, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scales import clipped, crossed
+from fcdm_opt.show.scales import clipped
 from fcdm_opt.show.scene import scene_figure, true_edges
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
@@ -151,17 +151,6 @@ def test_a_list_without_room_says_how_much_is_left_out() -> None:
     assert last[:-1] == [f"line {k}" for k in range(len(last) - 1)]
 
 
-def test_which_pieces_pass_through_a_box() -> None:
-    random = np.random.default_rng(3)
-    lines = random.uniform(-2.0, 3.0, (300, 2, 2))
-    lines[:50, 1, 0] = lines[:50, 0, 0]  # upright ones
-    box = np.array([[0.0, 0.0], [1.0, 1.0]])
-    found = crossed(lines, box)
-    np.testing.assert_array_equal(found, clipped(lines, box.T)[1])
-    assert 50 < found.sum() < 250
-    assert not len(crossed(np.zeros((0, 2, 2)), box))
-
-
 @pytest.mark.parametrize("name", ["lid", "bracket", "keyway"])
 def test_names_keep_apart_in_other_problems(name: str) -> None:
     asked = load_problems(PROBLEMS / f"{name}.toml")[0]
@@ -222,6 +211,7 @@ def test_clipping_a_straight_piece() -> None:
     expected = [[[0, 0], [1, 1]], [[0.5, 1], [0.5, 0]], [[0.2, 0.3], [0.4, 0.1]]]
     np.testing.assert_allclose(parts, expected, atol=1e-15)
     assert inside.tolist() == [True, True, True, False, False]
+    assert not len(clipped(np.zeros((0, 2, 2)), window)[0])
     random = np.random.default_rng(5)
     kept = 0
     for start, end in random.uniform(-2, 3, (200, 2, 2)):

@@ -19,7 +19,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import design_tables, tables, texts
 from fcdm_opt.show.family import family_figure
-from fcdm_opt.show.maps import map_figure
+from fcdm_opt.show.maps import map_figure, yield_figure
 from fcdm_opt.show.report.gather import gather
 from fcdm_opt.show.report.page import page
 from fcdm_opt.show.report.study_page import study_page
@@ -27,7 +27,6 @@ from fcdm_opt.show.scene import scene_figure
 from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.show.studies import study_figure
-from fcdm_opt.show.yields import yield_figure
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 CORNERS = [[x, y, z] for x in (0, 2) for y in (0, 2) for z in (0, 2)]

@@ -7,109 +7,67 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import typer
 
 from fcdm_opt.cli import designing, reporting, solving, starting
-from fcdm_opt.cli.helping import Command, Overview
-from fcdm_opt.cli.lending import LentCommand
+from fcdm_opt.cli.helping import Command, LentCommand, Overview
 
-COMMANDS: dict[str, tuple[tuple[str, Callable[..., Any] | str, str], ...]] = {
-    "How do I begin?": (
-        (
-            "init",
-            starting.init_command,
-            "fcdm-opt init problems/meshes/keyway_key.off problems/meshes/keyway_shaft.ply\n"
-            "fcdm-opt init peg.stl plate.stl --unit mm --out peg.toml --force",
-        ),
-        (
-            "schema",
-            starting.schema_command,
-            "fcdm-opt schema > problem.schema.json\nfcdm-opt schema --what study > study.schema.json",
-        ),
-    ),
-    "How do the parts touch, and what is the smallest motion?": (
-        (
-            "curve",
-            solving.curve_command,
-            "fcdm-opt curve problems/example1.toml\nfcdm-opt curve problems/example1.toml --out out",
-        ),
-        (
-            "solve",
-            solving.solve_command,
-            "fcdm-opt solve problems/example1.toml problems/example2.toml\n"
-            "fcdm-opt solve problems/example1.toml --case B --certify --out out\n"
-            'fcdm-opt solve problems/peg_square.toml --case "A at the wall" --json',
-        ),
-        (
-            "range",
-            solving.range_command,
-            "fcdm-opt range problems/example1.toml --case A\n"
-            "fcdm-opt range problems/example1.toml --case B --direction TZ=1,RZ_deg=2",
-        ),
-        (
-            "report",
-            reporting.report_command,
-            "fcdm-opt report problems/example1.toml --out report.html",
-        ),
-    ),
-    "What if sizes, tolerances, motions or shapes were different?": (
-        (
-            "whatif",
-            designing.whatif_command,
-            "fcdm-opt whatif problems/peg_tapered.toml --case A\n"
-            "fcdm-opt whatif problems/peg_tapered.toml --case B --set tolerance=0.02\n"
-            "fcdm-opt whatif problems/peg_tapered.toml --case A --budget 0.1 --compare\n"
-            "fcdm-opt whatif problems/peg_square_tight.toml --conflicts",
-        ),
-        (
-            "map",
-            designing.map_command,
-            "fcdm-opt map problems/peg_tapered.toml --case A --out out\n"
-            "fcdm-opt map problems/peg_tapered.toml --case A --budget 1 --out out",
-        ),
-        (
-            "pose",
-            designing.pose_command,
-            "fcdm-opt pose problems/peg_tapered.toml --case A\n"
-            "fcdm-opt pose problems/peg_tapered.toml --case A --clearance=-inf,0.5",
-        ),
-        (
-            "study",
-            designing.study_command,
-            "fcdm-opt study problems/studies/tolerance_example1.toml --out out/tolerance",
-        ),
-    ),
-    "How fast and how right is it?": (
-        (
-            "bench",
-            "Chart speed against accuracy.",
-            "fcdm-opt bench --quick --only contact --out out/bench",
-        ),
-        (
-            "stability",
-            "Map where each method fails.",
-            "fcdm-opt stability --quick --out out/stability",
-        ),
-    ),
+COMMANDS: dict[str, dict[str, Any]] = {
+    "How do I begin?": {"init": starting.init_command, "schema": starting.schema_command},
+    "How do the parts touch, and what is the smallest motion?": {
+        "curve": solving.curve_command,
+        "solve": solving.solve_command,
+        "range": solving.range_command,
+        "report": reporting.report_command,
+    },
+    "What if sizes, tolerances, motions or shapes were different?": {
+        "whatif": designing.whatif_command,
+        "map": designing.map_command,
+        "pose": designing.pose_command,
+        "study": designing.study_command,
+    },
+    "How fast and how right is it?": {
+        "bench": "Chart speed against accuracy.",
+        "stability": "Map where each method fails.",
+    },
 }
-"""By question: a command's name, its function, and examples that run as they stand, one a line.
+"""By question: the commands that answer it, each with its function.
 
 A sentence in place of a function: the package `fcdm_opt_benchmarks` brings it, see `LentCommand`.
 """
 
-
-class _Commands(Overview):
-    """The commands of the table above."""
-
-    questions: ClassVar = {question: [row[0] for row in rows] for question, rows in COMMANDS.items()}
-
+EXAMPLES = """\
+fcdm-opt init problems/meshes/keyway_key.off problems/meshes/keyway_shaft.ply
+fcdm-opt init peg.stl plate.stl --unit mm --out peg.toml --force
+fcdm-opt schema > problem.schema.json
+fcdm-opt schema --what study > study.schema.json
+fcdm-opt curve problems/example1.toml
+fcdm-opt curve problems/example1.toml --out out
+fcdm-opt solve problems/example1.toml problems/example2.toml
+fcdm-opt solve problems/example1.toml --case B --certify --out out
+fcdm-opt solve problems/peg_square.toml --case "A at the wall" --json
+fcdm-opt range problems/example1.toml --case A
+fcdm-opt range problems/example1.toml --case B --direction TZ=1,RZ_deg=2
+fcdm-opt report problems/example1.toml --out report.html
+fcdm-opt whatif problems/peg_tapered.toml --case A
+fcdm-opt whatif problems/peg_tapered.toml --case B --set tolerance=0.02
+fcdm-opt whatif problems/peg_tapered.toml --case A --budget 0.1 --compare
+fcdm-opt whatif problems/peg_square_tight.toml --conflicts
+fcdm-opt map problems/peg_tapered.toml --case A --out out
+fcdm-opt map problems/peg_tapered.toml --case A --budget 1 --out out
+fcdm-opt pose problems/peg_tapered.toml --case A
+fcdm-opt pose problems/peg_tapered.toml --case A --clearance=-inf,0.5
+fcdm-opt study problems/studies/tolerance_example1.toml --out out/tolerance
+fcdm-opt bench --quick --only contact --out out/bench
+fcdm-opt stability --quick --out out/stability
+"""
+"""What the help of each command ends with; all of them run as they stand."""
 
 app = typer.Typer(
     name="fcdm-opt",
-    cls=_Commands,
+    cls=Overview,
     add_completion=True,
     invoke_without_command=True,
     rich_markup_mode=None,
@@ -141,12 +99,14 @@ def _common(
         typer.echo(context.get_help())
 
 
-for _rows in COMMANDS.values():
-    for _name, _command, _examples in _rows:
+for _question, _commands in COMMANDS.items():
+    for _name, _command in _commands.items():
+        _lines = [line for line in EXAMPLES.splitlines() if line.split(" ")[1] == _name]
+        _about: Any = {"epilog": "\n".join(_lines), "rich_help_panel": _question}
         if isinstance(_command, str):
-            app.command(_name, cls=LentCommand, help=_command, epilog=_examples)(lambda: None)
+            app.command(_name, cls=LentCommand, help=_command, **_about)(lambda: None)
         else:
-            app.command(_name, cls=Command, epilog=_examples)(_command)
+            app.command(_name, cls=Command, **_about)(_command)
 
 
 def main() -> None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fcdm_opt.cli.completing import case_names, problem_files
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, refuse, say
 from fcdm_opt.errors import InputError
+from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.plain import plain
 
 if TYPE_CHECKING:
@@ -24,31 +24,55 @@ __all__ = ["BAD_INPUT", "NOT_VERIFIED", "NO_MOTION", "SOLVED", "say"]
 
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
 CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
+MOST_READ = 2**20  # bytes of a problem file that is read at a press of the tab key, so that none is slow
 
-Files = Annotated[
-    list[Path],
-    typer.Argument(metavar="FILE", help="Problem files (TOML).", show_default=False, autocompletion=problem_files),
-]
-AsJson = Annotated[
-    bool,
-    typer.Option("--json", help="Write one JSON document to stdout in place of tables.", rich_help_panel=OUTPUT),
-]
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Write pictures (PNG and SVG) there.", rich_help_panel=OUTPUT),
-]
-Seed = Annotated[
-    int, typer.Option("--seed", metavar="N", min=0, help="Start of everything that is drawn at random, >= 0.")
-]
+
+def problem_files(incomplete: str) -> list[str]:
+    """Return the TOML files that a path may go on to; none where folders may be meant, which the shell knows best."""
+    try:
+        start = Path(incomplete)
+        folder, begun = (start, "") if incomplete.endswith("/") else (start.parent, start.name)
+        found = [path for path in sorted(folder.iterdir()) if path.name.startswith(begun or "")]
+        if any(path.is_dir() and not path.name.startswith(".") for path in found):
+            return []
+    except (OSError, ValueError):
+        return []
+    head = incomplete[: len(incomplete) - len(begun)]
+    return [head + path.name for path in found if path.suffix == ".toml" and not path.name.startswith(".")]
+
+
+def case_names(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the cases of the files that are on the line already."""
+    names: list[str] = []
+    begun = ctx.args  # before "--case" has a value
+    for path in map(Path, map(str, (*(ctx.params.get("files") or ctx.params.get("sources") or ()), *begun))):
+        try:
+            if path.stat().st_size > MOST_READ or not path.is_file():
+                continue
+            cases = parsed(path.read_text(encoding="utf-8-sig")).get("case", [])
+            names += [case["name"] for case in cases if isinstance(case.get("name"), str)]
+        except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+            continue
+    return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]
+
+
+def option(name: str, metavar: str | None, text: str, group: str | None = None, **more: Any) -> Any:
+    """Return an option of a command: its name, what its value is called, its help, and the heading it stands under."""
+    return typer.Option(name, metavar=metavar, help=text, rich_help_panel=group, **more)
+
+
+def argument(metavar: str, text: str, **more: Any) -> Any:
+    """Return an argument of a command: what it is called, and its help."""
+    return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
+
+
+Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocompletion=problem_files)]
+AsJson = Annotated[bool, option("--json", None, "Write one JSON document to stdout in place of tables.", OUTPUT)]
+Out = Annotated[Path | None, option("--out", "DIR", "Write pictures (PNG and SVG) there.", OUTPUT)]
+Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
 Cases = Annotated[
     list[str] | None,
-    typer.Option(
-        "--case",
-        metavar="NAME",
-        help="Take only this case; may be repeated.",
-        rich_help_panel=CHOICE,
-        autocompletion=case_names,
-    ),
+    option("--case", "NAME", "Take only this case; may be repeated.", CHOICE, autocompletion=case_names),
 ]
 
 
@@ -100,10 +124,7 @@ def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFil
         raise InputError("no such case", key="--case", found=name, allowed=", ".join(known) or "none is there")
     if not wanted:
         return files
-    return [
-        OpenedFile(file.path, file.title, file.note, tuple(p for p in file.problems if p.name in wanted), file.error)
-        for file in files
-    ]
+    return [replace(file, problems=tuple(each for each in file.problems if each.name in wanted)) for file in files]
 
 
 def _refused(reason: InputError, **place: Any) -> str:
@@ -117,23 +138,9 @@ class Inquiry:
     Iterating yields the files that were read. What is answered goes to the JSON document, what is refused to stderr
     too; `finish` writes the document and exits with the most severe code.
 
-    Parameters
-    ----------
-    paths : paths
-        Problem files.
-    cases : names, optional
-        The cases that are wanted; default all.
-    as_json : bool
-        Whether the document is wanted, in place of tables.
-    out : Path, optional
-        Folder for pictures.
-
-    Attributes
-    ----------
-    pictures : Album or None
-        Made once the files were read, and only where there is a case to show.
-    codes : list of int
-        Exit codes of what was found.
+    Problem files, the wanted cases (none: all), whether the document is wanted in place of tables, and the folder for
+    pictures make one. Its `pictures` are an album, made once the files were read and only where there is a case to
+    show; `codes` are the exit codes so far.
     """
 
     def __init__(
@@ -143,8 +150,7 @@ class Inquiry:
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
-        wanted = out is not None and any(file.problems for file in self._opened)
-        self.pictures = album_in(out) if wanted else None
+        self.pictures = album_in(out) if out is not None and any(file.problems for file in self._opened) else None
 
     def __iter__(self) -> Iterator[OpenedFile]:
         """Yield each file that could be read; `say_of` is about the last."""
@@ -179,10 +185,8 @@ def code_of(usable: bool, status: str) -> int:
     return SOLVED if usable else NOT_VERIFIED if status == "NOT_VERIFIED" else NO_MOTION
 
 
-def album_in(out: Path | None) -> Album | None:
-    """Return where pictures go, None where none are wanted; raises `InputError` where they cannot."""
-    if out is None:
-        return None
+def album_in(out: Path) -> Album:
+    """Return where pictures go; raises `InputError` where they cannot."""
     from fcdm_opt.show.album import Album
 
     return Album(out, say)

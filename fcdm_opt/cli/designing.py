@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from fcdm_opt.cli.common import (
     BAD_INPUT,
     NO_MOTION,
@@ -22,52 +20,42 @@ from fcdm_opt.cli.common import (
     OpenedFile,
     Seed,
     album_in,
+    argument,
     code_of,
     finish,
+    option,
     say,
 )
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
-    from fcdm_opt.design.study.results import StudyResult
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
-Results = Annotated[Path, typer.Option("--out", metavar="DIR", help="Write results and pictures there.")]
-Jobs = Annotated[int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes; default: one a core.")]
-Sizes = Annotated[
-    Path | None,
-    typer.Option("--sizes", metavar="CSV", help="Measured pairs of parts; default: the tolerance box."),
-]
-SizeBox = Annotated[
-    str | None,
-    typer.Option(
-        "--box",
-        metavar="LOW1,HIGH1,LOW2,HIGH2",
-        help="Sizes of both parts as shares of those drawn, in place of the tolerance box.",
-    ),
-]
-Columns = Annotated[
-    str, typer.Option("--columns", metavar="A,B", help="Its columns with the movable and the static part's sizes.")
-]
-Nominals = Annotated[
-    str, typer.Option("--nominals", metavar="X,Y", help="What these columns are divided by: the sizes as drawn.")
-]
+Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
+Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
+Sizes = Annotated[Path | None, option("--sizes", "CSV", "Measured pairs of parts; default: the tolerance box.")]
+Columns = Annotated[str, option("--columns", "A,B", "Its columns with the movable and the static part's sizes.")]
+Nominals = Annotated[str, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn.")]
+BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
+SizeBox = Annotated[str | None, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX)]
+SET = "Change any key of a case, or bodies.movable...: tolerance=0.03, limits.RZ_deg=[-5,5]; may be repeated."
+BUDGET = (
+    'Largest tolerance that motions up to this amount make good, per requirement; "limits": that any motion within the '
+    "case's own limits does."
+)
+SCHEDULER = "Of a Dask cluster; without it a local one is made."
+WINDOW = "Smallest motion after which every pair's gap is in this window."
 
 
 def study_command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).", show_default=False)],
+    file: Annotated[Path, argument("FILE", "A study file (TOML).")],
     out: Results,
     jobs: Jobs = None,
-    engine: Annotated[
-        str, typer.Option("--engine", metavar="NAME", help='"joblib" (this machine) or "dask" (many).')
-    ] = "joblib",
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster; without it a local one is made."),
-    ] = None,
-    parquet: Annotated[bool, typer.Option("--parquet", help="Write study.parquet besides study.csv.")] = False,
+    engine: Annotated[str, option("--engine", "NAME", '"joblib" (this machine) or "dask" (many).')] = "joblib",
+    scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", SCHEDULER)] = None,
+    parquet: Annotated[bool, option("--parquet", None, "Write study.parquet besides study.csv.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Solve and verify every point of a study; a run that was stopped is taken up where it was.
@@ -84,37 +72,23 @@ def study_command(
         result.to_parquet(out / "study.parquet")
         say(f"wrote {out / 'study.parquet'}")
     pictures = album_in(out)
-    assert pictures is not None
     pictures.add_study("study", result)
     if not as_json:
         print_study(result)
-    codes = [_study_code(result), *([BAD_INPUT] if pictures.failed else [])]
+    counts = result.counts
+    wrong = any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING"))
+    code = NOT_VERIFIED if wrong else BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
+    codes = [code, BAD_INPUT] if pictures.failed else [code]
     finish({"file": str(file), **result.to_dict()} if as_json else None, codes)
 
 
 def whatif_command(
     files: Files,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Change any key of a case, or bodies.movable...: tolerance=0.03, limits.RZ_deg=[-5,5]; "
-            "may be repeated.",
-        ),
-    ] = None,
-    budget: Annotated[
-        str | None,
-        typer.Option(
-            "--budget",
-            metavar="AMOUNT",
-            help='Largest tolerance that motions up to this amount make good, per requirement; "limits": that any '
-            "motion within the case's own limits does.",
-        ),
-    ] = None,
-    conflicts: Annotated[bool, typer.Option("--conflicts", help="Why there is no motion, and what cures it.")] = False,
-    drop: Annotated[bool, typer.Option("--drop", help="What each constraint costs.")] = False,
-    compare: Annotated[bool, typer.Option("--compare", help="Which family of motions is cheapest.")] = False,
+    changes: Annotated[list[str] | None, option("--set", "KEY=VALUE", SET)] = None,
+    budget: Annotated[str | None, option("--budget", "AMOUNT", BUDGET)] = None,
+    conflicts: Annotated[bool, option("--conflicts", None, "Why there is no motion, and what cures it.")] = False,
+    drop: Annotated[bool, option("--drop", None, "What each constraint costs.")] = False,
+    compare: Annotated[bool, option("--compare", None, "Which family of motions is cheapest.")] = False,
     as_json: AsJson = False,
     case: Cases = None,
 ) -> None:
@@ -128,7 +102,10 @@ def whatif_command(
     from fcdm_opt.solver import solve
 
     values = dict(map(_change, changes or ()))
-    limit = None if budget is None else _amount(budget)
+    try:
+        limit = None if budget is None or budget == "limits" else float(budget)
+    except ValueError:
+        raise InputError("not an amount", key="--budget", found=budget, allowed='a length >= 0, or "limits"') from None
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -151,17 +128,11 @@ def map_command(
     files: Files,
     out: Results,
     error: Annotated[
-        float | None,
-        typer.Option(
-            "--error", metavar="LENGTH", help="Error of the amount that is allowed; default: 1e-4 of the largest."
-        ),
+        float | None, option("--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.")
     ] = None,
-    seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", help="Time after which a map is left as accurate as it is.")
-    ] = 120.0,
+    seconds: Annotated[float, option("--seconds", "S", "Time after which a map is left as accurate as it is.")] = 120.0,
     budget: Annotated[
-        float | None,
-        typer.Option("--budget", metavar="AMOUNT", help="Tell the share of pairs whose motion stays within it."),
+        float | None, option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.")
     ] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
@@ -175,10 +146,10 @@ def map_command(
     """Map the smallest motion over all sizes in the tolerance box, a table for the shop floor, and tell the yield."""
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
+    from fcdm_opt.design.distributions import Normal
     from fcdm_opt.show import design_tables as tables
 
-    covered = None if box is None else _box(box)
-    pairs = None if sizes is None else _pairs(sizes, columns, nominals)
+    covered, pairs = _box(box), _pairs(sizes, columns, nominals)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
     pictures = inquiry.pictures
 
@@ -191,7 +162,8 @@ def map_command(
             say(f"wrote {out / f'{stem}.{ending}'}")
         yield "map", found, tables.print_lines
         if budget is not None:
-            scattered = _normal(found.box) if pairs is None else pairs
+            ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
+            scattered: Any = tuple(ends) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
             pictures.add_yield(f"{stem}-yield", share, title=f"{file.name}: case {problem.name}")
             yield "yield", share, tables.print_yield
@@ -201,12 +173,7 @@ def map_command(
 
 def pose_command(
     files: Files,
-    window: Annotated[
-        str | None,
-        typer.Option(
-            "--clearance", metavar="LO,HI", help="Smallest motion after which every pair's gap is in this window."
-        ),
-    ] = None,
+    window: Annotated[str | None, option("--clearance", "LO,HI", WINDOW)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
@@ -221,9 +188,8 @@ def pose_command(
 
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
-    within = None if box is None else _box(box)
     ends = None if window is None else _two(window, "--clearance")
-    pairs = None if sizes is None else _pairs(sizes, columns, nominals)
+    within, pairs = _box(box), _pairs(sizes, columns, nominals)
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         drawn = clearances(problem, sizes=pairs, box=within)
@@ -272,13 +238,6 @@ def _code(answer: Any) -> int:
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
 
 
-def _study_code(result: StudyResult) -> int:
-    counts = result.counts
-    if any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING")):
-        return NOT_VERIFIED
-    return BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
-
-
 # -------------------------------------------------------------------------------------------------------------- options
 
 
@@ -297,55 +256,40 @@ def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Problem, Pr
     """Return a case of a file as it is, and with other values at some places."""
     from fcdm_opt.design.question import Question
 
-    question = next(own for own in Question.read(path) if own.name == name)
+    question = next(each for each in Question.read(path) if each.name == name)
     return question.problem(), question.changed(values).problem()
 
 
-def _amount(text: str) -> float | None:
-    if text == "limits":
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError("not an amount", key="--budget", found=text, allowed='a length >= 0, or "limits"') from None
-
-
-def _two(text: str, key: str) -> tuple[float, float]:
-    numbers = _numbers(text)
-    if len(numbers) != 2:
-        raise InputError("not two numbers", key=key, found=text, allowed="two numbers with a comma between, as 0.1,0.3")
-    return numbers[0], numbers[1]
-
-
-def _box(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    numbers = _numbers(text)
-    if len(numbers) != 4:
-        allowed = "LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01"
-        raise InputError("not four numbers", key="--box", found=text, allowed=allowed)
-    return (numbers[0], numbers[1]), (numbers[2], numbers[3])
-
-
-def _numbers(text: str) -> list[float]:
-    """Return the numbers of a text with commas between, none where one of them is no number."""
+def _numbers(text: str, key: str, count: str, allowed: str) -> list[float]:
+    """Return the numbers of a text with commas between, as many as those of the example that `allowed` ends with."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        return []
-    return [] if any(map(math.isnan, numbers)) else numbers
+        numbers = []
+    if len(numbers) != allowed.count(",", allowed.rfind(" ")) + 1 or any(map(math.isnan, numbers)):
+        raise InputError(f"not {count} numbers", key=key, found=text, allowed=allowed)
+    return numbers
 
 
-def _pairs(path: Path, columns: str, nominals: str) -> Any:
-    """Return measured pairs of sizes, (n, 2), as shares of those drawn."""
+def _two(text: str, key: str) -> tuple[float, float]:
+    one, two = _numbers(text, key, "two", "two numbers with a comma between, as 0.1,0.3")
+    return one, two
+
+
+def _box(text: str | None) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    if text is None:
+        return None
+    a, b, c, d = _numbers(text, "--box", "four", "LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01")
+    return (a, b), (c, d)
+
+
+def _pairs(path: Path | None, columns: str, nominals: str) -> Any:
+    """Return measured pairs of sizes, (n, 2), as shares of those drawn; None where there is no file of them."""
     from fcdm_opt.design.distributions import read_columns
 
+    if path is None:
+        return None
     names = [name.strip() for name in columns.split(",")]
     if len(names) != 2:
         raise InputError("not two columns", key="--columns", found=columns, allowed="two names with a comma between")
     return read_columns(path, names, _two(nominals, "--nominals"))
-
-
-def _normal(box: Any) -> Any:
-    """Return sizes that scatter about the middle of a box, its ends three standard deviations away."""
-    from fcdm_opt.design.distributions import Normal
-
-    return tuple(Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in box)

@@ -10,14 +10,19 @@ import difflib
 import re
 import sys
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from importlib.metadata import entry_points
+from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fcdm_opt.cli.guarding import EXIT_CODES, Manner, guarded, manner, stopped
+from fcdm_opt.errors import InputError
 
 OPTIONS = "Options"  # heading of options without a group
+LENT = "fcdm_opt.commands"
+"""Entry points of commands that another distribution brings: name of a command -> the function that is the command."""
+INSTALL = "needs the package fcdm_opt_benchmarks: pip install -e benchmarks, in a copy of the repository"
 
 
 class Command(TyperCommand):
@@ -51,11 +56,37 @@ class Command(TyperCommand):
             formatter.write("Examples:\n" + "".join(f"  {line}\n" for line in self.epilog.splitlines()))
 
 
+class LentCommand(Command):
+    """A command of another distribution: only its name, a sentence and examples are known until it is used."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Return the context of the command itself.
+
+        Raises
+        ------
+        InputError
+            Where it is not installed; while a shell completes words, nothing is completed instead.
+        """
+        points = entry_points(group=LENT, name=self.name or "")
+        if not points:
+            if extra.get("resilient_parsing"):
+                return super().make_context(info_name, args, parent, **extra)
+            raise InputError(INSTALL, key=self.name)
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(self.name, cls=Command, epilog=self.epilog)(next(iter(points)).load())
+        return typer.main.get_command(alone).make_context(info_name, args, parent, **extra)
+
+
 class Overview(TyperGroup):
     """All commands; the only place where a run begins and ends."""
 
-    questions: ClassVar[dict[str, Sequence[str]]] = {}
-    """The names of the commands that answer a question, by question."""
+    @property
+    def questions(self) -> dict[str, list[str]]:
+        """The names of the commands that answer a question, by question."""
+        found: dict[str, list[str]] = {}
+        for name, command in self.commands.items():
+            found.setdefault(command.rich_help_panel, []).append(name)  # type: ignore[attr-defined]
+        return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by question, each with the first sentence of its help."""
@@ -63,13 +94,15 @@ class Overview(TyperGroup):
             formatter.write_paragraph()
             formatter.write(f"{question}\n")
             with formatter.indentation():
-                formatter.write_dl([(name, _first_sentence(self.commands[name].help)) for name in names])
+                helps = [" ".join((self.commands[name].help or "").split("\n\n")[0].split()) for name in names]
+                sentences = [re.split(r"[.;:](?: |$)", text)[0] for text in helps]
+                formatter.write_dl(list(zip(names, sentences, strict=True)))
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the commands before the options, which are few and rarely needed."""
         self.format_commands(ctx, formatter)
         with formatter.section(OPTIONS):
-            formatter.write_dl([record for own in self.get_params(ctx) if (record := own.get_help_record(ctx))])
+            formatter.write_dl([record for each in self.get_params(ctx) if (record := each.get_help_record(ctx))])
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write how to go on, and the exit codes."""
@@ -88,9 +121,9 @@ class Overview(TyperGroup):
         if not standalone_mode:
             return super().main(args, standalone_mode=False, **extra)
         words = list(sys.argv[1:] if args is None else args)
-        own = words[: words.index("--")] if "--" in words else words
-        before = manner.set(Manner(debug="--debug" in own, as_json="--json" in own))
-        words = [word for word in own if word != "--debug"] + words[len(own) :]
+        ours = words[: words.index("--")] if "--" in words else words
+        before = manner.set(Manner(debug="--debug" in ours, as_json="--json" in ours))
+        words = [word for word in ours if word != "--debug"] + words[len(ours) :]
         try:
             code = super().main(words, standalone_mode=False, **extra)
         except typer.Abort:
@@ -104,19 +137,13 @@ class Overview(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _first_sentence(text: str | None) -> str:
-    """Return the first line of a help text without what follows a semicolon or its full stop."""
-    line = " ".join((text or "").split("\n\n")[0].split())
-    return re.split(r"[.;:](?: |$)", line)[0]
-
-
 def _misunderstood(reason: Any) -> str:
     """Return in words of ours what is wrong with a command line."""
     ctx, kind = getattr(reason, "ctx", None), type(reason).__name__
     command = ctx.command if ctx is not None else None
     where = f"; see {ctx.command_path} --help" if ctx is not None else ""
     if kind == "NoSuchOption":
-        known = [name for own in command.get_params(ctx) for name in own.opts] if command is not None else []
+        known = [name for each in command.get_params(ctx) for name in each.opts] if command is not None else []
         return f"{reason.option_name}: no such option{_near(reason.option_name, known)}{where}"
     unknown = re.match(r"""No such command (['"])(.*?)\1\.""", str(reason.message), re.DOTALL)
     if unknown and command is not None:

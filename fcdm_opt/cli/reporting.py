@@ -7,32 +7,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from fcdm_opt.cli.common import BAD_INPUT, Cases, code_of, finish, opened_files, say
-from fcdm_opt.cli.completing import problem_files
+from fcdm_opt.cli.common import BAD_INPUT, Cases, argument, code_of, finish, opened_files, option, problem_files, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
 MEGABYTE = 1e6
 
-Sources = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="FILE|DIR",
-        help="Problem files (TOML), folders of them, or the folder that a study was run into.",
-        show_default=False,
-        autocompletion=problem_files,
-    ),
-]
+FILES = "Problem files (TOML), folders of them, or the folder that a study was run into."
 
 
 def report_command(
-    sources: Sources,
-    out: Annotated[Path, typer.Option("--out", metavar="HTML", help="The file to write.")] = Path("report.html"),
-    certify: Annotated[
-        bool, typer.Option("--certify/--no-certify", help="Prove how small a motion can be at all.")
-    ] = True,
+    sources: Annotated[list[Path], argument("FILE|DIR", FILES, autocompletion=problem_files)],
+    out: Annotated[Path, option("--out", "HTML", "The file to write.")] = Path("report.html"),
+    certify: Annotated[bool, option("--certify/--no-certify", None, "Prove how small a motion can be at all.")] = True,
     case: Cases = None,
 ) -> None:
     """Write problems and their solutions, or a study, as one HTML file to look at; it needs no network."""
@@ -66,11 +53,11 @@ def _files(sources: Iterable[Path]) -> Iterator[Path]:
 
 def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the report on problem files, nothing where none could be read, and the exit code of each file and case."""
+    from fcdm_opt.show.rendering import plotly
     from fcdm_opt.show.report.gather import gather
-    from fcdm_opt.show.report.markup import embedded_plotly
     from fcdm_opt.show.report.page import page
 
-    embedded_plotly()  # what is missing is said before anything is solved
+    plotly()  # what is missing is said before anything is solved
     opened = opened_files(paths, cases)
     if not any(file.problems for file in opened):
         return "", [BAD_INPUT]

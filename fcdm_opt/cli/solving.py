@@ -6,9 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, say
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, option, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +14,11 @@ if TYPE_CHECKING:
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.show.solved import SolvedCase
+
+DIRECTION = (
+    "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
+    "motion that solves the case."
+)
 
 
 def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: Cases = None) -> None:
@@ -41,14 +43,13 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 def solve_command(
     files: Files,
     certify: Annotated[
-        bool,
-        typer.Option("--certify", help="Prove to 1e-4 how small a motion can be at all, and have the proof checked."),
+        bool, option("--certify", None, "Prove to 1e-4 how small a motion can be at all, and have the proof checked.")
     ] = False,
     effort: Annotated[
-        str, typer.Option(metavar="proved|quick", help="quick: the first motion that the stages find, without proof.")
+        str, option("--effort", "proved|quick", "quick: the first motion that the stages find, without proof.")
     ] = "proved",
     seconds: Annotated[
-        float | None, typer.Option(metavar="S", help="Wall time of a case's proof; default: a number of looks.")
+        float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
     ] = None,
     as_json: AsJson = False,
     out: Out = None,
@@ -70,7 +71,8 @@ def solve_command(
         ):
             with inquiry.case(file, problem) as entry:
                 row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
-                entry |= _case_data(row)
+                beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
+                entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
                 rows.append(row)
                 inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
                 if inquiry.pictures:
@@ -82,20 +84,14 @@ def solve_command(
 
 def range_command(
     files: Files,
-    direction: Annotated[
-        str | None,
-        typer.Option(
-            "--direction",
-            metavar="NAME=VALUE,...",
-            help="Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, "
-            "else the motion that solves the case.",
-        ),
-    ] = None,
+    direction: Annotated[str | None, option("--direction", "NAME=VALUE,...", DIRECTION)] = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,
 ) -> None:
     """Print how far the tracked features stay the contact along a motion, and what ends that on both sides."""
+    from fcdm_opt.along.coherent_range import coherent_range
+    from fcdm_opt.along.contact_times import contact_times
     from fcdm_opt.show.tables import print_ranges
 
     asked = None if direction is None else _direction(direction)
@@ -106,7 +102,7 @@ def range_command(
         for problem in file.problems:
             with inquiry.case(file, problem) as entry:
                 along = _default_direction(file, problem) if asked is None else asked
-                row = _ranged(problem, along)
+                row = coherent_range(problem, along), contact_times(problem, along)
                 entry |= {**row[0].to_dict(), "contact_times": row[1].to_dict()}
                 rows.append(row)
                 if inquiry.pictures:
@@ -135,14 +131,6 @@ def _default_direction(file: OpenedFile, problem: Problem) -> Any:
     return solution.parameters
 
 
-def _ranged(problem: Problem, along: Any) -> tuple[CoherentRange, ContactTimes]:
-    """Return the coherent range of a case, and when its pair made touches."""
-    from fcdm_opt.along.coherent_range import coherent_range
-    from fcdm_opt.along.contact_times import contact_times
-
-    return coherent_range(problem, along), contact_times(problem, along)
-
-
 def _direction(text: str) -> dict[str, float]:
     """Read a direction: NAME=VALUE,..., lengths and radians, degrees where a name ends in _deg."""
     found: dict[str, float] = {}
@@ -162,15 +150,6 @@ def _direction(text: str) -> dict[str, float]:
     return found
 
 
-def _case_data(case: SolvedCase) -> dict[str, Any]:
-    extras = {
-        "published_amount": case.published_amount,
-        "touch_amount": case.touch_amount,
-        "fits_up_to": case.fits_up_to,
-    }
-    return {"name": case.solution.problem.name, **case.solution.to_dict(), **extras}
-
-
 def _distinct_curves(problems: Iterable[Problem]) -> list[tuple[DecisionCurve, list[str]]]:
     """Return the decision curve of each pair of bodies in a box, with the cases that share it."""
     found: dict[Any, tuple[DecisionCurve, list[str]]] = {}
@@ -183,23 +162,15 @@ def _distinct_curves(problems: Iterable[Problem]) -> list[tuple[DecisionCurve, l
 def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
     from fcdm_opt.show.tables import slope
 
-    def told(own: Any, *names: str) -> dict[str, Any]:
-        return {name: getattr(own, name) for name in names}
+    def told(what: Any, *names: str) -> dict[str, Any]:
+        return {name: getattr(what, name) for name in names}
 
+    segment = ("index", "configuration", "line", "start", "end", "parts", "snug")
+    point = ("index", "rho", "kind", "configurations", "label", "contacts", "contact_sets")
     return {
         "movable": curve.movable.name,
         "static": curve.static.name,
         **told(curve, "box", "status", "paths"),
-        "segments": [
-            {
-                "feature": own.feature.label,
-                "slope": slope(own),
-                **told(own, "index", "configuration", "line", "start", "end", "parts", "snug"),
-            }
-            for own in curve.segments
-        ],
-        "switching_points": [
-            told(own, "index", "rho", "kind", "configurations", "label", "contacts", "contact_sets")
-            for own in curve.switching_points
-        ],
+        "segments": [{"feature": s.feature.label, "slope": slope(s), **told(s, *segment)} for s in curve.segments],
+        "switching_points": [told(each, *point) for each in curve.switching_points],
     }

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from fcdm_opt.cli.common import OUTPUT, say
+from fcdm_opt.cli.common import OUTPUT, argument, option, say
 from fcdm_opt.errors import InputError
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
@@ -20,26 +20,15 @@ PATIENCE = 3.0  # seconds that a stage may take until it is told
 
 
 def init_command(
-    movable: Annotated[
-        Path,
-        typer.Argument(metavar="MOVABLE", help=f"Mesh file of the part that moves: {KINDS}.", show_default=False),
-    ],
-    static: Annotated[
-        Path, typer.Argument(metavar="STATIC", help="Mesh file of the part at rest, likewise.", show_default=False)
-    ],
+    movable: Annotated[Path, argument("MOVABLE", f"Mesh file of the part that moves: {KINDS}.")],
+    static: Annotated[Path, argument("STATIC", "Mesh file of the part at rest, likewise.")],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="TOML", help="File to write. Default: MOVABLE-STATIC.toml here.", rich_help_panel=OUTPUT
-        ),
+        Path | None, option("--out", "TOML", "File to write. Default: MOVABLE-STATIC.toml here.", OUTPUT)
     ] = None,
     unit: Annotated[
-        str | None,
-        typer.Option("--unit", metavar="UNIT", help='Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".'),
+        str | None, option("--unit", "UNIT", 'Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".')
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite the file if it is there.", rich_help_panel=OUTPUT)
-    ] = False,
+    force: Annotated[bool, option("--force", None, "Overwrite the file if it is there.", OUTPUT)] = False,
 ) -> None:
     """Write a commented problem file from two mesh files, as drawn in one frame.
 
@@ -63,9 +52,7 @@ def init_command(
 
 
 def schema_command(
-    what: Annotated[
-        str, typer.Option("--what", metavar="KIND", help='Kind of file: "problem" or "study".')
-    ] = "problem",
+    what: Annotated[str, option("--what", "KIND", 'Kind of file: "problem" or "study".')] = "problem",
 ) -> None:
     """Print the JSON Schema of problem files or study files, by which editors complete and check them.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
 
 import numpy as np
 
-from fcdm_opt.drafting.situation import DRAWN, Situation
+from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.motions import Free, Motion, Translation
@@ -24,6 +24,7 @@ MOST_PAIRS = 12  # of parts, with which the search for a tie stays short
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
 GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
 AXES = "xyz"
+ANY_SHIFT = Translation("x") >> Translation("y") >> Translation("z")
 NOISE = 1e-12  # relative: what is smaller is rounding, and is written as 0
 
 
@@ -44,38 +45,34 @@ class Choice:
     solutions: dict[str, Solution | None]
 
     @property
-    def solved(self) -> int:
-        """How many requirements are solved and verified."""
-        return sum(own is not None and own.usable for own in self.solutions.values())
+    def usable(self) -> dict[str, Solution]:
+        """The solutions that are solved and verified, by requirement."""
+        return {letter: answer for letter, answer in self.solutions.items() if answer is not None and answer.usable}
 
     @property
     def answered(self) -> int:
         """How many requirements are solved, or told not to fit together: that is an answer of another goal's too."""
-        kinds = (
-            own is not None and (own.usable or own.status is Status.OUTSIDE_FIT) for own in self.solutions.values()
-        )
-        return sum(kinds)
+        outside = sum(answer is not None and answer.status is Status.OUTSIDE_FIT for answer in self.solutions.values())
+        return len(self.usable) + outside
 
     @cached_property
     def tied(self) -> tuple[str, ...]:
         """Requirements that another motion answers as well, some way off; of bodies with many parts it is not asked."""
-        usable = {letter: own for letter, own in self.solutions.items() if own is not None and own.usable}
         return tuple(
             letter
-            for letter, own in usable.items()
-            if own.modelled.get("part_pairs_total", 0) <= MOST_PAIRS
-            and any("another motion" in reason for reason in own.sensitivity.reasons)
+            for letter, answer in self.usable.items()
+            if answer.modelled.get("part_pairs_total", 0) <= MOST_PAIRS
+            and any("another motion" in reason for reason in answer.sensitivity.reasons)
         )
 
     @property
     def axis(self) -> Array | None:
         """The one direction in which all translations found go, (3,); None where there are several, or none."""
-        moves = [
-            own.transform[:3, 3] for own in self.solutions.values() if own is not None and own.transform is not None
-        ]
+        poses = [None if answer is None else answer.transform for answer in self.solutions.values()]
+        moves = [pose[:3, 3] for pose in poses if pose is not None]
         longest = max(moves, key=lambda move: float(np.linalg.norm(move)), default=np.zeros(3))
         length = float(np.linalg.norm(longest))
-        if not length > 0 or self.solved < len(SIGNS):
+        if not length > 0 or len(self.usable) < len(SIGNS):
             return None
         axis: Array = longest / length
         aside = max(float(np.linalg.norm(move - (move @ axis) * axis)) for move in moves)
@@ -91,27 +88,19 @@ def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) 
     best: Choice | None = None
     start = perf_counter()
     for goal in GOALS[situation.state]:
-        for motion in _motions(situation):
+        for motion in (ANY_SHIFT, Translation(named(situation.normal)), Free()):
             if best is not None and perf_counter() - start > SECONDS:
                 return best
             at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
-            found = _tried(situation, goal, motion)
-            if found is None:
+            tried = _tried(situation, goal, motion)
+            if tried is None:
                 continue
-            if found.answered == len(SIGNS):
-                return _simpler(situation, found)
-            if best is None or found.answered > best.answered:
-                best = found
+            if tried.answered == len(SIGNS):
+                return _simpler(situation, tried)
+            if best is None or tried.answered > best.answered:
+                best = tried
     assert best is not None  # "touch" and "clear" can be asked of any parts
     return best
-
-
-def closing(situation: Situation) -> Array | None:
-    """Return the shortest shift of the movable part as drawn after which the parts touch, (3,); None if unknown."""
-    shift = Translation("x") >> Translation("y") >> Translation("z")
-    problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=shift)
-    solution = solve(problem, effort="quick")
-    return np.array(solution.transform[:3, 3]) if solution.usable and solution.transform is not None else None
 
 
 def named(axis: Array) -> str | tuple[float, float, float]:
@@ -122,39 +111,23 @@ def named(axis: Array) -> str | tuple[float, float, float]:
     return AXES[k] if others <= DEFAULT.nominal else (x, y, z)
 
 
-def _motions(situation: Situation) -> Iterator[Motion]:
-    """Yield motions to try: the smaller family answers in most cases, and can be read off."""
-    yield Translation("x") >> Translation("y") >> Translation("z")
-    yield Translation(named(situation.normal))
-    yield Free()
-
-
-def _simpler(situation: Situation, found: Choice) -> Choice:
+def _simpler(situation: Situation, choice: Choice) -> Choice:
     """Return the choice with one axis in place of three where that costs nothing."""
-    if len(found.motion.steps) == 1:
-        return found
-    axis = found.axis
-    if axis is None and any(own is not None and own.amount > 0 for own in found.solutions.values()):
-        return found
-    along = situation.normal if axis is None else axis
-    less = _tried(situation, found.goal, Translation(named(along)))
-    return less if less is not None and less.solved == found.solved else found
+    axis = choice.axis
+    moves = any(answer is not None and answer.amount > 0 for answer in choice.solutions.values())
+    if len(choice.motion.steps) == 1 or (axis is None and moves):
+        return choice
+    less = _tried(situation, choice.goal, Translation(named(situation.normal if axis is None else axis)))
+    return less if less is not None and len(less.usable) == len(choice.usable) else choice
 
 
 def _tried(situation: Situation, goal: str, motion: Motion) -> Choice | None:
     """Return what a goal and a motion lead to; None where the goal cannot be asked."""
     solutions: dict[str, Solution | None] = {}
+    bodies, asked = (situation.movable, situation.static), {"goal": goal, "motion": motion, "tolerance": TOLERANCE}
     for letter in SIGNS:
         try:
-            problem = Problem(
-                situation.movable,
-                situation.static,
-                box=situation.box,
-                tolerance=TOLERANCE,
-                requirement=letter,
-                goal=goal,
-                motion=motion,
-            )
+            problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             solutions[letter] = solve(problem, effort="quick")
         except InputError:
             solutions[letter] = None

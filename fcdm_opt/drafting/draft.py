@@ -2,31 +2,45 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from fcdm_opt.drafting import asking, remarks, writing
-from fcdm_opt.drafting.choice import NOISE, SECONDS, TOLERANCE, chosen
-from fcdm_opt.drafting.situation import Situation
+from fcdm_opt.drafting import remarks, writing
+from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, SECONDS, TOLERANCE, Choice, chosen, named
+from fcdm_opt.drafting.situation import Situation, rounded
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.files import NANOMETRES
+from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.tolerances import DEFAULT
 
 UNIT = "mm"
 OWN_UNIT = (".glb", ".step", ".stp")  # files that say themselves what their lengths are
 LARGE = 0.1  # share of the size from which a motion is no correction any more
 TIE = "another motion is as small"
+TILTED = (
+    "the faces that meet are parallel within {:.0e} rad, not exactly (single precision, say); "
+    "fcdm_opt takes the corners as the file has them"
+)
+MOST_POINTS = 8  # switching points that are listed
+WHY = {
+    "touch": "the parts made touch, by whatever features meet first",
+    "clear": "the parts made are apart or just touch; with a line clearance = 0.1 besides, apart by at least that",
+    "seat": "a flush contact, face on face or along an edge, stays flush",
+    "at": "the same feature touches, at exactly the sizes made",
+    "beyond": "the paper's: the switching point moves into the quadrant beyond the sizes made",
+}
 WORDS = {
     "A": "both parts made larger",
     "B": "the movable part larger, the static one smaller",
@@ -35,8 +49,7 @@ WORDS = {
 }
 
 
-@dataclass(frozen=True)
-class Draft:
+class Draft(NamedTuple):
     """A problem file as text, and what is to be said about it in a few lines."""
 
     text: str
@@ -72,23 +85,23 @@ def draft(
     if unit is not None and unit not in NANOMETRES:
         what = f"unknown unit{closest(unit, NANOMETRES)}"
         raise InputError(what, key="--unit", found=unit, allowed=", ".join(NANOMETRES))
-    own = UNIT if unit is None else unit
+    lengths = UNIT if unit is None else unit
     paths = Path(movable), Path(static)
     places = [_relative(path, Path(file)) for path in paths]
     bodies = []
     for path in paths:
         at(f"reading {writing.shown(str(path))} and cutting it into convex parts")
-        bodies.append(Body.from_file(path, unit=own))
+        bodies.append(Body.from_file(path, unit=lengths))
     at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     situation = Situation(*bodies)
     choice = chosen(situation, at=at)
-    warned = remarks.remarks(situation, own)
-    state = remarks.state(situation, own)
-    tilted = "" if situation.tilt is None else remarks.tilt(situation.tilt)
-    steps = str(writing.about(situation.size / 10000.0))
+    warned = remarks.remarks(situation, lengths)
+    state = remarks.state(situation, lengths)
+    tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
+    steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
-        "extent": partial(_extent, unit=own),
-        "limits": partial(asking.limits, situation, choice),
+        "extent": partial(_extent, unit=lengths),
+        "limits": partial(_limits, situation, choice),
         "steps": partial(writing.table, length=steps, angle="0.1"),
         "moved": _moved,
     }
@@ -96,29 +109,33 @@ def draft(
         title=f"{paths[0].stem} and {paths[1].stem}",
         name=writing.shown(writing.quoted(Path(file).name)),
         warned=warned,
-        unit=own,
+        unit=lengths,
         asked=unit is not None,
         parts=list(zip(("movable", "static"), bodies, places, map(_points, bodies), strict=True)),
         situation=situation,
         state=state,
         tilt=tilted,
-        nominal=asking.nominal(situation),
+        nominal=_nominal(situation),
         tolerance=TOLERANCE,
-        goals=asking.goals(situation),
+        goals=_goals(situation),
         choice=choice,
-        motions=asking.motions(situation, choice),
+        motions=_motions(situation, choice),
         words=WORDS,
         patience=SECONDS,
         tie=TIE,
     )
     asked = f'goal "{choice.goal}", motion {writing.motion(choice.motion)}'
     summary = (
-        *(f"{role}: {_extent(body, own)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
+        *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
         f"as drawn: {state}",
         *([f"practically face on face: {tilted}"] if tilted else []),
         *(f"warning: {remark}" for remark in warned),
-        f"{asked}: {choice.solved} of {len(SIGNS)} cases solved and verified",
-        *(f"{letter}: {own.advice}" for letter, own in choice.solutions.items() if own is not None and not own.usable),
+        f"{asked}: {len(choice.usable)} of {len(SIGNS)} cases solved and verified",
+        *(
+            f"{letter}: {answer.advice}"
+            for letter, answer in choice.solutions.items()
+            if answer is not None and not answer.usable
+        ),
         *([f"{TIE} in {', '.join(choice.tied)}"] if choice.tied else []),
     )
     return Draft(text, summary)
@@ -130,21 +147,84 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     made = Environment(
         loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
-    made.filters |= filters | {name: getattr(writing, name) for name in writing.FILTERS}
-    made.filters |= {"wrapped": partial(wrap, width=writing.WIDTH)}
+    written = ("motion", "point", "short", "shown", "sizes", "toml")
+    made.filters |= filters | {name: getattr(writing, name) for name in written}
+    made.filters |= {"wrapped": partial(wrap, width=110)}
     made.tests |= {"saying_its_unit": lambda place: Path(place).suffix.lower() in OWN_UNIT, "large": _is_large}
     return made.get_template("problem.toml.jinja")
+
+
+# --------------------------------------------------------------------------------------------------- what else could be
+
+
+def _goals(situation: Situation) -> dict[str, tuple[str, str, bool, bool]]:
+    """Return of each goal what it means and needs, whether that is there, and whether the need is told where it is."""
+    needs = {
+        "seat": ("a flush nominal contact", situation.flush),
+        "at": ("a nominal contact", situation.nearest is not None),
+        "beyond": ("a nominal switching point", bool(situation.curve.switching_points)),
+    }
+    rows = {}
+    for goal, why in WHY.items():
+        need, there = needs.get(goal, ("", True))
+        rows[goal] = why, need, there, bool(need) and not (situation.state == "touching" and goal != "beyond")
+    return rows
+
+
+def _nominal(situation: Situation) -> dict[str, Any]:
+    """Return what the nominal contact could be besides "drawn": contacts near, switching points, a snap."""
+    near = ((situation.nearest, "the contact nearest to drawn"), (situation.grown, "both scaled alike"))
+    listed = situation.switching_points(MOST_POINTS)
+    snap = 0.0
+    if remarks.nearly(situation):
+        moved = 0.0 if situation.nearest is None else float(np.abs(situation.nearest.pair - 1.0).max())
+        snap = float(f"{2.0 * max(abs(situation.gap) / situation.size, moved):.1e}")
+    return {
+        "near": [row for row in near if row[0] is not None and situation.state != "touching"],
+        "listed": listed,
+        "more": len(situation.curve.switching_points) - len(listed),
+        "snap": snap,
+    }
+
+
+def _motions(situation: Situation, choice: Choice) -> list[tuple[Motion, str]]:
+    """Return other motions than the one chosen, and what they are."""
+    k = int(np.abs(situation.normal).argmax())
+    along, across = AXES[k], AXES[(k + 1) % 3]  # a turn about the normal itself would often change nothing
+    offset = situation.static.seed - situation.movable.seed
+    distance = float(np.linalg.norm(offset))
+    others: list[tuple[Motion, str]] = [
+        (Translation(named(situation.normal)), "along the contact normal"),
+        (ANY_SHIFT, "any shift"),
+        (Translation(along) >> Rotation(across, centre="seed"), "a shift, then a turn about the seed"),
+        (Rotation(across, centre=(0.0, 0.0, 0.0)), 'a turn about a point, "seed" or "origin"'),
+    ]
+    if distance > DEFAULT.seeds * situation.size:
+        others.append((Translation(named(offset / distance)), "along the line of the seeds"))
+        others.append((Screw("seeds", pitch=math.degrees(0.01)), "a screw along the line of the seeds"))
+    others.append((Free(), "all six: any shift and any turn about the seed"))
+    written = {writing.motion(motion): (motion, why) for motion, why in others}
+    written.pop(writing.motion(choice.motion), None)
+    return list(written.values())
+
+
+def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
+    """Return limits of a motion that keep it short, but hold what was found to be needed."""
+    shifts = [name for name, kind in choice.motion.parameters if kind == "translation"]
+    longest = max((abs(answer.parameters[name]) for answer in choice.usable.values() for name in shifts), default=0.0)
+    reach = rounded(max(min(situation.movable.size, situation.static.size) / 2.0, longest), math.ceil)
+    return writing.table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")
+
+
+# --------------------------------------------------------------------------------------------------- parts of the text
 
 
 def _points(body: Body) -> dict[str, Any]:
     """Return points of a body that its seed could be."""
     corners = body.vertices
     centre = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-    return {
-        "centre": centre,
-        "mean": corners.mean(axis=0),
-        "bottom": np.array([*centre[:2], corners[:, 2].min()]),
-    }
+    bottom = np.array([*centre[:2], corners[:, 2].min()])
+    return {"centre": centre, "mean": corners.mean(axis=0), "bottom": bottom}
 
 
 def _moved(solution: Solution) -> str:

@@ -7,8 +7,10 @@ import math
 import numpy as np
 
 from fcdm_opt.drafting import writing
-from fcdm_opt.drafting.choice import NOISE, closing
-from fcdm_opt.drafting.situation import WIDE, Situation
+from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE
+from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.solver import solve
 
 UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
 FAR = 5.0  # sizes between the parts at which they are likely to be drawn in different frames
@@ -56,22 +58,15 @@ def state(situation: Situation, unit: str) -> str:
     return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
 
 
-def tilt(angle: float | None) -> str:
-    """Return what is said of faces that are all but parallel."""
-    return (
-        f"the faces that meet are parallel within {angle or 0.0:.0e} rad, not exactly (single precision, say); "
-        "fcdm_opt takes the corners as the file has them"
-    )
-
-
 def _remedy(situation: Situation, unit: str) -> str:
-    """Return what to do where a contact is meant that is not drawn: move the drawing."""
-    shift = closing(situation)
-    if shift is None:
+    """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way."""
+    problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT)
+    solution = solve(problem, effort="quick")
+    if not solution.usable or solution.transform is None:
         return f"If they are meant to, move the movable part by {abs(situation.gap):.6g} {unit} in the drawing"
-    length = float(np.linalg.norm(shift))
+    shift = solution.transform[:3, 3]
     by = writing.point(np.where(np.abs(shift) <= NOISE * situation.size, 0.0, shift), 6)
     return (
         f"If they are meant to touch as drawn, move the movable part in the drawing (CAD) by {by} {unit}: "
-        f"the shortest way, {length:.6g} {unit} along the contact normal"
+        f"the shortest way, {float(np.linalg.norm(shift)):.6g} {unit} along the contact normal"
     )

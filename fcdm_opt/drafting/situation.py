@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,8 @@ class Near(NamedTuple):
     @property
     def features(self) -> str:
         """Labels of what touches."""
-        own = (self.contact.feature,) if isinstance(self.contact, Segment) else self.contact.features
-        return " and ".join(feature.label for feature in own)
+        features = (self.contact.feature,) if isinstance(self.contact, Segment) else self.contact.features
+        return " and ".join(feature.label for feature in features)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,15 +116,14 @@ class Situation:
         """Unit direction in which the parts meet, from the movable part to the static one."""
         for near in (self.nearest, self.grown):
             if near is not None:
-                own = near.contact.normal if isinstance(near.contact, Segment) else near.contact.pieces[0].normal
-                return np.array(own)
+                return np.array(_pieces(near.contact)[0].normal)
         offset = self.static.seed - self.movable.seed
         length = float(np.linalg.norm(offset))
         return offset / length if length > DEFAULT.seeds * self.size else np.array([0.0, 0.0, 1.0])
 
     def switching_points(self, most: int) -> list[SwitchingPoint]:
         """Return the switching points in `box` that are nearest to the parts as drawn, by number."""
-        return sorted(_by_nearness(self.curve)[:most], key=lambda own: own.index)
+        return sorted(_by_nearness(self.curve)[:most], key=lambda point: point.index)
 
     @property
     def beyond(self) -> SwitchingPoint | None:
@@ -142,7 +141,7 @@ class Situation:
             return None
         angles = [
             float(np.linalg.norm(one + two))  # of two unit vectors that are nearly opposite
-            for n, (i, j) in _meetings(near.contact)
+            for n, (i, j) in ((piece.normal, piece.parts) for piece in _pieces(near.contact))
             for one in _facing(self.movable.parts[i], n)
             for two in _facing(self.static.parts[j], -n)
         ]
@@ -182,13 +181,12 @@ def _on_diagonal(segment: Segment) -> list[float]:
 
 def _by_nearness(curve: DecisionCurve) -> list[SwitchingPoint]:
     """Return the switching points listed, the nearest to the parts as drawn first."""
-    return sorted(curve.switching_points, key=lambda own: float(np.abs(np.log(own.rho)).max()))
+    return sorted(curve.switching_points, key=lambda point: float(np.abs(np.log(point.rho)).max()))
 
 
-def _meetings(contact: Segment | SwitchingPoint) -> list[tuple[Array, tuple[int, int]]]:
-    """Return normal and part pair of what touches."""
-    pieces = (contact,) if isinstance(contact, Segment) else contact.pieces
-    return [(piece.normal, piece.parts) for piece in pieces]
+def _pieces(contact: Segment | SwitchingPoint) -> Sequence[Any]:
+    """Return the pieces of the curve that meet at a contact, each of its normal and part pair."""
+    return (contact,) if isinstance(contact, Segment) else contact.pieces
 
 
 def _facing(part: ConvexPart, direction: Array) -> list[Array]:

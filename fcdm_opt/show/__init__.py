@@ -11,7 +11,7 @@ Pictures, and here what they share:
 plots            decision curves, before and after a motion
 scene            the pair of bodies in space
 family           the curves over a coherent range
-maps, yields     compensation maps, and the yield of a fit
+maps             compensation maps, and the yield of a fit
 studies          the amount over what a study varied
 sensitivities    what the amount depends on
 lettering        words on a picture, none upon another
@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
+from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -106,6 +107,17 @@ def write_svg(figure: Figure, to: Path | IO[str]) -> None:
         figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
 
 
+def pixels(figure: Figure, *, across: int = SMALL) -> bytes:
+    """Return a figure as a small PNG, so many pixels across, in few colours; the same figure gives the same bytes."""
+    from PIL import Image
+
+    whole, small = BytesIO(), BytesIO()
+    figure.savefig(whole, format="png", dpi=across / figure.get_figwidth(), metadata={"Software": None})
+    with Image.open(whole) as image:
+        image.convert("RGB").quantize(COLOURS).save(small, format="png", optimize=True)
+    return small.getvalue()
+
+
 def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path, ...]:
     """Write a figure as PNG and SVG; the same figure gives the same bytes.
 
@@ -122,18 +134,14 @@ def save(figure: Figure, path: str | Path, *, small: bool = False) -> tuple[Path
     tuple of Path
         The PNG and the SVG file, and the small one.
     """
-    from PIL import Image
-
     base = Path(path)
     base.parent.mkdir(parents=True, exist_ok=True)
     png, svg = (base.with_name(f"{base.name}.{suffix}") for suffix in ("png", "svg"))
-    width = figure.get_figwidth()
-    figure.savefig(png, format="png", dpi=DOTS * min(1.0, PAGE / width), metadata={"Software": None})
+    dots = DOTS * min(1.0, PAGE / figure.get_figwidth())
+    figure.savefig(png, format="png", dpi=dots, metadata={"Software": None})
     write_svg(figure, svg)
     if not small:
         return png, svg
     less = base.with_name(f"{base.name}-small.png")
-    figure.savefig(less, format="png", dpi=SMALL / width, metadata={"Software": None})
-    with Image.open(less) as image:
-        image.convert("RGB").quantize(COLOURS).save(less, optimize=True)
+    less.write_bytes(pixels(figure))
     return png, svg, less

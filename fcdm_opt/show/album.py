@@ -74,17 +74,14 @@ class Album:
         from fcdm_opt.show.sensitivities import sensitivities_figure
         from fcdm_opt.show.texts import amount_text, asked_text, motion_text
 
-        problem = solution.problem
+        problem, found, motion = solution.problem, solution.status.found, motion_text(solution)
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
-        caption = f"{asked_text(problem)}, goal {problem.goal}: no motion"
-        if solution.status.found:
+        caption = f"{asked_text(problem)}, goal {problem.goal}: {motion if found else 'no motion'}"
+        if found:
             amount = amount_text(solution.amount, problem.amount_unit)
             outside = "outside the fit, not to be used: " * (solution.status.name == "OUTSIDE_FIT")
-            caption = (
-                f"{outside}{asked_text(problem)}, goal {problem.goal}: {motion_text(solution)}; "
-                f"amount {amount}; pair made: {solution.pair_state}"
-            )
+            caption = f"{outside}{caption}; amount {amount}; pair made: {solution.pair_state}"
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho
         moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
@@ -98,25 +95,23 @@ class Album:
             keep_out=[keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out],
             unit=problem.unit,
             title=title,
-            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion_text(solution)}",
+            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion}",
         )
         self._write(f"{name}-scene", scene)
-        if solution.status.found and solution.amount > 0.0:
+        if found and solution.amount > 0.0:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
 
     def add_range(self, stem: str, title: str, coherent: CoherentRange) -> None:
         """Add the family of decision curves over a coherent range."""
         from fcdm_opt.show.family import family_figure
 
-        problem = coherent.problem
-        name = self._once(f"{stem}-{problem.name}")
-        title = f"{title}: case {problem.name}, coherent range"
-        caption = " & ".join(feature.label for feature in coherent.features)
-        self._write(f"{name}-range", family_figure(coherent, title=title, caption=caption))
+        case, caption = coherent.problem.name, " & ".join(feature.label for feature in coherent.features)
+        figure = family_figure(coherent, title=f"{title}: case {case}, coherent range", caption=caption)
+        self._write(f"{self._once(f'{stem}-{case}')}-range", figure)
 
     def add_yield(self, stem: str, result: AssemblyYield, *, title: str = "") -> None:
         """Add how the amounts of all part pairs are spread about the budget."""
-        from fcdm_opt.show.yields import yield_figure
+        from fcdm_opt.show.maps import yield_figure
 
         self._write(self._once(stem), yield_figure(result, title=title or f"yield: {stem}"))
 

@@ -25,47 +25,41 @@ if TYPE_CHECKING:
 
 def print_case(file: str, problem: Problem) -> None:
     """Print which case is asked about, and once what its numbers are in."""
-    out = console()
-    out.print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")
+    console().print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")
     if problem.unit:
-        out.print(units_text(problem.unit))
+        console().print(units_text(problem.unit))
 
 
 def print_study(result: StudyResult) -> None:
     """Print how many points ended how, and the yield where a budget is given."""
-    out = console()
-    out.print(str(result))
-    out.print()
+    console().print(f"{result}\n")
 
 
 def print_lines(result: BestPose | CompensationMap | Conflicts) -> None:
     """Print what the result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
-    out = console()
     for line in str(result).splitlines():
-        print_text(out, line, indent="   ")
-    out.print()
+        print_text(line, indent="   ")
+    print_text()
 
 
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives foretold, and what else changed."""
-    out = console()
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
     foretold = amount_text(answer.predicted_amount)
     rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
-    print_rows(out, rows, numbers=("amount",))
+    print_rows(rows, numbers=("amount",))
     for reason in answer.prediction.reasons:
-        print_text(out, f"foretold: {reason}", indent="   ")
+        print_text(f"foretold: {reason}", indent="   ")
     for what in answer.differences:
         if what.name in ("features", "active", "status"):
-            print_text(out, f"{what.name}: {_words(what.before)} -> {_words(what.after)}", indent="   ")
-    out.print()
+            print_text(f"{what.name}: {_words(what.before)} -> {_words(what.after)}", indent="   ")
+    print_text()
 
 
 def print_budgets(budgets: Budgets) -> None:
     """Print the largest tolerance of each requirement, and what ends it."""
-    out = console()
     limit = "its own limits" if budgets.limit is None else f"an amount of {budgets.limit:g}"
-    out.print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
+    console().print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
     rows = [
         {
             "requirement": budget.requirement,
@@ -76,33 +70,31 @@ def print_budgets(budgets: Budgets) -> None:
         }
         for budget in budgets.values()
     ]
-    print_rows(out, rows, numbers=("tolerance", "amount there"))
+    print_rows(rows, numbers=("tolerance", "amount there"))
     for budget in budgets.values():
-        print_text(out, f"{budget.requirement}: {budget.reason}", indent="   ")
-    out.print()
+        print_text(f"{budget.requirement}: {budget.reason}", indent="   ")
+    print_text()
 
 
 def print_costs(costs: Costs) -> None:
     """Print what each constraint costs."""
-    out = console()
     amount = amount_text(costs.solution.amount, costs.solution.problem.amount_unit)
-    out.print(f"as asked: amount {amount}, {motion_text(costs.solution)}")
+    console().print(f"as asked: amount {amount}, {motion_text(costs.solution)}")
     rows = [_dropped("drop", row) for row in costs.rows] + [_dropped("ask for", row) for row in costs.goals]
     if rows:
         foretold = any(row["foretold"] for row in rows)
         kept = [{name: cell for name, cell in row.items() if name != "foretold" or foretold} for row in rows]
-        print_rows(out, kept, numbers=("least amount then", "saved", "foretold"))
+        print_rows(kept, numbers=("least amount then", "saved", "foretold"))
         more = '; "foretold": what its multiplier (first derivative) says is saved' if foretold else ""
-        print_text(out, f"One change at a time, all else as asked; below 0 saved: the motion gets larger{more}.", "   ")
+        print_text(f"One change at a time, all else as asked; below 0 saved: the motion gets larger{more}.", "   ")
     else:
-        out.print("Nothing to drop: no constraint but the goal itself.")
-    out.print()
+        console().print("Nothing to drop: no constraint but the goal itself.")
+    print_text()
 
 
 def print_comparison(comparison: Comparison) -> None:
     """Print the families of motions, the cheapest first."""
-    out = console()
-    out.print(str(comparison))
+    console().print(str(comparison))
     rows = [
         {
             "family": row.name,
@@ -114,17 +106,16 @@ def print_comparison(comparison: Comparison) -> None:
         }
         for row in comparison.table
     ]
-    print_rows(out, rows, numbers=("amount", "proved at least"))
+    print_rows(rows, numbers=("amount", "proved at least"))
     for row in comparison.table:
         if row.note:
-            print_text(out, f"{row.name}: {row.note}", indent="   ")
-    out.print()
+            print_text(f"{row.name}: {row.note}", indent="   ")
+    print_text()
 
 
 def print_yield(result: AssemblyYield) -> None:
     """Print the share of pairs that pass, and which body's tolerance contributes how much."""
-    out = console()
-    print_text(out, str(result), indent="   ")
+    print_text(str(result), indent="   ")
     rows = [
         {
             "body": share.body,
@@ -134,25 +125,20 @@ def print_yield(result: AssemblyYield) -> None:
         }
         for share in result.contributions
     ]
-    print_rows(out, rows, numbers=tuple(rows[0])[1:])
-    out.print()
+    print_rows(rows, numbers=tuple(rows[0])[1:])
+    print_text()
 
 
 def print_clearances(clearances: Clearances, *, where: str = "") -> None:
     """Print the range of the gap over all sizes at a pose, and how it is spread."""
-    out = console()
-    print_text(out, f"{where}: {clearances}" if where else str(clearances), indent="   ")
+    print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
+    ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
-        {
-            "end": name,
-            "gap": f"{end.gap:+.6g}",
-            "at sizes": numbers(end.rho),
-            "between": end.feature,
-        }
-        for name, end in (("least", clearances.least), ("largest", clearances.most))
+        {"end": name, "gap": f"{end.gap:+.6g}", "at sizes": numbers(end.rho), "between": end.feature}
+        for name, end in ends
     ]
-    print_rows(out, rows, numbers=("gap",))
-    out.print()
+    print_rows(rows, numbers=("gap",))
+    print_text()
 
 
 def _solved(name: str, solution: Solution) -> dict[str, str]:

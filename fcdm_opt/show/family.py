@@ -25,8 +25,8 @@ CURVES = 5
 FINE = 40
 """Steps on either side in which the swept area and the tracked point's track are drawn."""
 
-DOUBLINGS, HALVINGS = 60, 40
-"""Steps of the search for where the tracked point leaves the box."""
+POWERS = -10, 50
+"""Of 2, from and to which multiples of a range's natural step are tried for where the tracked point leaves the box."""
 
 DOUBLE = 2.6
 """Points across a double line."""
@@ -52,10 +52,8 @@ def family_figure(coherent: CoherentRange, *, title: str = "", caption: str = ""
     title, caption : str
         Text above and below the picture.
     """
-    words = [
-        f"{name} x = {event.x:.9g}: {_short(event)}"
-        for name, event in zip(("low", "high"), coherent.events, strict=True)
-    ]
+    named = zip(("low", "high"), coherent.events, strict=True)
+    words = [f"{name} x = {event.x:.9g}: {_short(event)}" for name, event in named]
     sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join([*words, caption] if caption else words))
     left, right = (sheet.axes(x, 0.9, 2.62, 2.62) for x in (0.48, 3.88))
     ends = [drawn_end(coherent, sign) for sign in (-1.0, 1.0)]
@@ -63,10 +61,8 @@ def family_figure(coherent: CoherentRange, *, title: str = "", caption: str = ""
     _draw_scales(right, coherent, ends)
     left.set_title("decision curves over the range")
     right.set_title("scales of the tracked point")
-    handles, labels = (
-        one + two for one, two in zip(*(a.get_legend_handles_labels() for a in (left, right)), strict=True)
-    )
-    sheet.legend(handles, labels, bottom=0.0)
+    one, two = (axes.get_legend_handles_labels() for axes in (left, right))
+    sheet.legend(one[0] + two[0], one[1] + two[1], bottom=0.0)
     return sheet.figure
 
 
@@ -78,6 +74,8 @@ def _short(event: Event) -> str:
 
 def drawn_end(coherent: CoherentRange, sign: float) -> float:
     """Return up to which x a side of the range is drawn: its end, or where the tracked point leaves the box."""
+    from scipy.optimize import bisect
+
     low, high = np.asarray(coherent.problem.box, dtype=float).T
 
     def seen(x: float) -> bool:
@@ -87,20 +85,13 @@ def drawn_end(coherent: CoherentRange, sign: float) -> float:
     end = abs(coherent.high if sign > 0 else coherent.low) * INSIDE
     if end == 0.0 or not seen(0.0):
         return 0.0
-    near, far = 0.0, min(end, coherent.natural_step / 2**10)
-    for _ in range(DOUBLINGS):
-        if not seen(sign * far):
+    near = far = 0.0
+    for power in range(*POWERS):
+        far = min(end, coherent.natural_step * 2.0**power)
+        if far == end or not seen(sign * far):
             break
         near = far
-        if far >= end:
-            return sign * end
-        far = min(2.0 * far, end)
-    else:
-        return sign * near
-    for _ in range(HALVINGS):
-        middle = (near + far) / 2.0
-        near, far = (middle, far) if seen(sign * middle) else (near, middle)
-    return sign * near
+    return sign * (far if seen(sign * far) else bisect(lambda x: seen(sign * x) - 0.5, near, far, xtol=1e-12 * far))
 
 
 def _is_end(coherent: CoherentRange, x: float) -> bool:
@@ -140,21 +131,16 @@ def draw_family(axes: Any, coherent: CoherentRange, ends: list[float]) -> None:
             names.put(name, spots[order], -np.sign(gaps[order[0]] or -1.0) * np.ones(2), colour=colour)
     pairs = np.array([coherent.rho(x) for x in track])
     axes.plot(*pairs.T, color=GREEN, linewidth=1.6, zorder=4, label="track of the tracked point")
-    axes.plot(
-        *coherent.rho(0.0), marker="*", markersize=8, color=BLACK, linestyle="none", zorder=5, label="tracked point"
-    )
+    star = {"marker": "*", "markersize": 8, "linestyle": "none", "zorder": 5, "label": "tracked point"}
+    axes.plot(*coherent.rho(0.0), color=BLACK, **star)
 
 
 def _own(coherent: CoherentRange, x: float) -> dict[Any, Segment]:
     """Return the tracked features' segments at x, those at the tracked point."""
     rho = coherent.rho(x)
-    near: dict[Any, tuple[float, Segment]] = {}
-    for segment in coherent.curve(x).segments:
-        if segment.feature in coherent.features:
-            away = float(np.abs(segment.nearest(rho) - rho).max())
-            if segment.feature not in near or away < near[segment.feature][0]:
-                near[segment.feature] = (away, segment)
-    return {feature: segment for feature, (_, segment) in near.items()}
+    listed = [segment for segment in coherent.curve(x).segments if segment.feature in coherent.features]
+    listed.sort(key=lambda segment: -float(np.abs(segment.nearest(rho) - rho).max()))
+    return {segment.feature: segment for segment in listed}  # of one feature the nearest, as the last
 
 
 def draw_at(
@@ -184,9 +170,8 @@ def _draw_scales(axes: Any, coherent: CoherentRange, ends: list[float]) -> None:
         if x and _is_end(coherent, x):
             axes.axvline(x, color=colour, linewidth=DOUBLE, path_effects=_double(colour))
     axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.set_xlabel(
-        f"x, multiples of {coherent.problem.motion.describe(coherent.direction, unit=coherent.problem.unit)}"
-    )
+    along = coherent.problem.motion.describe(coherent.direction, unit=coherent.problem.unit)
+    axes.set_xlabel(f"x, multiples of {along}")
     axes.set_ylabel(r"scales $\rho_1$, $\rho_2$  (1 = as drawn)")
     axes.locator_params(nbins=6)
     axes.grid(visible=True)

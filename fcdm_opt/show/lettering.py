@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import DARK, NOTE, TITLE, new_figure
-from fcdm_opt.show.scales import crossed
+from fcdm_opt.show.scales import clipped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,15 +62,13 @@ class Sheet:
             2.0 * EDGE + len(lines) * SPACING * size / 72.0 if lines else EDGE
             for lines, size in ((head, TITLE), (foot, NOTE))
         )
-        figure.set_figheight(height + above + below)
-        whole = figure.get_figheight()
+        whole = height + above + below
+        figure.set_figheight(whole)
         if head:
             figure.text(0.5, 1.0 - EDGE / whole, literal("\n".join(head)), ha="center", va="top", fontsize=TITLE)
         if foot:
-            figure.text(
-                0.5, EDGE / whole, literal("\n".join(foot)), ha="center", va="bottom", fontsize=NOTE, color=DARK,
-                linespacing=SPACING / 1.2,
-            )  # fmt: skip
+            look: Any = {"ha": "center", "va": "bottom", "fontsize": NOTE, "color": DARK, "linespacing": SPACING / 1.2}
+            figure.text(0.5, EDGE / whole, literal("\n".join(foot)), **look)
         return cls(figure, (width, height), below)
 
     def place(self, left: float, bottom: float, width: float, height: float) -> tuple[float, float, float, float]:
@@ -78,14 +76,14 @@ class Sheet:
         whole = self.figure.get_figwidth(), self.figure.get_figheight()
         return left / whole[0], (self.foot + bottom) / whole[1], width / whole[0], height / whole[1]
 
-    def axes(self, left: float, bottom: float, width: float, height: float, **options: Any) -> Any:
+    def axes(self, left: float, bottom: float, width: float, height: float) -> Any:
         """Add axes."""
-        return self.figure.add_axes(self.place(left, bottom, width, height), **options)
+        return self.figure.add_axes(self.place(left, bottom, width, height))
 
-    def list(self, left: float, top: float, width: float, lines: Iterable[str], *, least: float = 0.0) -> None:
+    def list(self, left: float, top: float, width: float, lines: Iterable[str]) -> None:
         """Write lines, each wrapped with its own indent, downwards as far as there is room; say how many are left."""
         made: list[str] = []
-        room = int((top - least) * 72.0 / (SPACING * NOTE))
+        room = int(top * 72.0 / (SPACING * NOTE))
         entries = [fitted(self.figure, line, NOTE, width, hang="    ") for line in lines]
         for k, entry in enumerate(entries):
             more = 0 if k == len(entries) - 1 else 1
@@ -157,27 +155,20 @@ class Names:
         With its place and limits set.
     lines : (n, 2, 2) array
         Ends of straight pieces that names should not cross.
-    within : matplotlib Bbox, optional
-        Where names may stand, in pixels; default the panel.
     """
 
-    def __init__(self, axes: Any, lines: ArrayLike = (), *, within: Any = None) -> None:
-        self._axes, self._within = axes, axes.bbox if within is None else within
-        self._renderer = axes.figure.canvas.get_renderer()
+    def __init__(self, axes: Any, lines: ArrayLike = ()) -> None:
+        self._axes = axes
         self._dot = axes.figure.dpi / 72.0
-        ends = self._page(np.asarray(lines, dtype=float).reshape(-1, 2))
-        self._lines = ends.reshape(-1, 2, 2)
+        self._lines = self._page(np.asarray(lines, dtype=float).reshape(-1, 2)).reshape(-1, 2, 2)
         self._taken: list[Array] = []
-        self.left_out = 0
 
     def keep(self, point: ArrayLike, size: float) -> None:
         """Keep names clear of a marker of so many points."""
         middle, half = self._page(np.asarray(point, dtype=float)), size / 2.0 * self._dot
         self._taken.append(np.array([middle - half, middle + half]))
 
-    def put(
-        self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, size: float = NOTE, lead: bool = True
-    ) -> bool:
+    def put(self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str) -> None:
         """Write a name beside the first of several points where there is room; leave it out where there is none.
 
         Parameters
@@ -187,51 +178,34 @@ class Names:
             Points that may be named, the best first.
         away : (2,) array
             Direction on the page, in which the name stands if it can.
-        colour, size : str, float
-            Of the text; size in points.
-        lead : bool
-            Whether a line leads to a name that stands far off.
-
-        Returns
-        -------
-        bool
-            Whether the name was written.
+        colour : str
+            Of the text; a line of this colour leads to a name that stands far off.
         """
         spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
-        spots = spots[
-            ((spots >= self._within.min - 0.5) & (spots <= self._within.max + 0.5)).all(axis=1)
-        ]  # half a pixel
+        within = self._axes.bbox
+        spots = spots[((spots >= within.min - 0.5) & (spots <= within.max + 0.5)).all(axis=1)]  # half a pixel
         if not len(spots):
-            return False
-        text = literal(text)
-        label = self._axes.annotate(
-            text, (0, 0), xycoords="figure pixels", color=colour, fontsize=size, ha="center", va="center", zorder=6,
-        )  # fmt: skip
-        extent = label.get_window_extent(self._renderer)
-        half = np.array([extent.width, extent.height]) / 2.0 + CLEAR * self._dot
+            return
+        look = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
+        label = self._axes.annotate(literal(text), (0, 0), xycoords="figure pixels", **look)
+        half = label.get_window_extent(self._axes.figure.canvas.get_renderer()).size / 2.0 + CLEAR * self._dot
         unit = np.asarray(away, dtype=float) / np.linalg.norm(away)
         spot, middle = self._free(spots, unit, half)
-        if middle is None:
-            label.remove()
-            self.left_out += 1
-            return False
-        self._taken.append(np.array([middle - half, middle + half]))
-        # in points from the named point: stays in place at any resolution
-        anchor = self._axes.transData.inverted().transform(spot)
         label.remove()
-        shift = (middle - spot) / self._dot
-        far = lead and np.linalg.norm(shift) - min(half) / self._dot > LEADER
+        if middle is None:
+            return
+        self._taken.append(np.array([middle - half, middle + half]))
+        shift = (middle - spot) / self._dot  # in points from the named point: stays in place at any resolution
+        arrow = {"arrowstyle": "-", "color": colour, "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 1.0}
         self._axes.annotate(
-            text, tuple(anchor), xytext=tuple(shift), textcoords="offset points", color=colour, fontsize=size,
-            ha="center", va="center", zorder=6, annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 1.0}
-            if far else None,
+            literal(text), tuple(self._axes.transData.inverted().transform(spot)), xytext=tuple(shift),
+            textcoords="offset points", annotation_clip=False, **look,
+            arrowprops=arrow if np.linalg.norm(shift) - min(half) / self._dot > LEADER else None,
         )  # fmt: skip
-        return True
 
     def _free(self, spots: Array, unit: Array, half: Array) -> tuple[Array, Array | None]:
         """Return the point to name and the middle of the first free place, best one clear of lines."""
-        low, high = self._within.min + half, self._within.max - half
+        low, high = self._axes.bbox.min + half, self._axes.bbox.max - half
         for strict in (True, False):
             for distance in DISTANCES:
                 for angle in ANGLES:
@@ -244,9 +218,9 @@ class Names:
                         if not ((middle >= low).all() and (middle <= high).all()):
                             continue
                         box = np.array([middle - half, middle + half])
-                        if any((box[0] < own[1]).all() and (own[0] < box[1]).all() for own in self._taken):
+                        if any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in self._taken):
                             continue
-                        if not strict or not crossed(self._lines, box).any():
+                        if not strict or not clipped(self._lines, box.T)[1].any():
                             return spot, middle
         return spots[0], None
 

@@ -1,33 +1,33 @@
-"""The compensation map: how much motion each pair of sizes needs, and what holds it where."""
+"""The compensation map: how much motion each pair of sizes needs, and what holds it where; and the yield of a fit."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.show import BLACK, GREY, NOTE, PAGE, VERMILLION, styled
-from fcdm_opt.show.lettering import Sheet
+from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, styled
+from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.compensation.compensation_map import CompensationMap
 
-FINE = 240
-"""Points a side at which the map is drawn."""
+FINE, LEVELS, LISTED, SHARE = 240, 12, 12, 0.004
+"""Points a side at which a map is drawn, contours of the amount, regions that are listed, and the share of the box
+below which one gets no number in the picture."""
 
-LEVELS = 12
-"""Contours of the amount."""
+HIGHEST, WIDEST = 1.18, 1.25
+"""How far the axes go, relative to the highest bar and to a share of 1: room for the words there."""
 
-LISTED = 12
-"""Regions that are listed."""
-
-SHARE = 0.004
-"""Of the box: regions that are smaller get no number in the picture."""
+INDICES = (("by itself", BLUE, None), ("with the other body", VERMILLION, "////"))
+"""Kinds of shares of the variance: name, colour and hatch."""
 
 
 @styled
@@ -51,16 +51,16 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
     axes.grid(visible=False)
     _fill(sheet.figure, axes, bar, sizes)
     for boundary in sizes.boundaries:
-        line = boundary.points.T
-        if boundary.jumps:
-            axes.plot(*line, color=BLACK, linewidth=3.2, zorder=3, solid_capstyle="butt")
-            axes.plot(*line, color="white", linewidth=1.6, zorder=3.1, solid_capstyle="butt")
-        else:
-            axes.plot(*line, color=BLACK, linewidth=1.0, zorder=3)
-    _number(axes, sizes)
+        for colour, width in ((BLACK, 3.2), ("white", 1.6)) if boundary.jumps else ((BLACK, 1.0),):
+            axes.plot(*boundary.points.T, color=colour, linewidth=width, zorder=3, solid_capstyle="butt")
     _mark(axes, sizes)
     lines = []
     for number, region in enumerate(sizes.regions[:LISTED], 1):
+        if region.share >= SHARE:
+            axes.text(
+                *region.place, str(number), ha="center", va="center", fontsize=NOTE, zorder=5,
+                bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
+            )  # fmt: skip
         least, largest = region.amounts
         amount = "" if np.isnan(least) else f", amount {least:.4g} to {largest:.4g}"
         lines.append(f"{number}  {100 * region.share:.3g} % of the box{amount}")
@@ -95,23 +95,11 @@ def _fill(figure: Figure, axes: Any, bar: Any, sizes: CompensationMap) -> None:
     bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
 
 
-def _number(axes: Any, sizes: CompensationMap) -> None:
-    for number, region in enumerate(sizes.regions[:LISTED], 1):
-        if region.share >= SHARE:
-            axes.text(
-                *region.place, str(number), ha="center", va="center", fontsize=NOTE, zorder=5,
-                bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
-            )  # fmt: skip
-
-
 def _mark(axes: Any, sizes: CompensationMap) -> None:
     """Mark the nominal pair and the corners that the requirements ask for."""
     box = np.asarray(sizes.box)
-    corners: dict[str, Array] = {
-        name: np.array([box[0, one], box[1, two]])
-        for name, one, two in (("A", 1, 1), ("B", 1, 0), ("C", 0, 1), ("D", 0, 0))
-    }
-    for name, corner in corners.items():
+    for name, signs in SIGNS.items():
+        corner = np.where(np.asarray(signs) > 0, box[:, 1], box[:, 0])
         axes.plot(*corner, marker="D", markersize=4.5, markerfacecolor="white", markeredgecolor=VERMILLION, zorder=6)
         shift = -9 * np.sign(corner - box.mean(axis=1))
         axes.annotate(name, tuple(corner), xytext=tuple(shift), textcoords="offset points", ha="center", va="center",
@@ -119,3 +107,98 @@ def _mark(axes: Any, sizes: CompensationMap) -> None:
                                                    "edgecolor": "none", "alpha": 0.8})  # fmt: skip
     if ((box[:, 0] <= sizes.nominal) & (sizes.nominal <= box[:, 1])).all():
         axes.plot(*sizes.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
+
+
+# ---------------------------------------------------------------------------------------------------------- yield
+
+
+@styled
+def yield_figure(result: AssemblyYield, *, title: str = "", caption: str = "") -> Figure:
+    """Draw how the amounts of all pairs are spread about the budget, and what either body's tolerance contributes.
+
+    Parameters
+    ----------
+    result : AssemblyYield
+    title, caption : str
+        Text above and below the picture; the default caption tells the share and what fails otherwise.
+    """
+    sheet = Sheet.of(PAGE, 2.95, title=title, caption=caption or str(result))
+    amounts = sheet.axes(0.55, 0.65, 3.0, 2.2)
+    _draw_amounts(amounts, result)
+    _draw_indices(sheet.axes(4.75, 1.85, 1.8, 0.72), result)
+    _draw_shares(sheet.axes(4.75, 0.4, 1.8, 0.85), result)
+    handles, labels = amounts.get_legend_handles_labels()
+    if handles:
+        x, y, *_ = sheet.place(2.05, 0.0, 0.0, 0.0)
+        sheet.figure.legend(handles, labels, loc="lower center", bbox_to_anchor=(x, y), ncols=3, borderaxespad=0.2,
+                            handlelength=1.6, columnspacing=1.2)  # fmt: skip
+    return sheet.figure
+
+
+def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
+    """Draw the histogram of the amount, with the budget and quantiles."""
+    edges, heights = result.amounts, result.counts / result.count
+    within = (edges[:-1] + edges[1:]) / 2.0 <= result.budget
+    below = "within the budget" if math.isfinite(result.budget) else "pairs with a motion"
+    for chosen, colour, name in ((within, BLUE, below), (~within, VERMILLION, "beyond the budget")):
+        if (heights[chosen] > 0.0).any():
+            wide = np.diff(edges)[chosen]
+            axes.bar(edges[:-1][chosen], heights[chosen], wide, align="edge", color=colour, label=name)
+    highest = max(float(heights.max()), 1.0 / result.count)
+    axes.set_ylim(0.0, HIGHEST * highest)
+    if math.isfinite(result.budget):
+        budget = measured(f"{result.budget:.6g}", result.unit)
+        axes.axvline(result.budget, color=BLACK, linewidth=1.2, label=f"budget {budget}")
+    for share, amount in result.quantiles.items():
+        if math.isfinite(amount):
+            axes.axvline(amount, color=GREY, linewidth=0.6, linestyle=":")
+            axes.annotate(f"{share:.4g}".lstrip("0"), (amount, HIGHEST * highest), xytext=(-1.5, -2),
+                          textcoords="offset points", ha="right", va="top", rotation=90, fontsize=NOTE,
+                          color=DARK)  # fmt: skip
+    axes.set_xlabel(f"amount of the motion ({result.unit or 'length units'})")
+    axes.set_ylabel("share of all pairs in a bin")
+    if not heights.any():
+        axes.text(0.5, 0.5, "no pair has a motion", transform=axes.transAxes, ha="center", color=DARK)
+
+
+def _draw_indices(axes: Any, result: AssemblyYield) -> None:
+    """Draw first-order and total indices of both bodies."""
+    from matplotlib.patches import Patch
+
+    for row, share in enumerate(result.contributions):
+        bars = (share.first_order, share.first_order_error), (share.total, share.total_error)
+        for offset, (value, error), (_, colour, hatch) in zip((-0.2, 0.2), bars, INDICES, strict=True):
+            known = math.isfinite(value)
+            if known:
+                axes.barh(row + offset, value, 0.38, xerr=error, color=colour, hatch=hatch, edgecolor="white",
+                          linewidth=0.0, error_kw={"linewidth": 0.8})  # fmt: skip
+            _number(axes, row + offset, value + error if known else 0.0, f"{value:.3f}" if known else "none")
+    axes.set_title("share of the amount's variance", loc="left", pad=14)
+    keys = [Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=name) for name, colour, hatch in INDICES]
+    axes.legend(handles=keys, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.0, borderpad=0.2,
+                handlelength=1.6, columnspacing=1.0)  # fmt: skip
+    _rows(axes, [share.body for share in result.contributions])
+
+
+def _draw_shares(axes: Any, result: AssemblyYield) -> None:
+    """Draw the yield as it is, and with one body's size held at its median."""
+    shares = [result.share, *(body.share_without for body in result.contributions)]
+    low, high = result.interval
+    for row, (share, end) in enumerate(zip(shares, (high, *shares[1:]), strict=True)):
+        axes.barh(row, share, 0.6, color=GREY if row else BLACK)
+        _number(axes, row, end, f"{share:.2%}")
+    axes.plot([low, high], [0, 0], color=ORANGE, linewidth=2.5, solid_capstyle="butt")
+    axes.set_title("pairs that pass", loc="left")
+    _rows(axes, ["as it is", *(f"{body.body} at its median" for body in result.contributions)])
+
+
+def _number(axes: Any, row: float, end: float, text: str) -> None:
+    """Write a number behind its bar."""
+    axes.text(max(end, 0.0) + 0.02, row, text, va="center", fontsize=NOTE)
+
+
+def _rows(axes: Any, names: list[str]) -> None:
+    """Name the bars, from the top."""
+    axes.set_yticks(range(len(names)), [*map(literal, names)])
+    axes.set(ylim=(len(names) - 0.5, -0.5), xlim=(0.0, WIDEST), xticks=[0.0, 0.25, 0.5, 0.75, 1.0])
+    axes.spines[["top", "right"]].set_visible(False)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import TRACKING, Problem
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, TEXT, VERMILLION, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
 from fcdm_opt.show.scales import clipped, marked, path, pieces, reaching, tolerance_box, window
 
@@ -21,9 +22,12 @@ if TYPE_CHECKING:
 ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)
 """Where along a segment its name stands, the best place first."""
 
+MOST_NAMED = 200
+"""Segments that are named: of more none could be told from the others."""
+
 
 @styled
-def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str = "") -> Figure:
+def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str = "", beside: bool = True) -> Figure:
     """Draw a decision curve in its box, with its segments' features and its switching points listed beside it.
 
     Parameters
@@ -31,15 +35,18 @@ def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str
     curve : DecisionCurve
     title, caption : str
         Text above and below the picture.
+    beside : bool
+        Whether the list is wanted.
     """
-    sheet = Sheet.of(PAGE, 3.7, title=title, caption=caption)
+    sheet = Sheet.of(PAGE if beside else 3.95, 3.7, title=title, caption=caption)
     axes = sheet.axes(0.5, 0.38, 3.3, 3.25)
     plane(axes, curve.box)
     draw_curve(axes, curve, BLUE, "-", "decision curve")
     names = Names(axes, pieces(curve))
     name_curve(names, axes, curve, BLUE, sides=(1.0, -1.0))
     name_sides(names, axes, curve)
-    sheet.list(3.95, 3.63, PAGE - 3.95 - 0.1, listed(curve))
+    if beside:
+        sheet.list(3.95, 3.63, PAGE - 3.95 - 0.1, listed(curve))
     return sheet.figure
 
 
@@ -55,7 +62,9 @@ def listed(curve: DecisionCurve) -> list[str]:
 
 
 @styled
-def before_after_figure(problem: Problem, solution: Solution, *, title: str = "", caption: str = "") -> Figure:
+def before_after_figure(
+    problem: Problem, solution: Solution | None = None, *, title: str = "", caption: str = ""
+) -> Figure:
     """Draw the decision curve before and after the motion: the whole box, and the tolerance box enlarged.
 
     Star: tracked point before; diamond: target pair (the parts made); circle: tracked point after; as in Figs. 6 and
@@ -64,22 +73,23 @@ def before_after_figure(problem: Problem, solution: Solution, *, title: str = ""
     Parameters
     ----------
     problem : Problem
-    solution : Solution
-        May be one without a motion; then only the curve before is drawn.
+    solution : Solution, optional
+        Without one, and where it has no motion, only the curve before is drawn.
     title, caption : str
         Text above and below the picture.
     """
     from fcdm_opt.curve.decision_curve import decision_curve
 
     before, after = problem.curve, None
-    if solution.transform is not None:
-        after = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+    pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)
+    if pose is not None:
+        after = decision_curve(problem.movable, problem.static, box=problem.box, transform=pose)
     sheet = Sheet.of(PAGE, 3.6, title=title, caption=caption)
     whole, zoom = (sheet.axes(left, 0.75, 2.62, 2.62) for left in (0.48, 3.88))
     limits = window(problem, solution)
     plane(whole, problem.box)
     plane(zoom, limits)
-    outward = -1.0 if solution.rho is not None and before.gap(solution.rho) > 0 else 1.0  # names keep clear of `after`
+    outward = -1.0 if rho is not None and before.gap(rho) > 0 else 1.0  # names keep clear of `after`
     for axes, size, seen in ((whole, 0.6, problem.box), (zoom, 0.85, limits)):
         draw_tolerance(axes, problem)
         curve = reaching(before, seen)
@@ -89,7 +99,7 @@ def before_after_figure(problem: Problem, solution: Solution, *, title: str = ""
             moved = reaching(after, seen)
             draw_curve(axes, moved, VERMILLION, (0, (5, 1.5)), "after the motion")
             lines.append(pieces(moved))
-        draw_points(axes, problem, solution, size)
+        draw_points(axes, problem, rho, size)
         names = Names(axes, np.concatenate(lines))
         for point in marked(problem, solution):
             names.keep(point, 14.0 * size)
@@ -125,14 +135,16 @@ def draw_curve(axes: Any, curve: DecisionCurve, colour: str, style: Any, label: 
     for some, look in ((ends[snug], wide), (ends, thin)):
         if len(some):
             axes.plot(*path(some).T, **look)
-    for point in curve.switching_points:
-        axes.plot(*point.rho, marker="o", markersize=3.0, color=colour, zorder=3.5)
+    corners = np.array([point.rho for point in curve.switching_points]).reshape(-1, 2)
+    axes.plot(*corners.T, marker="o", markersize=3.0, color=colour, linestyle="none", zorder=3.5)
 
 
 def name_curve(
     names: Names, axes: Any, curve: DecisionCurve, colour: str, *, sides: tuple[float, float], mark: str = ""
 ) -> None:
     """Write SW1, SW2, ... and S1, S2, ... beside the curve, each kind on its side: 1 upper right, -1 lower left."""
+    if len(curve.segments) > MOST_NAMED:
+        return
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     per_unit = axes.bbox.size / np.ptp(limits, axis=1)
     for point in curve.switching_points:
@@ -152,7 +164,7 @@ def name_sides(names: Names, axes: Any, curve: DecisionCurve) -> None:
         rho = np.asarray(curve.box)[:, corner]
         gap = curve.gap(rho)
         word = "apart" if gap > 0 else "overlapping" if gap < 0 else "touching"
-        names.put(word, rho, (inwards, inwards), colour=DARK, size=TEXT, lead=False)
+        names.put(word, rho, (inwards, inwards), colour=DARK)
 
 
 def draw_tolerance(axes: Any, problem: Problem) -> None:
@@ -171,15 +183,15 @@ def draw_tolerance(axes: Any, problem: Problem) -> None:
         axes.add_patch(Rectangle(tuple(corner), *(opposite - corner), edgecolor="none", **look))
 
 
-def draw_points(axes: Any, problem: Problem, solution: Solution, size: float) -> None:
+def draw_points(axes: Any, problem: Problem, rho: Array | None, size: float) -> None:
     """Mark the tracked point before and after, and the target pair; sizes relative to that of a large panel."""
     tracked = problem.goal in TRACKING  # else the pair made is all there is to follow
     points = [
         (problem.nominal_pair, "*", 7, {"color": BLACK}, "tracked point before" if tracked else "nominal pair"),
         (problem.target, "D", 8.5, {"color": GREEN, "markerfacecolor": "none"}, "target pair (parts made)"),
     ]
-    if tracked and solution.rho is not None:
-        points.append((solution.rho, "o", 13, {"color": VERMILLION, "markerfacecolor": "none"}, "tracked point after"))
+    if tracked and rho is not None:
+        points.append((rho, "o", 13, {"color": VERMILLION, "markerfacecolor": "none"}, "tracked point after"))
     for place, marker, extent, look, label in points:
         axes.plot(*place, marker=marker, markersize=extent * size, markeredgewidth=1.3 * size, linestyle="none",
                   zorder=5, label=label, **look)  # fmt: skip

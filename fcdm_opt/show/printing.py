@@ -39,11 +39,12 @@ def _console(stderr: bool, terminal: bool, plain: bool) -> Any:
     )
 
 
-def print_rows(out: Any, rows: Sequence[dict[str, str]], numbers: Sequence[str] = ()) -> None:
+def print_rows(rows: Sequence[dict[str, str]], numbers: Sequence[str] = ()) -> None:
     """Print rows as a table, closer set where it is too wide, and one below the other where that does not do."""
     from rich import box
     from rich.table import Table
 
+    out = console()
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
     for column in rows[0]:
         justify: Any = "right" if column in numbers else "left"
@@ -64,19 +65,20 @@ def print_rows(out: Any, rows: Sequence[dict[str, str]], numbers: Sequence[str] 
             out.print(f"  {name}: {' '.join(cell.split())}")
 
 
-def print_text(out: Any, text: str, indent: str = "") -> None:
-    """Print text, its lines broken between words; lines after the first start with `indent`."""
+def print_text(text: str = "", indent: str = "") -> None:
+    """Print text, its lines broken between words, and later ones begun with `indent`; an empty line without."""
+    out = console()
     out.print(wrapped(text, min(TEXT_WIDTH, out.width), indent))
 
 
-def print_head(out: Any, name: str, title: str, note: str, *, unit: str = "") -> None:
+def print_head(name: str, title: str, note: str, *, unit: str = "") -> None:
     """Print what stands above a file's tables; the unit of its lengths is said once, here."""
-    out.print(f"{name}: {title}" if title else name, style="bold")
+    console().print(f"{name}: {title}" if title else name, style="bold")
     if note:
-        print_text(out, note)
+        print_text(note)
     if unit:
-        out.print(units_text(unit))
-    out.print()
+        console().print(units_text(unit))
+    print_text()
 
 
 def wrapped(text: str, width: int, indent: str = "") -> str:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 import re
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.show.texts import NONE, number, shown, status_text
 
@@ -22,10 +27,41 @@ def rendered(template: str, **data: Any) -> str:
     return made
 
 
-def source(name: str) -> str:
-    """Return a script or style sheet beside the templates, as it is."""
-    text: str = environment().loader.get_source(environment(), name)[0]
-    return text
+def whole_page(template: str, *, scripts: Sequence[str], figures: Any, **data: Any) -> str:
+    """Return a page that is one file, with plotly.js, scripts and what they draw inside it.
+
+    Parameters
+    ----------
+    template : str
+        That extends "frame.html".
+    scripts : sequence of str
+        Files beside the templates, joined in this order after "common.js".
+    figures : plain data
+        What the scripts read, as `JSON.parse` gives it.
+    **data
+        Plain data for the template.
+    """
+    css, *js = (environment().loader.get_source(environment(), name)[0] for name in ("page.css", "common.js", *scripts))
+    notice, script = plotly()
+    packed = _packed(json.dumps(figures, allow_nan=False, separators=(",", ":")))
+    return rendered(template, **data, css=css, js="\n".join(js), notice=notice, plotly=script, figures=packed)
+
+
+@cache
+def plotly() -> tuple[str, str]:
+    """Return the notice of plotly.js and the script itself, packed; raises `InputError` where it is not installed."""
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError as reason:
+        what = f"plotly cannot be loaded ({reason}), whose script draws the figures; install it with pip install plotly"
+        raise InputError(what, key="report") from reason
+    script = get_plotlyjs()
+    return script[script.index("/*") + 2 : script.index("*/")].replace("--", "- -"), _packed(script)
+
+
+def _packed(text: str) -> str:
+    """Return gzip + base64 of a text; the same text gives the same characters."""
+    return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode()
 
 
 @cache

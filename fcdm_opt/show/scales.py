@@ -65,28 +65,6 @@ def path(ends: Array) -> Array:
     return np.array(corners[1:], dtype=float).reshape(-1, 2)
 
 
-def _shares(lines: Array, low: Array, high: Array) -> Array:
-    """Return where straight pieces (n, 2, 2) enter and leave a box, as shares (2, n) of their length.
-
-    The first is larger than the second where a piece passes outside, and nan where it is not finite.
-    """
-    start = lines[:, 0]
-    with np.errstate(all="ignore"):
-        step = lines[:, 1] - start
-        ends = np.sort((np.array([low, high]) - start[:, None]) / step[:, None], axis=1)  # (n, low or high, axis)
-    still = step == 0.0
-    inside = (low <= start) & (start <= high)
-    enter = np.where(still, np.where(inside, -np.inf, np.inf), ends[:, 0]).max(axis=1, initial=0.0)
-    leave = np.where(still, np.where(inside, np.inf, -np.inf), ends[:, 1]).min(axis=1, initial=1.0)
-    return np.where(np.isfinite(start + step).all(axis=1), [enter, leave], np.nan)
-
-
-def crossed(lines: Array, box: Array) -> Any:
-    """Tell which straight pieces (n, 2, 2) pass through a box (2, 2), lower corner first."""
-    enter, leave = _shares(lines.reshape(-1, 2, 2), *box)
-    return enter <= leave
-
-
 def clipped(lines: ArrayLike, window: ArrayLike) -> tuple[Array, Any]:
     """Return the parts inside a window of straight pieces (n, 2, 2) that pass through it, and which these are.
 
@@ -103,7 +81,15 @@ def clipped(lines: ArrayLike, window: ArrayLike) -> tuple[Array, Any]:
     inside : (n,) array of bool
     """
     whole = np.asarray(lines, dtype=float).reshape(-1, 2, 2)
-    enter, leave = shares = _shares(whole, *np.asarray(window, dtype=float).T)
-    inside = enter < leave
-    kept = whole[inside]
-    return kept[:, :1] + shares.T[inside][:, :, None] * (kept[:, 1:] - kept[:, :1]), inside
+    low, high = np.asarray(window, dtype=float).T
+    start = whole[:, 0]
+    with np.errstate(all="ignore"):
+        step = whole[:, 1] - start
+        ends = np.sort((np.array([low, high]) - start[:, None]) / step[:, None], axis=1)  # (n, low or high, axis)
+    still = step == 0.0
+    within = (low <= start) & (start <= high)
+    enter = np.where(still, np.where(within, -np.inf, np.inf), ends[:, 0]).max(axis=1, initial=0.0)
+    leave = np.where(still, np.where(within, np.inf, -np.inf), ends[:, 1]).min(axis=1, initial=1.0)
+    inside = np.isfinite(start + step).all(axis=1) & (enter < leave)
+    shares, kept = np.array([enter, leave]).T[inside], whole[inside]
+    return kept[:, :1] + shares[:, :, None] * (kept[:, 1:] - kept[:, :1]), inside

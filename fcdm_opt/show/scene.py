@@ -25,29 +25,19 @@ if TYPE_CHECKING:
 WIDTH = 12.0 / 2.54
 """Inches: between a column and the page."""
 
-LEAST, MOST = 1.6, 3.9
-"""Inches that a scene may be high."""
+ALONE, VIEW = 2.6, (27.0, -54.0)
+"""Inches across of a body alone, and degrees it is seen from; no symmetric view, in which edges of a cube meet."""
 
-FOOT = 0.55
-"""Inches below the scene for directions and scale; a legend that needs more gets it."""
+LEAST, MOST, FOOT, MARGIN = 1.6, 3.9, 0.55, 0.2
+"""Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that corners
+keep from the edge of its area, for their numbers."""
 
-MOST_NUMBERS = 80
-"""Corners that can be numbered legibly."""
+MOST_NUMBERS, LONGEST_NAME = 80, 44
+"""Corners that can be numbered legibly, and letters of a body's name in the legend."""
 
-MARGIN = 0.2
-"""Inches that corners keep from the edge of a scene's area, for their numbers."""
-
-LONGEST_BAR = 60.0
-"""Points: the bar of known length is as long as this allows."""
-
-LETTER = 9.0
-"""Points between the letters of two directions."""
-
-SEEN = 0.2
-"""A direction of the world shorter than this on the page gets no name."""
-
-LONGEST_NAME = 44
-"""Letters of a body's name in the legend."""
+LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
+"""Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
+world shorter than this on the page gets no name."""
 
 
 @styled
@@ -98,6 +88,17 @@ def scene_figure(
     x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
     labels = [*map(literal, labels)]
     sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.6)
+    return sheet.figure
+
+
+@styled
+def body_figure(body: Body) -> Figure:
+    """Draw one body as drawn, with its seed."""
+    page = page_directions(*VIEW)
+    shown = ShownPair((body, body), (), np.vstack([body.vertices, body.seed]), VIEW)
+    height = float(np.clip(shown.slenderness * ALONE, LEAST, MOST))
+    sheet = Sheet.of(ALONE, height)
+    _draw_body(_axes_for(sheet, (0.0, 0.0, ALONE, height), shown), page, body, BLUE, "solid", 0.16, body.name)
     return sheet.figure
 
 
@@ -206,13 +207,8 @@ def face_polygons(body: Body, face: Element) -> list[Array]:
 
     A part that overlaps others may carry the face beyond where it is the solid's.
     """
-    skin = (
-        [triangles for labels, triangles in zip(body.faces, body.skin, strict=True) if labels == face.vertices]
-        if body.skin
-        else []
-    )
-    if skin:
-        return [body.vertices[list(triangle)] for triangle in skin[0]]
+    if body.skin and face.vertices in body.faces:
+        return [body.vertices[list(triangle)] for triangle in body.skin[body.faces.index(face.vertices)]]
     return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
 
 
@@ -248,6 +244,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[flo
     points: dict[str, Any] = {"xycoords": "figure points", "textcoords": "figure points"}
     arrow = {"arrowstyle": "->", "color": DARK, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 6}
     letters: list[Array] = []
+    small = {"xycoords": "figure points", "color": DARK, "fontsize": NOTE}
     for direction, name in zip(page_directions(*shown.view), "xyz", strict=True):
         axes.annotate("", start + 13.0 * direction, start, arrowprops=arrow, **points)
         length = float(np.linalg.norm(direction))
@@ -256,7 +253,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[flo
             while any(np.linalg.norm(tip - other) < LETTER for other in letters):
                 tip = tip + direction / length
             letters.append(tip)
-            axes.annotate(name, tip, xycoords="figure points", color=DARK, fontsize=NOTE, ha="center", va="center")
+            axes.annotate(name, tip, ha="center", va="center", **small)
     (here, _), (there, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
     scale = float(there - here) * 72.0 / sheet.figure.dpi  # points a unit of length
     power = 10.0 ** np.floor(np.log10(LONGEST_BAR / scale))
@@ -266,8 +263,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[flo
     bar = {**arrow, "arrowstyle": "|-|,widthA=0.2,widthB=0.2", "mutation_scale": 10}
     axes.annotate("", left + reach, left, arrowprops=bar, **points)
     word = unit or ("length unit" if length == 1 else "length units")
-    axes.annotate(f"{length:g} {word}", left + np.array([0.0, 4.0]), xycoords="figure points", color=DARK,
-                  fontsize=NOTE, ha="left", va="bottom")  # fmt: skip
+    axes.annotate(f"{length:g} {word}", left + np.array([0.0, 4.0]), ha="left", va="bottom", **small)
 
 
 # ------------------------------------------------------------------------------------------------------------ the view

@@ -99,8 +99,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     axes.set_xlabel(f"change of the amount ({unit}) with the step on the right, to first order")
     axes.set_yticks(range(len(shown)), [literal(_short(bar.name)) for bar in shown])
     axes.tick_params(axis="y", length=0)
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right", "left"]].set_visible(False)
     if not shown:
         text = "nothing nearby changes the amount" if derivatives.exists else "no derivatives"
         axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=DARK)
@@ -110,12 +109,12 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     axes.axvline(0.0, color=BLACK, linewidth=0.6)
     largest = max(abs(bar.value) for bar in shown if math.isfinite(bar.value)) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
+    beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
     for row, bar in enumerate(shown):
         known, less = math.isfinite(bar.value), bar.value < 0.0
         if known:
             axes.barh(row, bar.value, 0.62, color=BLUE if less else VERMILLION, hatch=HATCH if less else None,
                       edgecolor="white", linewidth=0.0)  # fmt: skip
-        beside = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
         text = f"{bar.value:+.3g}" if known and bar.value else "0" if known else "no derivative"
         axes.annotate(text, (bar.value if known else 0.0, row), xytext=(-3.0 if less else 3.0, 0.0),
                       ha="right" if less else "left", color=DARK, **beside)  # fmt: skip
@@ -187,14 +186,10 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     for label, value in _largest(derivatives.faces):
         yield Bar(f"face {label}", shift * value, length, "its plane shifted outwards")
     if np.isnan(list(derivatives.faces.values())).any():
-        for label, value in _largest({name: _norm(row) for name, row in derivatives.vertices.items()}):
+        for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.vertices.items()}):
             yield Bar(f"vertex {label}", shift * value, length, "moved in the direction that costs most")
-    for label, value in _largest({name: _norm(row) for name, row in derivatives.seeds.items()}):
+    for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.seeds.items()}):
         yield Bar(f"seed of {label}", shift * value, length, "moved in the direction that costs most")
-
-
-def _norm(row: Any) -> float:
-    return float(np.linalg.norm(row))
 
 
 def _largest(values: Mapping[str, float]) -> list[tuple[str, float]]:

@@ -21,10 +21,8 @@ if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
 
 COLOURS, DASHES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, BLACK), ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
-SPOTS = ".od^sv<"
-"""Markers of points with a usable motion, one a line."""
-GAPS = "xv^s*PD"
-"""Markers of points without a usable motion, one a status."""
+SPOTS, GAPS = ".od^sv<", "xv^s*PD"
+"""Markers of points with a usable motion, one a line, and of those without, one a status."""
 
 UNITS = {"deg": "degrees", "rad": "radians", "mm": "mm"}
 """Units that stand at the end of a key, and how they are told."""
@@ -40,8 +38,9 @@ FEW, PANELS, NAME = 6, 6, 28
 DECADES, EVEN = 1.5, 1e-6
 """Amounts over this many powers of ten get a logarithmic axis, and so do grids whose ratios differ by at most this."""
 
-LEFT, RIGHT, ABOVE, BELOW, ACROSS = 0.55, 0.15, 0.22, 0.4, 0.12
-"""Inches beside the panels, above each for its name, below each for its label, and between two of them."""
+LEFT, RIGHT, ABOVE, BELOW, ACROSS, BAR = 0.55, 0.15, 0.22, 0.4, 0.12, 0.8
+"""Inches beside the panels, above each for its name, below each for its label, between two of them, and beside them for
+a scale of colours."""
 
 WIDE, HIGH, ONE = 4.8, 1.5, 2.7
 """Inches: width of a panel that stands alone, least height of one of several, and that of one."""
@@ -50,9 +49,6 @@ KEY, LETTERS, BESIDE = 0.15, 112, 9
 """Inches that a line of the legend is high; letters that fit into it, and what goes with each key counts as so many."""
 
 POINTS = "points worked out"
-
-BAR = 0.8
-"""Inches beside the panels for a scale of colours."""
 
 
 class _StudyAxis(NamedTuple):
@@ -132,16 +128,14 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
         left = [axis._replace(place=axis.place - len(panels)) for axis in lines]
         for k, (at, name) in enumerate(_combinations(left)):
             part = chosen.at(left, at)
-            colour = COLOURS[k % len(COLOURS)]
-            style = DASHES[(k + k // len(COLOURS)) % len(DASHES)]
-            axes.plot(along.values, part.amounts, color=colour, linestyle=style, marker=SPOTS[k % len(SPOTS)],
-                      markersize=2.8, label=name)  # fmt: skip
+            spot = SPOTS[k % len(SPOTS)]
+            axes.plot(along.values, part.amounts, marker=spot, markersize=2.8, label=name, **_look(k))
             for status, marker in markers.items():
-                where = [x for x, own_status in zip(along.values, part.statuses, strict=True) if own_status == status]
-                if where:
-                    height = [0.02 + 0.03 * (k % 10)] * len(where)  # beside each other, not upon
-                    over = axes.get_xaxis_transform()
-                    axes.plot(where, height, marker, color=colour, markersize=4, transform=over, clip_on=False)
+                where = np.asarray(along.values)[part.statuses == status]
+                height = np.full(len(where), 0.02 + 0.03 * (k % 10))  # beside each other, not upon
+                if len(where):
+                    axes.plot(where, height, marker, color=_look(k)["color"], markersize=4,
+                              transform=axes.get_xaxis_transform(), clip_on=False)  # fmt: skip
         if _geometric(along.values):
             axes.set_xscale("log")
         axes.set_xlabel(literal(_told(along.label)))
@@ -175,9 +169,9 @@ def _fields(
             )  # fmt: skip
         axes.set_xlabel(literal(_told(along.label)))
         axes.grid(visible=False)
-    bottom = min(axes.get_position().y0 for _, axes in spots)
-    top = max(axes.get_position().y1 for _, axes in spots)
-    right = max(axes.get_position().x1 for _, axes in spots)
+    places = [axes.get_position() for _, axes in spots]
+    bottom, top = min(place.y0 for place in places), max(place.y1 for place in places)
+    right = max(place.x1 for place in places)
     bar = sheet.figure.add_axes((right + 0.12 / PAGE, bottom, 0.09 / PAGE, top - bottom))
     sheet.figure.colorbar(image, cax=bar).set_label(data.amount)
     return _keyed(sheet, spots[0][1], markers)
@@ -185,22 +179,19 @@ def _fields(
 
 def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line a case, with the budget."""
-    within = result.assembly_yield
-    told = "" if within is None else _budget(within, result.unit)
-    keys = [*(name or POINTS for _, name in _combinations(cases)), *([told] if told else [])]
-    sheet, spots = _panels([], "share of points with at most this amount", words, keys)
-    (_, axes), *_ = spots
+    told, within = "", result.assembly_yield
+    if within is not None:
+        low, high = within.interval
+        budget = measured(f"{within.budget:g}", result.unit)
+        told = f"budget {budget}: {within.share:.1%} within ({low:.1%} to {high:.1%})"
+    keys = [*(name or POINTS for _, name in _combinations(cases)), *filter(None, [told])]
+    sheet, ((_, axes), *_) = _panels([], "share of points with at most this amount", words, keys)
     for k, (at, name) in enumerate(_combinations(cases)):
         part = data.at(cases, at)
         known = np.sort(part.amounts[np.isfinite(part.amounts)])
-        of = int(np.count_nonzero(part.statuses != "PENDING"))
         if known.size:
-            share = np.arange(1, known.size + 1) / of
-            axes.step(
-                [known[0], *known], [0.0, *share], where="post",
-                color=COLOURS[k % len(COLOURS)], linestyle=DASHES[(k + k // len(COLOURS)) % len(DASHES)],
-                label=name or POINTS,
-            )  # fmt: skip
+            share = np.arange(1, known.size + 1) / int(np.count_nonzero(part.statuses != "PENDING"))
+            axes.step([known[0], *known], [0.0, *share], where="post", label=name or POINTS, **_look(k))
     if within is not None:
         axes.axvline(within.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
     known = data.amounts[np.isfinite(data.amounts)]
@@ -211,9 +202,9 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
     return _keyed(sheet, axes, {})
 
 
-def _budget(within: Any, unit: str) -> str:
-    low, high = within.interval
-    return f"budget {measured(f'{within.budget:g}', unit)}: {within.share:.1%} within ({low:.1%} to {high:.1%})"
+def _look(k: int) -> dict[str, Any]:
+    """Return colour and dashes of the k-th line."""
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[(k + k // len(COLOURS)) % len(DASHES)]}
 
 
 # ---------------------------------------------------------------------------------------------------- parts of a figure
@@ -257,9 +248,8 @@ def _combinations(axes: Sequence[_StudyAxis]) -> Iterator[tuple[list[int], str]]
 def _value(axis: _StudyAxis, value: Any) -> str:
     if type(value) in (int, float):
         return f"{axis.label} = {value:g}"
-    text = value if isinstance(value, str) else ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-    text = text if axis.label == "case" or isinstance(value, str) else f"{axis.label}: {text}"
-    return shortened(text, NAME)
+    text = ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    return shortened(text if axis.label == "case" or isinstance(value, str) else f"{axis.label}: {text}", NAME)
 
 
 def _told(label: str) -> str:
@@ -283,11 +273,9 @@ def _keyed(sheet: Sheet, axes: Any, markers: Mapping[str, str]) -> Figure:
 
     handles, labels = axes.get_legend_handles_labels()
     named = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label]
-    named += [
-        (Line2D([], [], color=DARK, marker=marker, linestyle="none", markersize=3.5), status_text(status))
-        for status, marker in markers.items()
-    ]
-    sheet.legend([handle for handle, _ in named], [label for _, label in named], bottom=0.02, most=COLUMNS)
+    for status, marker in markers.items():
+        named.append((Line2D([], [], color=DARK, marker=marker, linestyle="none", markersize=3.5), status_text(status)))
+    sheet.legend(*([each[k] for each in named] for k in (0, 1)), bottom=0.02, most=COLUMNS)
     return sheet.figure
 
 

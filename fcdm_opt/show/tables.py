@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.geometry.bodies import Body
-    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
     from fcdm_opt.show.solved import SolvedCase
 
@@ -34,18 +32,17 @@ def print_curves(
     name: str, title: str, note: str, curves: Sequence[tuple[DecisionCurve, list[str]]], *, unit: str = ""
 ) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
-    out = console()
-    print_head(out, name, title, note, unit=unit)
+    print_head(name, title, note, unit=unit)
     for curve, names in curves:
         (low_1, high_1), (low_2, high_2) = curve.box
         text = (
             f"{curve.movable.name}, movable, and {curve.static.name}, static; cases {', '.join(names)}: "
             f"{curve.status} in the box [{low_1:g}, {high_1:g}] x [{low_2:g}, {high_2:g}]"
         )
-        print_text(out, text)
+        print_text(text)
         proved, settled = curve.paths["float"], curve.paths["exact"]
-        print_text(out, f"part pairs: {proved} proved in floats, {settled} settled in rational numbers")
-        out.print()
+        print_text(f"part pairs: {proved} proved in floats, {settled} settled in rational numbers")
+        print_text()
         segments = [
             {
                 "segment": f"S{s.index}" + (" (snug)" if s.snug else ""),
@@ -58,8 +55,8 @@ def print_curves(
             for s in curve.segments
         ]
         if segments:
-            print_rows(out, segments, numbers=("a", "b", "c", "slope"))
-            out.print()
+            print_rows(segments, numbers=("a", "b", "c", "slope"))
+            print_text()
         points = [
             {
                 "switching point": f"SW{p.index}",
@@ -71,8 +68,8 @@ def print_curves(
             for p in curve.switching_points
         ]
         if points:
-            print_rows(out, points)
-            out.print()
+            print_rows(points)
+            print_text()
 
 
 def _label(feature: Any) -> str:
@@ -87,36 +84,30 @@ def _point(values: Iterable[float]) -> str:
 
 def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]) -> None:
     """Print one table for the cases of a file, the advice where a case needs some, and where the time went."""
-    out = console()
-    print_head(out, name, title, note, unit=rows[0].solution.problem.unit)
+    print_head(name, title, note, unit=rows[0].solution.problem.unit)
     lines = [_cells(row) for row in rows]
     columns = [column for column in lines[0] if any(line[column] for line in lines)]
     kept = [{column: line[column] for column in columns} for line in lines]
-    print_rows(out, kept, numbers=NUMBERS)
-    out.print()
+    print_rows(kept, numbers=NUMBERS)
+    print_text()
     for row in rows:
         solution = row.solution
         if solution.status.name != "SOLVED":
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            print_text(out, f"{solution.problem.name}: {advised(row)}{checks}", indent="   ")
+            print_text(f"{solution.problem.name}: {advised(row)}{checks}", indent="   ")
         for remark in remarks(solution):
-            print_text(out, f"{solution.problem.name}: {remark}", indent="   ")
-    _print_notes(out, [body for row in rows for body in _bodies(row.solution.problem)])
+            print_text(f"{solution.problem.name}: {remark}", indent="   ")
+    asked = [row.solution.problem for row in rows]
+    bodies = [
+        body for each in asked for body in (each.movable, each.static, *(keep_out.body for keep_out in each.keep_out))
+    ]
+    for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
+        print_text(text, indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
-    out.print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
-
-
-def _bodies(problem: Problem) -> tuple[Body, ...]:
-    return (problem.movable, problem.static, *(keep_out.body for keep_out in problem.keep_out))
-
-
-def _print_notes(out: Any, bodies: Iterable[Body]) -> None:
-    """Print once how each body was made, where that is worth a note."""
-    for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
-        print_text(out, text, indent="   ")
+    console().print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
 
 
 def _cells(row: SolvedCase) -> dict[str, str]:
@@ -149,8 +140,7 @@ def _verdict(solution: Solution) -> str:
 
 def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
     """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
-    out = console()
-    print_head(out, name, title, note, unit=rows[0][0].problem.unit)
+    print_head(name, title, note, unit=rows[0][0].problem.unit)
     lines = []
     for coherent, _ in rows:
         problem = coherent.problem
@@ -168,17 +158,17 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
                     "takes over": "\n".join(map(_label, event.successors)),
                 }
             )
-    print_rows(out, lines, numbers=("x",))
-    out.print()
+    print_rows(lines, numbers=("x",))
+    print_text()
     for coherent, times in rows:
         problem = coherent.problem
         tracked = " & ".join(feature.label for feature in coherent.features)
         along = problem.motion.describe(coherent.direction, unit=problem.unit)
-        print_text(out, f"{problem.name}: x in multiples of {along}; {tracked}")
+        print_text(f"{problem.name}: x in multiples of {along}; {tracked}")
         for end, event in zip(("low", "high"), coherent.events, strict=True):
-            print_text(out, f"   {end}: {event.what}", indent="      ")
+            print_text(f"   {end}: {event.what}", indent="      ")
         if not coherent.proved:
-            print_text(out, "   a condition touches zero at rest: what is near there is not proved")
+            print_text("   a condition touches zero at rest: what is near there is not proved")
         states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
-        print_text(out, f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
-    out.print()
+        print_text(f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
+    print_text()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from fcdm_opt.geometry.units import floored, measured
 
 if TYPE_CHECKING:
+    from fcdm_opt.design.study.results import StudyResult
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
     from fcdm_opt.show.solved import SolvedCase
@@ -170,3 +171,21 @@ def advised(case: SolvedCase) -> str:
         return f"{told} The parts fit at no tolerance."
     others = "" if table.max() == table.min() else ", the largest of these tolerances"
     return f"{told} The parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
+
+
+def study_facts(result: StudyResult) -> list[tuple[str, str, str]]:
+    """Return name, value and small print of what a study found: points, amounts, yield, time."""
+    amounts = sorted(row["amount"] for row in result.rows() if row["usable"])
+    counts = ", ".join(f"{count} {status}" for status, count in result.counts.items())
+    told = [("points", str(len(result.points)), counts)]
+    if amounts:
+        least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
+        told.append((f"amounts ({result.unit or 'length units'})", f"{least} to {largest}", f"the middle one {middle}"))
+    if (share := result.assembly_yield) is not None:
+        low, high = share.interval
+        sure = f"{share.within} of {share.of}; {share.confidence:.0%} interval {low:.2%} to {high:.2%}"
+        told.append((f"yield within {measured(f'{share.budget:g}', result.unit)}", f"{share.share:.2%}", sure))
+    if result.seconds:
+        parts = ", ".join(f"{name} {value:.3g}" for name, value in result.seconds.items() if name != "point")
+        told.append(("working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))
+    return told

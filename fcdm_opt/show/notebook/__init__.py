@@ -1,9 +1,9 @@
-"""What a notebook shows of a result: a small card of words, numbers and lines in the plane of scales.
+"""What a notebook shows of a result: a small card of words and numbers, and a picture of the package beside them.
 
 A card is one piece of HTML that depends on nothing: no script, no style sheet, no identifier, nothing from outside.
-Notebook viewers drop all of these; what is left even without inline styles can still be read. Text takes the colour of
-the page, light or dark, and no state is told by colour alone. Equal results give equal bytes. The modules of this
-package gather what a card says as plain values; the template `card.html` escapes and draws them.
+Notebook viewers drop all of these; what is left even without inline styles can still be read. Words take the colour of
+the page, light or dark, and no state is told by colour alone. Equal results give equal bytes. `cards` and
+`design_cards` gather what a card says as plain values; the template `card.html` escapes them.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from __future__ import annotations
 from fcdm_opt.doors import Shown, upper
 
 CARDS = {
-    "Body": "body_card:body_card",
-    "DecisionCurve": "curve_card:curve_card",
-    "Problem": "problem_card:problem_card",
-    "Solution": "solution_card:solution_card",
-    "Certificate": "solution_card:certificate_card",
-    "CoherentRange": "solution_card:range_card",
+    "Body": "cards:body_card",
+    "DecisionCurve": "cards:curve_card",
+    "Problem": "cards:problem_card",
+    "Solution": "cards:solution_card",
+    "Certificate": "cards:certificate_card",
+    "CoherentRange": "cards:range_card",
     "WhatIf": "design_cards:whatif_card",
     "AssemblyYield": "design_cards:yield_card",
     "CompensationMap": "design_cards:map_card",

@@ -11,10 +11,9 @@ from fcdm_opt.design.compensation.assembly_yield import OTHERS
 from fcdm_opt.design.fixed_pose.best_pose import NONE, UNDECIDED
 from fcdm_opt.design.fixed_pose.clearances import gaps_text
 from fcdm_opt.design.study.results import PENDING
-from fcdm_opt.show.notebook.card import Card, Rows
-from fcdm_opt.show.notebook.pictures import Mark, plane
-from fcdm_opt.show.notebook.solution_card import mood_of
-from fcdm_opt.show.texts import counted, number, numbers
+from fcdm_opt.show.maps import map_figure
+from fcdm_opt.show.notebook.cards import Card, Rows, mood_of
+from fcdm_opt.show.texts import counted, number, numbers, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
@@ -71,14 +70,6 @@ def map_card(sizes: CompensationMap) -> Card:
         (k, f"{region.share:.1%}", " to ".join(map(number, region.amounts)) if region.kind == "motion" else "-", region)
         for k, region in enumerate(sizes.regions, 1)
     ]
-    marks = [
-        Mark("after", line.points, "", "boundary with a jump")
-        if line.jumps
-        else Mark("before", line.points, "", "boundary")
-        for line in sizes.boundaries
-    ]
-    nominal = Mark("nominal", sizes.nominal, "", "nominal pair")
-    told = f"{counted(len(sizes.regions), 'region')} over the box of sizes"
     exact = sizes.reached <= sizes.error
     return Card(
         "Compensation map",
@@ -89,7 +80,8 @@ def map_card(sizes: CompensationMap) -> Card:
         tables=[(("region", "of the box", "amount", "held by"), lines)],
         state="as accurate as asked" if exact else "less accurate than asked",
         mood="good" if exact else "mind",
-        picture=plane([*marks, nominal], sizes.box, told=told),
+        picture=map_figure(sizes),
+        told=f"{counted(len(sizes.regions), 'region')} over the box of sizes",
     )
 
 
@@ -133,25 +125,11 @@ def clearances_card(clearances: Clearances) -> Card:
 
 
 def study_card(study: StudyResult) -> Card:
-    """Return the card: how many points have which status, amounts, yield and time."""
-    amounts = sorted(row["amount"] for key, _ in study.points if (row := study.answer(key)) and row["usable"])
-    length = study.unit or "length"
+    """Return the card: what was varied, how many points have which status, amounts, yield and time."""
     varied = "; ".join(f"{label}: {counted(len(values), 'value')}" for label, values in study.axes.items())
-    facts = [("points", str(len(study.points)), varied)]
-    if amounts:
-        ends = (("least", 0), ("middle", len(amounts) // 2), ("largest", -1))
-        facts += [(f"{name} amount", number(amounts[k]), length) for name, k in ends]
-    if (share := study.assembly_yield) is not None:
-        low, high = share.interval
-        sure = f"{share.confidence:.0%} interval {low:.2%} to {high:.2%}"
-        told = f"within {number(share.budget)} ({share.within} of {share.of}; {sure})"
-        facts.append(("yield", f"{share.share:.2%}", told))
-    if study.seconds:
-        facts.append(("working time", number(study.seconds.get("point"), 3), "s"))
     return Card(
         f"Study: {study.definition.get('title') or 'without title'}",
-        facts=facts,
-        tables=[(("status", "points"), list(study.counts.items()))],
+        facts=[("varied", varied), *study_facts(study)],
         state="complete" if study.complete else f"{study.counts[PENDING]} not worked out yet",
         mood="good" if study.complete else "mind",
     )

@@ -1,14 +1,12 @@
 """The report: one HTML file about problems and their solutions, or about a study.
 
-gather      the data of all cases, from problem files: read this first
+gather      the data of all cases, from problem files: read this first; the requirements A to D as in the paper's tables
 cases       one case: question, answer, certificate, sensitivities, poses
-matrix      the requirements A to D as in the paper's Tables 1 and 2
 families    the frames along tolerance and motion
 frames      what scene, curve and numbers show at one place
 scenes      bodies and features as triangles and edges
 page        these data as plain values for the template `page.html`
 study_page  the same for the folder of a study and `study.html`
-markup      a page that is one file, with scripts and their data inside
 
 Templates, style and scripts are in `show/templates`. `frame.html` is what both pages stand in, `pieces.html` their
 small pieces; `curve.js`, `scene.js`, `page.js`, `study.js` draw, and `common.js` serves all.

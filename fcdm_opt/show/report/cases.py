@@ -30,63 +30,58 @@ PROOF = "proof"
 
 
 def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[str, Any]:
-    """Return the data of one case.
+    """Return the data of one case; `seconds` are for the frames of both families.
 
-    Parameters
-    ----------
-    problem : Problem
-        As asked; that of the solution names the features that were chosen.
-    case : SolvedCase
-    seconds : float
-        Time for the frames of both families.
+    `problem` is as asked; that of the solution names the features that were chosen.
     """
-    return {**_answer(problem, case), **_grounds(case.solution), **_pictures(problem, case.solution, seconds)}
+    solution = case.solution
+    grounds = {
+        "bodies": _bodies(solution.problem),
+        "modelled": _modelled(solution),
+        "left_out": left_out(solution),
+        "certificate": plain(solution.to_dict()["certificate"]),
+        "evidence": _evidence(solution),
+        "sensitivities": _sensitivities(solution),
+    }
+    return {**_answer(problem, case), **grounds, **_pictures(problem, solution, seconds)}
+
+
+def answered(solution: Solution) -> dict[str, Any]:
+    """Return what a case, and a cell of the table of requirements, says of an answer."""
+    return {
+        "status": solution.status.name,
+        "motion": motion_text(solution),
+        "amount_unit": solution.problem.amount_unit,
+        "bound_text": bound_line(solution),
+        **{key: plain(getattr(solution, key)) for key in ("amount", "doubt", "pair_state")},
+    }
 
 
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
     solution = case.solution
     published = {"motion": problem.published_text, "amount": plain(case.published_amount)}
-    return {
-        "name": problem.name,
-        "unit": problem.unit,
-        "amount_unit": problem.amount_unit,
-        "asked": asked_text(problem),
-        "goal": problem.goal,
-        "status": solution.status.name,
-        "advice": advised(case),
-        "remarks": remarks(solution),
-        "usable": solution.usable,
-        "motion": motion_text(solution),
-        "amount": plain(solution.amount),
-        "lower_bound": plain(solution.lower_bound),
-        "gap": plain(solution.gap),
-        "doubt": solution.doubt,
-        "bound_text": bound_line(solution),
-        "published": published if problem.published_text or problem.published is not None else None,
-        "touch_amount": plain(case.touch_amount),
-        "parameters": _parameters(problem, solution),
-        "pair": plain(solution.pair),
-        "pair_gap": plain(solution.pair_gap),
-        "pair_state": solution.pair_state,
-        "rho": plain(solution.rho),
-        "features": [feature.label for feature in solution.features],
-        "configurations": _configurations(solution),
-        "active": list(solution.active),
-        "stage": solution.stage,
-        "seconds": plain(solution.seconds),
-        "sha256": digest(problem),
-    }
-
-
-def _parameters(problem: Problem, solution: Solution) -> list[dict[str, Any]]:
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
-    shown = parameter_texts(problem, solution.parameters)
-    return [
-        {"name": name, "value": value, "unit": kinds[name], "shown": text}
-        for (name, value), text in zip(solution.parameters.items(), shown, strict=True)
-    ]
+    texts = parameter_texts(problem, solution.parameters)
+    named = ("usable", "lower_bound", "gap", "pair", "pair_gap", "rho", "active", "stage", "seconds")
+    return {
+        **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
+        "asked": asked_text(problem),
+        "advice": advised(case),
+        "remarks": remarks(solution),
+        **answered(solution),
+        **{key: plain(getattr(solution, key)) for key in named},
+        "published": published if problem.published_text or problem.published is not None else None,
+        "touch_amount": plain(case.touch_amount),
+        "parameters": [
+            {"name": name, "value": value, "unit": kinds[name], "shown": text}
+            for (name, value), text in zip(solution.parameters.items(), texts, strict=True)
+        ],
+        "features": [feature.label for feature in solution.features],
+        "configurations": _configurations(solution),
+        "sha256": digest(problem),
+    }
 
 
 def _configurations(solution: Solution) -> list[str]:
@@ -94,9 +89,8 @@ def _configurations(solution: Solution) -> list[str]:
     problem = solution.problem
     contact = problem.nominal_contact
     if solution.transform is not None and solution.rho is not None:
-        contact = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform).locate(
-            solution.rho
-        )
+        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+        contact = moved.locate(solution.rho)
     if contact is None:
         return []
     return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
@@ -111,38 +105,24 @@ def digest(problem: Problem) -> str:
 # ------------------------------------------------------------------------------------------------------------- grounds
 
 
-def _grounds(solution: Solution) -> dict[str, Any]:
-    """Return what the answer rests on."""
-    return {
-        "bodies": _bodies(solution.problem),
-        "modelled": _modelled(solution),
-        "left_out": left_out(solution),
-        "certificate": plain(solution.to_dict()["certificate"]),
-        "evidence": _evidence(solution),
-        "sensitivities": _sensitivities(solution),
-    }
-
-
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
-    listed = [("movable", problem.movable), ("static", problem.static)]
-    listed += [("keep-out", keep_out.body) for keep_out in problem.keep_out]
-    told = [
+    listed = [("movable", problem.movable, ""), ("static", problem.static, "")]
+    for keep_out in problem.keep_out:
+        scale = " to ".join(f"{end:g}" for end in dict.fromkeys(keep_out.ends))
+        clear = measured(f"{keep_out.clearance:g}", problem.unit)
+        listed.append(("keep-out", keep_out.body, f"scale {scale}, clearance {clear}"))
+    return [
         {
             "name": body.name,
             "role": role,
             "vertices": len(body.corners),
             "parts": len(body.parts),
             "seed": plain(body.seed),
-            "notes": [note for note in body.notes if note],
+            "notes": [note for note in (first, *body.notes) if note],
             "deviation": plain(body.deviation),
         }
-        for role, body in listed
+        for role, body, first in listed
     ]
-    for body, keep_out in zip(told[2:], problem.keep_out, strict=True):
-        low, high = keep_out.ends
-        scale = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-        body["notes"].insert(0, f"scale {scale}, clearance {measured(f'{keep_out.clearance:g}', problem.unit)}")
-    return told
 
 
 def _modelled(solution: Solution) -> list[dict[str, Any]]:
@@ -200,9 +180,9 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
         "quadrant": problem.goal == "beyond",
         "tracking": problem.goal in TRACKING,
         "poses": poses,
-        "tracked_shapes": frames.shapes.of(solution.features),
+        "tracked_shapes": frames.shapes_of(solution.features),
         "families": {"tolerance": tolerance, "motion": motion},
-        "feature_shapes": frames.shapes.listed(),
+        "feature_shapes": frames.shapes,
         "labels": frames.labels,
     }
 
@@ -212,16 +192,10 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
     if solution.transform is not None:
         corrected = frames.solved(solution, "the parts made, after the motion")
         if solution.rho is not None and (abs(solution.rho / solution.pair - 1.0) > DEFAULT.requirement).any():
-            tracked = frames.frame(
-                solution.rho,
-                solution.transform,
-                solution.rho,
-                target=solution.pair,
-                motion=corrected["motion"],
-                amount=solution.amount,
-                parameters=corrected["parameters"],
-                note="at the scales of the tracked contact, after the motion",
-            )
+            told = {key: corrected[key] for key in ("motion", "parameters")}
+            note = "at the scales of the tracked contact, after the motion"
+            at = solution.rho, solution.transform, solution.rho
+            tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
     return {
         "nominal": frames.still(problem.nominal_pair, "nominal sizes, no motion"),
         "rescaled": frames.still(problem.target, "the parts made, no motion"),

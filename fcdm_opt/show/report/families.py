@@ -39,44 +39,31 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
     """
     if not (problem.target != problem.nominal_pair).any():
         return None
-    refused: list[float] = []
 
     def frame(factor: float) -> dict[str, Any] | None:
         if factor == AS_ASKED:
             return frames.solved(solution)
+        if problem.tolerance is not None:
+            changes: dict[str, Any] = {"tolerance": tuple(map(tuple, (factor * problem.tolerance).tolist()))}
+        else:
+            changes = {"target": tuple(target_at(problem, factor).tolist())}
         try:
-            return frames.solved(solved_again(problem, effort="quick", **_resized(problem, factor)))
+            return frames.solved(solved_again(problem, effort="quick", **changes))
         except InputError:
-            refused.append(factor)
             return None
 
-    found, late = _refined(frame, FACTORS, seconds)
-    notes = [f"at {factor:g} times the tolerance there is no such question" for factor in sorted(refused)]
-    return {
-        "label": "tolerance",
-        "unit": "times as asked",
-        **_listed(found, [_off(problem, factor) for factor in found]),
-        "note": "; ".join([*notes, *late]),
-    }
+    def shown(factor: float) -> str:
+        """Return how far both scales made are off the nominal ones: "+2 %, -2 %"."""
+        off = target_at(problem, factor) / problem.nominal_pair - 1.0
+        return ", ".join("0 %" if abs(x) <= DEFAULT.nominal else f"{100.0 * x:+.4g} %" for x in off.tolist())
 
-
-def _resized(problem: Problem, factor: float) -> dict[str, Any]:
-    """Return what makes all tolerances, or the way from the nominal pair to the target, so many times as large."""
-    if problem.tolerance is not None:
-        return {"tolerance": tuple(map(tuple, (factor * problem.tolerance).tolist()))}
-    return {"target": tuple(target_at(problem, factor).tolist())}
+    none = "at {:g} times the tolerance there is no such question"
+    return _family(frame, FACTORS, seconds, shown, none, label="tolerance", unit="times as asked")
 
 
 def target_at(problem: Problem, factor: float) -> Array:
     """Return the scales made at a multiple of the tolerance, (2,)."""
     return np.asarray(problem.nominal_pair + factor * (problem.target - problem.nominal_pair))
-
-
-def _off(problem: Problem, factor: float) -> str:
-    """Return how far both scales made are off the nominal ones: "+2 %, -2 %"."""
-    off = target_at(problem, factor) / problem.nominal_pair - 1.0
-    shown = [0.0 if abs(x) <= DEFAULT.nominal else 100.0 * x for x in off.tolist()]
-    return ", ".join(f"{x:+.4g} %" if x else "0 %" for x in shown)
 
 
 def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[str, Any] | None:
@@ -88,17 +75,19 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
     if solution.transform is None or not q.any():
         return None
     problem, task = solution.problem, Task.of(solution.problem)
-    lost: list[float] = []
+    low, high = problem.limits.T
+    slack = DEFAULT.requirement * problem.length / problem.weights
 
     def frame(share: float) -> dict[str, Any] | None:
         if share == AS_ASKED:
             return frames.solved(solution)
         here, transform = share * q, task.transform(share * q)
         if not np.isfinite(transform).all():  # a screw about a line that is gone there
-            lost.append(share)
             return None
         values = dict(zip(solution.parameters, here.tolist(), strict=True))
         amount = task.amount(here)
+        passed = zip(solution.parameters, (here < low - slack) | (here > high + slack), strict=True)
+        beyond = ", ".join(name for name, off in passed if off)
         return frames.frame(
             solution.pair,
             transform,
@@ -107,46 +96,49 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
             amount=amount,
             gap=task.gap(here),
             parameters=parameter_texts(problem, values),
-            note=_limits_passed(problem, here),
+            note=f"beyond the limits of {beyond}" if beyond else "",
         )
 
-    found, late = _refined(frame, SHARES, seconds)
-    return {
-        "label": "share of the motion",
-        "unit": "of the motion",
-        **_listed(found, [f"{share:.0%}".replace("%", " %") for share in found]),
-        "note": "; ".join([*(f"at {share:g} of the motion there is no pose" for share in sorted(lost)), *late]),
-    }
-
-
-def _limits_passed(problem: Problem, q: Array) -> str:
-    """Tell which parameters are beyond their limits."""
-    slack = DEFAULT.requirement * problem.length / problem.weights
-    low, high = problem.limits.T
-    beyond = (q < low - slack) | (q > high + slack)
-    names = [parameter.name for parameter, passed in zip(problem.motion.parameters, beyond, strict=True) if passed]
-    return f"beyond the limits of {', '.join(names)}" if names else ""
+    none = "at {:g} of the motion there is no pose"
+    return _family(
+        frame, SHARES, seconds, lambda share: f"{100.0 * share:.0f} %", none,
+        label="share of the motion", unit="of the motion",
+    )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------------ coarse to fine
 
 
-def _refined(
-    frame: Callable[[float], dict[str, Any] | None], values: Sequence[float], seconds: float
-) -> tuple[dict[float, dict[str, Any]], list[str]]:
-    """Return frames by value, increasing, and what to say where the time did not suffice for all."""
+def _family(
+    frame: Callable[[float], dict[str, Any] | None],
+    values: Sequence[float],
+    seconds: float,
+    shown: Callable[[float], str],
+    none: str,
+    **names: str,
+) -> dict[str, Any]:
+    """Return the frames by value, increasing, with what to say where there is none or the time did not suffice."""
     end = perf_counter() + seconds
     frames: dict[float, dict[str, Any]] = {}
-    asked = 0
+    refused: list[float] = []
     for value in _coarse_to_fine(values):
-        if asked >= LEAST and perf_counter() > end:
+        if len(frames) + len(refused) >= LEAST and perf_counter() > end:
             break
-        asked += 1
         made = frame(value)
-        if made is not None:
+        if made is None:
+            refused.append(value)
+        else:
             frames[value] = made
+    asked, found = len(frames) + len(refused), sorted(frames)
     late = [f"{asked} of {len(values)} values: the others were left out for time"] if asked < len(values) else []
-    return dict(sorted(frames.items())), late
+    return {
+        **names,
+        "values": found,
+        "shown": list(map(shown, found)),
+        "start": found.index(AS_ASKED),
+        "frames": [frames[value] for value in found],
+        "note": "; ".join([*map(none.format, sorted(refused)), *late]),
+    }
 
 
 def _coarse_to_fine(values: Sequence[float]) -> Iterator[float]:
@@ -159,9 +151,3 @@ def _coarse_to_fine(values: Sequence[float]) -> Iterator[float]:
         left.remove(farthest)
         chosen.append(farthest)
         yield farthest
-
-
-def _listed(frames: dict[float, dict[str, Any]], shown: list[str]) -> dict[str, Any]:
-    values = list(frames)
-    start = values.index(AS_ASKED)
-    return {"values": values, "shown": shown, "start": start, "frames": list(frames.values())}

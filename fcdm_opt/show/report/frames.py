@@ -6,7 +6,7 @@ A `Frames` makes all frames of one case, so that feature labels and shapes are l
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -22,13 +22,10 @@ from fcdm_opt.geometry.bodies import IDENTITY
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plain import drawn
-from fcdm_opt.show.report.scenes import ContactShapes
+from fcdm_opt.show.report.scenes import contact_shapes
 from fcdm_opt.show.scales import reaching
 from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
-
-NO_MOTION = "none"
-"""The motion of a frame at rest, in words."""
 
 
 class Frames:
@@ -44,26 +41,33 @@ class Frames:
     ----------
     box : pair of intervals
         Scales over which curves are listed: those of the problem's box and of the window.
-    shapes : ContactShapes
-        Of the features that are in contact in some frame.
     """
 
     def __init__(self, problem: Problem, window: ArrayLike) -> None:
         self._problem = problem
         self._rest = reaching(problem.curve, window)
         self._labels: dict[Feature, int] = {}
+        self._touching: dict[Feature, int] = {}
         self._moved: tuple[Array | None, DecisionCurve] = None, self._rest
         self.box: Box = self._rest.box
-        self.shapes = ContactShapes(problem.movable, problem.static)
 
     @property
     def labels(self) -> list[str]:
         """Labels of the features of all segments of all frames."""
         return [feature.label for feature in self._labels]
 
+    @property
+    def shapes(self) -> list[dict[str, Any]]:
+        """What to draw for each feature that is in contact in some frame, or was asked for."""
+        return [contact_shapes(self._problem, feature) for feature in self._touching]
+
+    def shapes_of(self, features: Iterable[Feature]) -> list[int]:
+        """Return the places of features in `shapes`."""
+        return [self._touching.setdefault(feature, len(self._touching)) for feature in features]
+
     def still(self, sizes: Array, note: str) -> dict[str, Any]:
         """Return the frame at rest at two scales."""
-        return self.frame(sizes, None, None, motion=NO_MOTION, amount=0.0, note=note)
+        return self.frame(sizes, None, None, motion="none", amount=0.0, note=note)
 
     def solved(self, solution: Solution, note: str = "") -> dict[str, Any]:
         """Return the frame of a solution: the parts made where it puts them, or at rest where there is no motion."""
@@ -86,14 +90,11 @@ class Frames:
         transform: Array | None,
         rho: Array | None,
         *,
-        motion: str,
         amount: float,
         gap: float | None = None,
-        parameters: list[str] | None = None,
         target: Array | None = None,
-        status: str | None = None,
-        usable: bool | None = None,
         note: str = "",
+        **told: Any,
     ) -> dict[str, Any]:
         """Return a frame.
 
@@ -105,40 +106,34 @@ class Frames:
             Pose change of body 1, None at rest.
         rho : (2,) array or None
             The tracked contact's scales.
-        motion : str
         amount : float
         gap : float, optional
             Signed gap of the bodies shown; by default the decision curve's.
-        parameters : list of str, optional
-            Values of the motion's parameters, with units.
         target : (2,) array, optional
             The scales made; default `sizes`.
-        status, usable
-            Of a solution; None for a pose that is none.
         note : str
             What else is to be said of it.
+        **told
+            The "motion" in words; its "parameters", with units; of a solution "status" and whether it is "usable".
         """
         curve = self._curve(transform)
         if gap is None or not math.isfinite(gap):
             gap = float(curve.gap(sizes))
         state = self._state(gap)
-        points, features = self._contacts(curve, sizes, state)
+        contacts = self._contacts(curve, sizes) if state == "touching" else {}
         return {
             "sizes": drawn(sizes),
             "transform": None if transform is None else drawn(np.asarray(transform).ravel()),
             "curve": self._segments(curve),
             "switching": self._switching(curve),
-            "contacts": drawn(points),
-            "contact": self.shapes.of(features),
+            "contacts": drawn(list(map(_place, contacts.values()))),
+            "contact": self.shapes_of(contacts),
             "target": drawn(sizes if target is None else target),
             "rho": None if rho is None or not np.isfinite(rho).all() else drawn(rho),
-            "status": status,
-            "usable": usable,
-            "motion": motion,
             "amount": drawn(amount),
             "pair_gap": drawn(gap),
             "pair_state": state,
-            "parameters": parameters or [],
+            **{"status": None, "usable": None, "parameters": [], **told},
             "note": "; ".join(filter(None, (note, self._lost(curve, rho)))),
         }
 
@@ -153,13 +148,11 @@ class Frames:
         return curve
 
     def _segments(self, curve: DecisionCurve) -> list[list[float]]:
+        """Return both ends of each segment, the place of its feature in `labels`, and whether it is snug."""
         return [
-            [*drawn((*segment.start, *segment.end)), self._label(segment.feature), int(segment.snug)]
-            for segment in curve.segments
+            [*drawn((*each.start, *each.end)), self._labels.setdefault(each.feature, len(self._labels)), int(each.snug)]
+            for each in curve.segments
         ]
-
-    def _label(self, feature: Feature) -> int:
-        return self._labels.setdefault(feature, len(self._labels))
 
     def _switching(self, curve: DecisionCurve) -> list[list[Any]]:
         """Return the switching points, numbered as in the problem's box; those beyond it have no number."""
@@ -175,31 +168,25 @@ class Frames:
             return "touching"
         return "apart" if gap > 0 else "overlapping"
 
-    def _contacts(self, curve: DecisionCurve, sizes: Array, state: str) -> tuple[Array, tuple[Feature, ...]]:
-        """Return where the bodies shown touch, one point a feature, (k, 3), and these features; or nothing."""
-        none: tuple[Array, tuple[Feature, ...]] = np.empty((0, 3)), ()
-        if state != "touching":
-            return none
+    def _contacts(self, curve: DecisionCurve, sizes: Array) -> dict[Feature, list[Array]]:
+        """Return the features at which the bodies shown touch, each with what two parts share of it, or nothing."""
         place = np.asarray(sizes)
-        place_on = curve.locate(place)
-        if place_on is None:  # touching within `contact_slack`, which is wider than a place on the curve
+        if curve.locate(place) is None:  # touching within `contact_slack`, which is wider than a place on the curve
             place = curve.nearest(place)
             if not (np.abs(place - sizes) <= DEFAULT.snap * np.abs(sizes)).all():
-                return none
-            place_on = curve.locate(place)
-        if place_on is None:
-            return none
+                return {}
+        place_on = curve.locate(place)
         sets: dict[Feature, list[Array]] = {}
         if isinstance(place_on, SwitchingPoint):
             for contact, corners in zip(place_on.touching, place_on.contact_sets, strict=True):
                 sets.setdefault(contact.feature, []).append(corners)
-            return _places(sets)
-        bodies, piece = (self._problem.movable, self._problem.static), place_on.piece_at(place)
-        others = meetings(*bodies, curve.pose, place, DEFAULT.nominal * self._problem.size)
-        met = [Meeting(piece.parts, piece.contact), *(other for other in others if other.parts != piece.parts)]
-        for meeting in met:
-            sets.setdefault(meeting.contact.feature, []).append(shared(bodies, curve.pose, meeting, place))
-        return _places(sets)
+        elif place_on is not None:
+            bodies, piece = (self._problem.movable, self._problem.static), place_on.piece_at(place)
+            others = meetings(*bodies, curve.pose, place, DEFAULT.nominal * self._problem.size)
+            met = [Meeting(piece.parts, piece.contact), *(other for other in others if other.parts != piece.parts)]
+            for meeting in met:
+                sets.setdefault(meeting.contact.feature, []).append(shared(bodies, curve.pose, meeting, place))
+        return sets
 
     def _lost(self, curve: DecisionCurve, rho: Array | None) -> str:
         """Tell where the tracked features are not the contact that there is."""
@@ -213,14 +200,10 @@ class Frames:
         return f"the tracked features are not the contact here: at their scales the bodies are {state}"
 
 
-def _places(sets: Mapping[Feature, list[Array]]) -> tuple[Array, tuple[Feature, ...]]:
-    """Return a point of each contact, (k, 3), and its feature, from what each two parts share of it.
+def _place(shares: list[Array]) -> Array:
+    """Return a point of a contact from what each two parts share of it.
 
     The middle of a contact that goes round a hole lies on neither body: the part of it nearest to the middle has one.
     """
-
-    def place(shares: list[Array]) -> Array:
-        whole = middle(shares)
-        return min((share.mean(axis=0) for share in shares), key=lambda point: float(np.linalg.norm(point - whole)))
-
-    return np.array([place(shares) for shares in sets.values()]), tuple(sets)
+    whole = middle(shares)
+    return min((share.mean(axis=0) for share in shares), key=lambda point: float(np.linalg.norm(point - whole)))

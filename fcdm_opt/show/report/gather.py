@@ -9,14 +9,16 @@ from dataclasses import fields
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import SIGNS, Problem
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.problem.syntax import parsed
-from fcdm_opt.show.report.cases import case_report
-from fcdm_opt.show.report.matrix import matrices
-from fcdm_opt.show.solved import SolvedCase, solved_case
+from fcdm_opt.show.plain import plain
+from fcdm_opt.show.report.cases import answered, case_report
+from fcdm_opt.show.solved import SolvedCase, solved_again, solved_case
+from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
@@ -26,32 +28,8 @@ FAMILIES = 8.0
 """Seconds that the frames of one case may take, by default."""
 
 
-class ReadFile(Protocol):
-    """A problem file as read: its problems, or why there are none."""
-
-    @property
-    def path(self) -> Path:
-        """Where it was read."""
-
-    @property
-    def title(self) -> str:
-        """The file's title, which may be empty."""
-
-    @property
-    def note(self) -> str:
-        """The file's note, which may be empty."""
-
-    @property
-    def problems(self) -> Sequence[Problem]:
-        """Its cases."""
-
-    @property
-    def error(self) -> str | None:
-        """What is wrong with it."""
-
-
 def gather(
-    files: Iterable[ReadFile],
+    files: Iterable[Any],
     *,
     certify: bool = True,
     say: Callable[[str], None] | None = None,
@@ -61,7 +39,8 @@ def gather(
 
     Parameters
     ----------
-    files : iterable of ReadFile
+    files : iterable
+        Problem files as read: their `path`, `title`, `note` and `problems`, and an `error` or None.
     certify : bool
         Prove how small a motion can be at all.
     say : callable, optional
@@ -77,13 +56,8 @@ def gather(
     """
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     for number, file in enumerate(files):
-        head: dict[str, Any] = {
-            "file": file.path.name,
-            "title": file.title,
-            "note": file.note,
-            "sha256": _digest(file.path),
-        }
-        head["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
+        meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
+        head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
         errors = [file.error] if file.error else []
         problems, solved = list[Problem](), list[SolvedCase]()
         for problem in file.problems:
@@ -102,9 +76,9 @@ def gather(
             cases.append({"file": number, **data})
         first = len(cases) - len(solved)
         tables += [{"file": number, **table} for table in matrices(problems, solved, first=first)]
-        listed.append(
-            {**head, "cases": list(range(first, len(cases))), **({"error": "; ".join(errors)} if errors else {})}
-        )
+        listed.append({**head, "meshes": meshes, "cases": list(range(first, len(cases)))})
+        if errors:
+            listed[-1]["error"] = "; ".join(errors)
     return {
         **_title(listed),
         "made": made(),
@@ -112,6 +86,73 @@ def gather(
         "files": listed,
         "matrices": tables,
         "cases": cases,
+    }
+
+
+def matrices(problems: Sequence[Problem], cases: Sequence[SolvedCase], *, first: int = 0) -> list[dict[str, Any]]:
+    """Return the tables of a file's cases.
+
+    Cases of the same bodies, nominal sizes, tolerances, goal, pair state and clearance that differ in the requirement
+    share a table; keep-outs and path must be the same too, the motion need not. A requirement that the file does not
+    ask for is solved with the motion of the table's first case. Without a requirement a case has no table. `first` is
+    the number of the first case in the report.
+    """
+    tables: list[tuple[Any, Problem, dict[str, tuple[int, Solution]]]] = []
+    for number, (problem, case) in enumerate(zip(problems, cases, strict=True), first):
+        if problem.requirement is None:
+            continue
+        question, letter = _question(problem), problem.requirement
+        cells = next((cells for asked, _, cells in tables if asked == question and letter not in cells), None)
+        if cells is None:
+            cells = {}
+            tables.append((question, problem, cells))
+        cells[letter] = number, case.solution
+    return [_listed(problem, cells) for _, problem, cells in tables]
+
+
+def _question(problem: Problem) -> tuple[Any, ...]:
+    """Return what cases of one table share."""
+    assert problem.tolerance is not None
+    return (
+        id(problem.movable),
+        id(problem.static),
+        tuple(problem.nominal_pair.tolist()),
+        tuple(problem.tolerance.ravel().tolist()),
+        problem.goal,
+        problem.pair,
+        problem.clearance,
+        problem.path,
+        tuple(id(keep_out) for keep_out in problem.keep_out),
+    )
+
+
+def _listed(first: Problem, known: dict[str, tuple[int, Solution]]) -> dict[str, Any]:
+    names = [solution.problem.name for _, solution in known.values()]
+    cells = {letter: _cell(*known[letter]) if letter in known else _missing(first, letter) for letter in SIGNS}
+    return {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first), "cells": cells}
+
+
+def _missing(first: Problem, letter: str) -> dict[str, Any]:
+    """Return the cell of a requirement that the file does not ask for."""
+    note = f"not a case of the file: solved for this table as case {first.name} is"
+    try:
+        solution = solved_again(first, requirement=letter, name="", published=None, published_text="")
+    except InputError as reason:
+        nothing = {"amount": None, "bound": None, "published": None, "motion": "-", "bound_text": "", "status": ""}
+        told = {"pair_state": "unknown", "verified": False, "from_file": False}
+        return {"case": None, **nothing, **told, "note": f"{note}; {reason}"}
+    return _cell(None, solution, note=note)
+
+
+def _cell(case: int | None, solution: Solution, *, note: str = "") -> dict[str, Any]:
+    return {
+        "case": case,
+        **answered(solution),
+        "bound": plain(solution.lower_bound),
+        "published": solution.problem.published_text or None,
+        "verified": solution.usable,
+        "from_file": case is not None,
+        "note": note,
     }
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from fcdm_opt.problem.problem import SIGNS
-from fcdm_opt.show.rendering import in_unit
-from fcdm_opt.show.report.markup import whole_page
-from fcdm_opt.show.texts import NONE, shown
+from fcdm_opt.show.rendering import whole_page
+from fcdm_opt.show.texts import shown
 
 Data = Mapping[str, Any]
 
@@ -16,14 +15,7 @@ FIGURES = (  # what the scripts draw of a case; all else is text
     *("file", "name", "scene", "feature_shapes", "labels", "axes", "nominal", "tolerance_box", "signs", "quadrant"),
     *("tracking", "poses", "families", "unit", "amount_unit"),
 )
-POSES = {
-    "nominal": "nominal",
-    "rescaled": "re-scaled, at rest",
-    "corrected": "corrected",
-    "tracked": "tracked sizes",
-}
-SCRIPTS = ("curve.js", "scene.js", "page.js")
-OUTSIDE = "OUTSIDE_FIT"
+POSES = {"nominal": "nominal", "rescaled": "re-scaled, at rest", "corrected": "corrected", "tracked": "tracked sizes"}
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MINUS = "\u2212"
 LAYOUT = (("A", "C"), ("B", "D"))
@@ -32,7 +24,7 @@ LAYOUT = (("A", "C"), ("B", "D"))
 OPTIONAL = (
     *("unit", "amount_unit", "doubt", "published", "touch_amount", "pair_state", "pair_gap", "pair", "rho", "note"),
     *("certificate", "evidence", "sensitivities", "sha256", "tracking", "verified", "bound_text", "lower_bound", "gap"),
-    *("advice", "stage", "configurations", "bound"),
+    *("advice", "stage", "configurations", "bound", "parameters", "modelled", "left_out", "seconds", "active"),
 )
 """What a case or a cell of a table may leave out."""
 
@@ -55,14 +47,18 @@ def page(payload: Data) -> str:
     for file in files:
         inputs.append({**file, "note": " ".join((file.get("note") or "").split())})
         inputs += [{**mesh, "title": f"mesh of {file['file']}", "note": None} for mesh in file.get("meshes") or ()]
+    figures = []
+    for case in cases:
+        bodies = [{key: body[key] for key in ("name", "role")} for body in case["bodies"]]
+        figures.append({**{key: case.get(key) for key in FIGURES}, "bodies": bodies})
     return whole_page(
         "page.html",
-        scripts=SCRIPTS,
-        figures={"cases": [_figures(case) for case in cases]},
+        scripts=("curve.js", "scene.js", "page.js"),
+        figures={"cases": figures},
         title=payload["title"],
         note=payload.get("note"),
         unread=[file for file in files if file.get("error")],
-        cases=[_case(case, number, files) for number, case in enumerate(cases)],
+        cases=[_case(case, number, files[case["file"]], len(files) > 1) for number, case in enumerate(cases)],
         files=[{"cases": (), **file} for file in files],
         matrices=[_matrix(matrix) for matrix in payload["matrices"]],
         poses=POSES,
@@ -72,79 +68,29 @@ def page(payload: Data) -> str:
     )
 
 
-def _figures(case: Data) -> dict[str, Any]:
-    bodies = [{key: body[key] for key in ("name", "role")} for body in case["bodies"]]
-    return {**{key: case.get(key) for key in FIGURES}, "bodies": bodies}
-
-
 def _answer(data: Data) -> dict[str, Any]:
     """Return a case or a cell with all that it may leave out, and its bound as tables show it, with how near it is."""
     known = {**dict.fromkeys(OPTIONAL), **data}
     text, _, near = shown(known["bound_text"]).partition(", ")
     if near == "exact":  # the amount, to the digits that it is shown with
         text = shown(known["amount"])
-    return {**known, "least": {"text": text, "near": near}, "outside": known["status"] == OUTSIDE}
+    return {**known, "least": {"text": text, "near": near}, "outside": known["status"] == "OUTSIDE_FIT"}
 
 
-def _case(data: Data, number: int, files: Sequence[Data]) -> dict[str, Any]:
+def _case(data: Data, number: int, file: Data, several: bool) -> dict[str, Any]:
     """Return what the page says of a case; the file that it is from is named where there are several."""
-    case, file = _answer(data), files[data["file"]]
-    least = "impossible" if case["least"]["text"] == "impossible" else _with_unit(case, "lower_bound")
-    seconds = ", ".join(f"{name} {shown(value, 3)}" for name, value in (case.get("seconds") or {}).items())
-    tracked = f"({shown(case['rho'], 9)})" if case["tracking"] and case["rho"] else NONE
+    case = _answer(data)
     advice = [] if case["status"] in UNREMARKABLE else [case["advice"]]
+    bars = case["sensitivities"]["bars"] if case["sensitivities"] else []
+    longest = max((abs(bar["value"]) for bar in bars if bar["value"] is not None), default=0.0) or 1.0
+    widths = [50.0 * (bar["value"] or 0.0) / longest for bar in bars]  # percent, left of the middle less
     return {
         **case,
         "number": number,
-        "source": (file["title"] or file["file"]) if len(files) > 1 else "",
+        "source": (file["title"] or file["file"]) if several else "",
         "told": [*advice, *case.get("remarks", ())],
-        "bars": _bars(case["sensitivities"]),
-        "scope": [(row["what"], shown(row["kept"]), shown(row["total"])) for row in case.get("modelled") or ()],
-        "left_out": case.get("left_out") or (),
-        "read": [
-            (
-                body["name"],
-                *(shown(body.get(key)) for key in ("role", "vertices", "parts", "seed", "deviation")),
-                "; ".join(map(str, body.get("notes") or ())) or NONE,
-            )
-            for body in case["bodies"]
-        ],
-        "bounds": [
-            ("Amount found", _with_unit(case, "amount")),
-            ("Proved at least", least),
-            ("Relative gap", shown(case["gap"], 3)),
-        ],
-        "motion_rows": [
-            (each["name"], shown(each["value"], 12), shown(each.get("unit")), shown(each.get("shown")))
-            for each in case.get("parameters") or ()
-        ],
-        "features": case.get("features") or (),
-        "known": [
-            ("Status", case["status"]),
-            ("Advice", shown(case["advice"])),
-            ("Stage", shown(case["stage"])),
-            ("Pair made", f"({shown(case['pair'], 9)})"),
-            ("Tracked pair", tracked),
-            ("Configuration", shown(case["configurations"])),
-            ("Active", shown(list(case.get("active") or ()))),
-            ("Seconds", seconds or NONE),
-        ],
+        "bars": [{**bar, "left": 50.0 + min(x, 0.0), "width": abs(x)} for bar, x in zip(bars, widths, strict=True)],
     }
-
-
-def _with_unit(case: Data, key: str) -> str:
-    """Return an amount to all its digits."""
-    return in_unit(shown(case[key], 17), case["amount_unit"])
-
-
-def _bars(sensitivities: Data | None) -> list[dict[str, Any]]:
-    """Return the bars of a chart with their place in percent: left of the middle less, right of it more."""
-    bars = sensitivities["bars"] if sensitivities else []
-    longest = max((abs(bar["value"]) for bar in bars if bar["value"] is not None), default=0.0) or 1.0
-    widths = [50.0 * (bar["value"] or 0.0) / longest for bar in bars]
-    return [
-        {**bar, "left": 50.0 + min(width, 0.0), "width": abs(width)} for bar, width in zip(bars, widths, strict=True)
-    ]
 
 
 def _matrix(matrix: Data) -> dict[str, Any]:

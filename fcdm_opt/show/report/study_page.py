@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import io
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.geometry.units import floored
+from fcdm_opt.show.plain import plain
+from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.markup import whole_page
-from fcdm_opt.show.texts import shown
+from fcdm_opt.show.texts import shown, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
 """Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
 
-ALWAYS = ("status", "amount", "lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
-"""Columns of a row besides what was varied and the motion's parameters."""
+ALWAYS = ("lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
+"""Columns of a row besides what was varied, status, amount and the motion's parameters."""
 
 
 def study_page(result: StudyResult) -> str:
@@ -47,7 +47,7 @@ def study_page(result: StudyResult) -> str:
         figures={
             "columns": columns,
             "varied": varied,
-            "rows": [[_plain(rows[k][name]) for name in columns] for k in charted],
+            "rows": [[plain(rows[k][name]) for name in columns] for k in charted],
             "usable": [bool(rows[k]["usable"]) for k in charted],
             "numbers": list(charted),
             "of": count,
@@ -56,35 +56,16 @@ def study_page(result: StudyResult) -> str:
         },
         title=result.definition.get("title") or "Study",
         note=result.definition.get("note"),
-        summary=_summary(result, rows),
+        summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
         picture=_picture(result),
         varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
         heads=("number", *columns),
-        rows=[(str(k), *(_cell(name, _plain(rows[k][name])) for name in columns)) for k in printed],
+        rows=[(str(k), *(_cell(name, plain(rows[k][name])) for name in columns)) for k in printed],
         study=result.study,
         versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
         definition=json.dumps(definition, indent=1, ensure_ascii=False),
     )
-
-
-def _summary(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
-    """Return name, value and small print of what was found."""
-    amounts = sorted(row["amount"] for row in rows if row["usable"])
-    counts = ", ".join(f"{count} {status}" for status, count in result.counts.items())
-    told = [("Points", str(len(rows)), counts)]
-    if amounts:
-        least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
-        unit = result.unit or "length units"
-        told.append((f"Amounts ({unit})", f"{least} to {largest}", f"the middle one {middle}"))
-    if (share := result.assembly_yield) is not None:
-        low, high = share.interval
-        sure = f"{share.within} of {share.of}; {share.confidence:.0%} interval {low:.2%} to {high:.2%}"
-        told.append((f"Yield within {measured(f'{share.budget:g}', result.unit)}", f"{share.share:.2%}", sure))
-    if result.seconds:
-        parts = ", ".join(f"{name} {value:.3g}" for name, value in result.seconds.items() if name != "point")
-        told.append(("Working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))
-    return told
 
 
 def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
@@ -97,12 +78,7 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
     names = list(rows[0])
     varied = names[names.index("number") + 1 : names.index("status")]
     motion = names[names.index("lower_bound") + 1 : names.index("rho_1")]
-    return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS[2:] if name in rows[0])]
-
-
-def _plain(value: Any) -> Any:
-    """Return a value that JSON has."""
-    return value if not isinstance(value, float) or math.isfinite(value) else None
+    return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
 
 
 def _evenly(count: int, most: int) -> Sequence[int]:
