@@ -262,8 +262,8 @@ class _OneWay:
     def _safe(self, x: float, span: float, depth: float) -> float:
         """Return a step within which no vertex moves further than a depth, at most the span."""
         here = self._ray.stretch(x, span, TrackedPair.fixed(self._pair))
-        rates = np.linalg.norm(self._local @ here.R.slope.T - here.d.slope, axis=1).max()
-        bend = np.linalg.norm(self._local, axis=1).max() * np.linalg.norm(here.R.bend) + np.linalg.norm(here.d.bend)
+        rates = np.linalg.norm(self._local @ here.R[1].T - here.d[1], axis=1).max()
+        bend = np.linalg.norm(self._local, axis=1).max() * np.linalg.norm(here.R[2]) + np.linalg.norm(here.d[2])
         if not np.isfinite(bend):
             return 0.0
         root = math.sqrt(rates * rates + 2.0 * bend * depth)
@@ -282,7 +282,7 @@ class _OneWay:
         one, two = bodies[0].parts[i], bodies[1].parts[j]
         X, Y = one.vertices - one.seed, two.vertices - two.seed
         tops = np.array([loop[0] for loop in one.loops]), np.array([loop[0] for loop in two.loops])
-        R, d = here.R.value, here.d.value
+        R, d = here.R[0], here.d[0]
         own = (rho[1] * (Y[tops[1]] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
         other = (rho[0] * (X[tops[0]] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
         furthest = 0.0

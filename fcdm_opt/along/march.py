@@ -13,9 +13,9 @@ import numpy as np
 
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import Conditions, Ray, RayStretch, TrackedPair
-from fcdm_opt.along.expansions import ROUNDING, flat, roots, safe_steps
+from fcdm_opt.along.expansions import ROUNDING, flat, is_tied, roots, safe_steps
 from fcdm_opt.along.followed import Cause, Followed, Rest
-from fcdm_opt.along.others import Others, PairBound, is_tied
+from fcdm_opt.along.others import Others, PairBound
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
