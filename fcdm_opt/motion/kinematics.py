@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 
 CHUNK = 64  # poses worked out in one call
-FEW = 8  # fewer are worked out one by one
-
-
-class _Composed(Hashable, Protocol):
-    """What is compiled: a motion, see `fcdm_opt.motion.motions.Motion` for each of these."""
-
-    @property
-    def parameters(self) -> tuple[Any, ...]: ...
-    @property
-    def numbers(self) -> Array: ...
-    @property
-    def pattern(self) -> _Composed: ...
-    def with_numbers(self, numbers: Sequence[Any]) -> _Composed: ...
-    def symbolic(self, q: Any, movable_seed: Any, static_seed: Any) -> Any: ...
 
 
 class Compiled(threading.local):
@@ -61,7 +47,7 @@ class Compiled(threading.local):
 class _Pattern:
     """Functions (q, given) of the motions of one pattern; `given` is s_1 and s_2 as drawn and their numbers."""
 
-    def __init__(self, pattern: _Composed) -> None:
+    def __init__(self, pattern: Any) -> None:
         import casadi
 
         self.count, numbers = len(pattern.parameters), len(pattern.numbers)
@@ -97,7 +83,7 @@ class _Pattern:
 
 
 @lru_cache(maxsize=64)
-def _compiled(pattern: _Composed) -> _Pattern:
+def _compiled(pattern: Any) -> _Pattern:
     return _Pattern(pattern)
 
 
@@ -108,12 +94,12 @@ class Kinematics:
 
     Parameters
     ----------
-    motion : _Composed
+    motion : Motion
     seeds : (6,) array
         s_1 and s_2 as drawn.
     """
 
-    def __init__(self, motion: _Composed, seeds: Array) -> None:
+    def __init__(self, motion: Any, seeds: Array) -> None:
         self._compiled, self._count = _compiled(motion.pattern), len(motion.parameters)
         self._given = np.concatenate([seeds, motion.numbers])
 
@@ -129,18 +115,7 @@ class Kinematics:
     def transforms(self, Q: Array) -> Array:
         """Return the transforms, (n, 4, 4), at parameters Q, (n, k)."""
         rows = np.asarray(Q, dtype=np.float64).reshape(-1, self._count)
-        poses = np.empty((len(rows), 4, 4))
-        whole = len(rows) - len(rows) % CHUNK
-        for start in range(0, whole, CHUNK):
-            poses[start : start + CHUNK] = self._chunk(rows[start : start + CHUNK])
-        if len(rows) - whole > FEW:  # the rest of the chunk is for nothing
-            padded = np.zeros((CHUNK, self._count))
-            padded[: len(rows) - whole] = rows[whole:]
-            poses[whole:] = self._chunk(padded)[: len(rows) - whole]
-        else:
-            for k in range(whole, len(rows)):
-                poses[k] = self._compiled.pose(rows[k], self._given)[0].reshape(4, 4)
-        return poses
-
-    def _chunk(self, rows: Array) -> Array:
-        return self._compiled.poses(rows.ravel(), self._given)[0].reshape(CHUNK, 4, 4)
+        padded = np.zeros((-(-len(rows) // CHUNK), CHUNK * self._count))
+        padded.reshape(-1, self._count)[: len(rows)] = rows
+        poses = np.array([self._compiled.poses(chunk, self._given)[0].copy() for chunk in padded])
+        return poses.reshape(-1, 4, 4)[: len(rows)]
