@@ -12,10 +12,10 @@ coefficients of these, so that a state is worked out once and all conditions the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,10 +28,11 @@ from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Sequenced, Step, Translation
 
 TURNED, FIXED, CROSSED = 0.0, 1.0, 2.0  # normal of a tracked feature: of a face of body 1, of body 2, of two edges
-# forms of a condition: y along a direction fixed, turned with body 1, or the cross product of either with normal k; y
-# along normal k; a point of body 1 or 2 along normal k; the determinant; det rho_1, det rho_2; the normal's square
+# forms of a condition: y along a direction fixed, turned with body 1, or the cross product of either with normal k, one
+# of two edges; y along normal k; a point of body 1 or 2 along normal k; the determinant; det rho_1, det rho_2; the
+# normal's square
 ALONG, ALONG_TURNED, BESIDE, BESIDE_TURNED, NORMAL, OWN, OTHER, DETERMINANT, SCALE_1, SCALE_2, STEEP = range(11)
-BITS, VERIFIED = 192, 1e-14  # of extended precision; what a root is enclosed within, relative to it
+BITS, VERIFIED = 192, 1e-15  # of extended precision; how near a root is looked for, relative to it
 LOOKS = (1e-6, 1e-4, 1e-2, 0.1, 0.3, 0.5, 0.7, 1.0)  # shares of a stretch, where a root may be hidden by rounding
 ROW = 12  # numbers of a condition: v, w, direction, sign, and radii taken off
 POSE, SHARED, EACH = 12, 27, 38  # numbers of a pose; terms without a tracked normal, and with each of them
@@ -61,27 +62,17 @@ def _terms(R: Any, d: Any, kinds: Sequence[float], lines: Any, pair: Any, sign: 
     else:
         det, (num1, num2) = 0.0 * pair[0] + 1.0, pair
     made = [[det, num1, num2], d * det, R * num1, e * det, R * num2]
-    for n, h in normals:
+    for kind, (n, h) in zip(kinds, normals, strict=True):
         made += [n, h, n * num2, h * num1, [(n @ d) * det, n @ n]]
-        made += [_cross(n, d) * det, _cross(n, R.T).T * num1, _cross(h, e) * det, _cross(h, R).T * num2]
+        crossed = _cross(n, d) * det, _cross(n, R.T).T * num1, _cross(h, e) * det, _cross(h, R).T * num2
+        made += crossed if kind == CROSSED else [np.zeros(24) * det]
     return np.concatenate([np.ravel(part) for part in made])
 
 
-_SHARED_SIZES = {"DET": 1, "NUM1": 1, "NUM2": 1, "DET d": 3, "NUM1 R": 9, "DET e": 3, "NUM2 R": 9}
-_EACH_SIZES = {"n": 3, "h": 3, "NUM2 n": 3, "NUM1 h": 3, "DET n.d": 1, "n.n": 1,
-               "DET nxd": 3, "NUM1 nxR": 9, "DET hxe": 3, "NUM2 hxR'": 9}  # fmt: skip
-
-
-def _places() -> dict[str, tuple[int, int]]:
-    """Return the places of the terms by name, those of a normal as of the first one."""
-    made, start = {}, 0
-    for name, size in (_SHARED_SIZES | _EACH_SIZES).items():
-        made[name] = start, size
-        start += size
-    return made
-
-
-_PLACES = _places()
+_SIZES = {"DET": 1, "NUM1": 1, "NUM2": 1, "DET d": 3, "NUM1 R": 9, "DET e": 3, "NUM2 R": 9,
+          "n": 3, "h": 3, "NUM2 n": 3, "NUM1 h": 3, "DET n.d": 1, "n.n": 1,
+          "DET nxd": 3, "NUM1 nxR": 9, "DET hxe": 3, "NUM2 hxR'": 9}  # fmt: skip
+_PLACES = dict(zip(_SIZES, accumulate(_SIZES.values(), initial=0), strict=False))  # with a normal: those of the first
 _BLOCKS = {
     ALONG: lambda v, w, m: {"DET d": m, "NUM2": _dot(m, w), "NUM1 R": -_outer(m, v)},
     ALONG_TURNED: lambda v, w, m: {"DET e": m, "NUM2 R": _outer(w, m), "NUM1": -_dot(m, v)},
@@ -102,29 +93,18 @@ def _coefficients(form: int, k: int, rows: Any) -> Any:
     made = np.zeros((len(rows), SHARED + EACH * (k + 1)), dtype=rows.dtype)
     v, w, m, sign = rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], rows[:, 9:10]
     for name, values in _BLOCKS[form](v, w, m).items():
-        start, size = _PLACES[name]
-        start += EACH * k if start >= SHARED else 0
-        made[:, start : start + size] = sign * values
+        start = _PLACES[name] + (EACH * k if _PLACES[name] >= SHARED else 0)
+        made[:, start : start + _SIZES[name]] = sign * values
     made[:, 1:3] = made[:, 1:3] - rows[:, 10:]
     return made
 
 
 class Conditions(NamedTuple):
-    """Conditions f(x) >= 0, one a row.
+    """Conditions f(x) >= 0, one a row."""
 
-    Attributes
-    ----------
-    forms : (n, 2) int array
-        Form, and k of the tracked normal it speaks of.
-    rows : (n, 12) array
-        v, w, direction, sign, and radii about v and w.
-    coefficients : (n, terms) array
-        Of the terms of a state; as many as two tracked normals make.
-    """
-
-    forms: Ints
-    rows: Array
-    coefficients: Array
+    forms: Ints  # (n, 2): form, and k of the tracked normal it speaks of
+    rows: Array  # (n, 12): v, w, direction, sign, and radii about v and w
+    coefficients: Array  # (n, terms): of the terms of a state, as many as two tracked normals make
 
     def chosen(self, which: Any) -> Conditions:
         """Return some of them."""
@@ -153,21 +133,11 @@ class Conditions(NamedTuple):
 
 
 class TrackedPair(NamedTuple):
-    """What fixes the scale pair.
+    """What fixes the scale pair: two lines; or one, and the point of it nearest to the pair; or the pair itself."""
 
-    Attributes
-    ----------
-    lines : (k, 13) array
-        Of each tracked feature: how its normal moves, two directions, and a point of either body on it.
-    pair : (2,) array
-        With no line the pair itself, with one line the point of it nearest to the pair, with two lines unused.
-    sign : float
-        Sign of the lines' determinant, which must not change.
-    """
-
-    lines: Array
+    lines: Array  # (k, 13), of each tracked feature: how its normal moves, two directions, a point of either body on it
     pair: Array
-    sign: float
+    sign: float  # of the lines' determinant, which must not change
 
     @classmethod
     def fixed(cls, pair: Array) -> TrackedPair:
@@ -188,21 +158,13 @@ def _cross(u: Any, v: Any) -> Any:
 
 
 class RayStretch:
-    """Expansions over x to x + span of a ray.
-
-    Attributes
-    ----------
-    x, span : float
-    tracked : TrackedPair
-    R, d : (4, 3, 3) and (4, 3) arrays
-        The four numbers of the pose's entries, see `expansions`.
-    """
+    """Expansions over x to x + span of a ray: of the pose `R`, (4, 3, 3), and `d`, (4, 3), and of conditions."""
 
     def __init__(self, ray: Ray, x: float, span: float, tracked: TrackedPair) -> None:
         self.x, self.span, self.tracked = float(x), float(span), tracked
         table = _expanded(ray.motion, tuple(tracked.lines[:, 0].tolist()))(
-            [x, span], ray.given, tracked.lines[:, 1:].ravel(), [*tracked.pair, tracked.sign]
-        )[0].reshape(-1, 4)
+            [ray.side * x, span], ray.given, tracked.lines[:, 1:].ravel(), [*tracked.pair, tracked.sign]
+        )[0].reshape(-1, 4) * [1.0, ray.side, 1.0, 1.0]
         self.R, self.d = table[:9].T.reshape(4, 3, 3).copy(), table[9:POSE].T.copy()
         self._terms = table[POSE:].copy()
         self._rounded = np.abs(self._terms[:, :1]) * [0.0, SUMMED]
@@ -228,18 +190,11 @@ class RayStretch:
 
 @dataclass(frozen=True, eq=False)
 class Ray:
-    """Motions q = x * direction, x >= 0.
-
-    Attributes
-    ----------
-    motion : Motion
-        A pattern, whose free steps are turned into what they are along a ray.
-    given : list of float
-        Direction in its parameters, both seeds, and its numbers.
-    """
+    """Motions q = x * direction, x >= 0: of a pattern whose free steps are what they are along the ray."""
 
     motion: Motion
-    given: list[float]
+    given: list[float]  # direction in its parameters, both seeds, and its numbers
+    side: float = 1.0  # -1 where x counts the other way
 
     @classmethod
     def of(cls, motion: Motion, direction: Array, movable_seed: Array, static_seed: Array) -> Ray:
@@ -270,7 +225,8 @@ class Ray:
 
         balls = np.frompyfunc(flint.arb, 1, 1)
         arithmetic = {**SCALARS, "CONST": flint.arb}
-        pose = np.array(_instructions(self.motion).carried_out(arithmetic, [x, *balls(self.given)])[0], dtype=object)
+        given = [self.side * x, *balls(self.given)]
+        pose = np.array(_instructions(self.motion).carried_out(arithmetic, given)[0], dtype=object)
         terms = _terms(
             pose[:9].reshape(3, 3), pose[9:], tracked.lines[:, 0], balls(tracked.lines[:, 1:]).reshape(-1, 4, 3),
             balls(tracked.pair), flint.arb(tracked.sign),
@@ -280,44 +236,25 @@ class Ray:
         used = np.flatnonzero(factors[: len(terms)] != 0)
         return factors[used] @ terms[used]
 
-    def refined(self, x: float, slope: float, tracked: TrackedPair, condition: Conditions) -> tuple[float, float]:
-        """Return a root of one condition near x to the last digit, in extended precision, and a bound of its error.
-
-        Two steps of Newton's method; then the condition's signs on both sides, as balls of arb, enclose it. The bound
-        is infinite where they do not.
-        """
-        import flint
-
-        with flint.ctx.workprec(BITS):
-            root = flint.arb(x)
-            for _ in range(2):
-                root = (root - self.exactly(root, tracked, condition) / slope).mid()
-            place = float(root)
-            off = flint.arb(place if place else slope).__abs__() * VERIFIED
-            below, above = (self.exactly(flint.arb(place) + side * off, tracked, condition) for side in (-1, 1))
-            enclosed = bool((below > 0) and (above < 0)) or bool((below < 0) and (above > 0))
-        return place, float(off.mid()) if enclosed and abs(place) > 0 else math.inf
-
-    def crossing(self, x: float, further: float, tracked: TrackedPair, condition: Conditions) -> float | None:
+    def crossing(
+        self, x: float, further: float, tracked: TrackedPair, condition: Conditions, looks: Sequence[float] = LOOKS
+    ) -> float | None:
         """Return where one condition becomes negative between x and x + further, None where it does not.
 
-        In extended precision: it is looked at on a few points ever further on, and bisected before the first at which
-        it is negative.
+        In extended precision: it is looked at on a few points ever further on, to the first at which it is negative.
         """
         import flint
+        from scipy.optimize import brentq
+
+        def value(at: float) -> float:
+            return float(self.exactly(flint.arb(at), tracked, condition))
 
         with flint.ctx.workprec(BITS):
-
-            def negative(at: float) -> bool:
-                return bool(self.exactly(flint.arb(at), tracked, condition) < 0)
-
             low = x
-            for share in LOOKS:
+            for share in looks:
                 high = x + share * further
-                if negative(high):
-                    while low < (middle := (low + high) / 2.0) < high and high - low > VERIFIED * high:
-                        low, high = (low, middle) if negative(middle) else (middle, high)
-                    return high
+                if value(high) < 0:
+                    return float(brentq(value, low, high, xtol=VERIFIED * high)) if value(low) > 0 else high
                 low = high
         return None
 

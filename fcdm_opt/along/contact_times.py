@@ -170,7 +170,7 @@ class _OneWay:
         self._problem, self._along, self._pair = problem, along, pair
         self._end: float = _span_of(problem, along, pair, reach(problem, along, limit))
         self._ray = ray_of(problem, along)
-        self._march = March(problem, (), self._ray, self._end, pair)
+        self._march = March(problem, (), self._ray, pair, self._end)
         self._floor = DEFAULT.march * self._march.unit
         body = problem.movable
         self._local = pair[0] * (np.concatenate([part.vertices for part in body.parts]) - body.seed)

@@ -28,15 +28,7 @@ class PairBound(NamedTuple):
 
 
 class Others:
-    """All part pairs of two bodies along a ray.
-
-    Parameters
-    ----------
-    movable, static : Body
-    ray : Ray
-    within : float
-        The x over which conditions that vanish identically are told from others.
-    """
+    """All part pairs of two bodies along a ray; what vanishes identically is told over x up to `within`."""
 
     def __init__(self, movable: Body, static: Body, ray: Ray, within: float) -> None:
         self._bodies, self._ray, self._within = (movable, static), ray, within

@@ -6,7 +6,7 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING
 
-from fcdm_opt.along.coherent_range import KINDS
+from fcdm_opt.along.followed import KINDS
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.show.notebook.card import Card
