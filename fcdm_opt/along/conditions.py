@@ -23,7 +23,7 @@ import numpy as np
 from fcdm_opt.along.expansions import Expansion
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.motion.instructions import SCALARS, Instructions, relative_pose
+from fcdm_opt.motion.instructions import SCALARS, Instructions, pose_symbols
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Sequenced, Step, Translation
 
@@ -264,12 +264,10 @@ def _instructions(pattern: Motion) -> Instructions:
     """Return what gives a motion's pose of x, the direction, both seeds and its numbers, one after the other."""
     import casadi
 
-    count = len(pattern.numbers)
-    given = casadi.SX.sym("given", 1 + len(pattern.parameters) + 6 + count)
-    places = [given[given.numel() - count + k] for k in range(count)]
-    end = given.numel() - count
-    pose = relative_pose(pattern.with_numbers(places), given[0] * given[1 : end - 6], given[end - 6 : end])
-    instructions = Instructions.of(casadi.Function("ray", [given], [pose], {"cse": True}))
+    q, others, pose = pose_symbols(pattern)
+    given = casadi.SX.sym("given", 1 + q.numel() + others.numel())
+    along = casadi.Function("pose", [q, others], [pose])(given[0] * given[1 : 1 + q.numel()], given[1 + q.numel() :])
+    instructions = Instructions.of(casadi.Function("ray", [given], [casadi.densify(along)], {"cse": True}))
     for name in instructions.operations:
         if name not in {"INPUT", "OUTPUT", "CONST", *SCALARS}:
             raise InputError(

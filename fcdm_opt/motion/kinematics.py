@@ -44,16 +44,22 @@ class Compiled(threading.local):
         return self._results
 
 
+def symbols(pattern: Any) -> tuple[Any, Any, Any]:
+    """Return q, what is given (s_1 and s_2 as drawn, numbers) and the transform, of SX, of the motions of a pattern."""
+    import casadi
+
+    q, given = casadi.SX.sym("q", len(pattern.parameters)), casadi.SX.sym("given", 6 + len(pattern.numbers))
+    motion = pattern.with_numbers([given[6 + k] for k in range(len(pattern.numbers))])
+    return q, given, motion.symbolic(q, given[:3], given[3:6])
+
+
 class _Pattern:
-    """Functions (q, given) of the motions of one pattern; `given` is s_1 and s_2 as drawn and their numbers."""
+    """Functions (q, given) of the motions of one pattern."""
 
     def __init__(self, pattern: Any) -> None:
         import casadi
 
-        self.count, numbers = len(pattern.parameters), len(pattern.numbers)
-        self._q, self._given = casadi.SX.sym("q", self.count), casadi.SX.sym("given", 6 + numbers)
-        motion = pattern.with_numbers([self._given[6 + k] for k in range(numbers)])
-        transform = motion.symbolic(self._q, self._given[:3], self._given[3:6])
+        self._q, self._given, transform = symbols(pattern)
         # column by column, as CasADi stores matrices, the transposed is the pose row by row
         self._rows = casadi.vec(casadi.densify(transform).T)
 
