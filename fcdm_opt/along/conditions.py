@@ -223,13 +223,13 @@ class Ray:
         """Return the value of one condition at x, a ball of arb."""
         import flint
 
-        balls = np.frompyfunc(flint.arb, 1, 1)
+        balls: Any = np.frompyfunc(flint.arb, 1, 1)
         arithmetic = {**SCALARS, "CONST": flint.arb}
         given = [self.side * x, *balls(self.given)]
         pose = np.array(_instructions(self.motion).carried_out(arithmetic, given)[0], dtype=object)
         terms = _terms(
-            pose[:9].reshape(3, 3), pose[9:], tracked.lines[:, 0], balls(tracked.lines[:, 1:]).reshape(-1, 4, 3),
-            balls(tracked.pair), flint.arb(tracked.sign),
+            pose[:9].reshape(3, 3), pose[9:], tracked.lines[:, 0].tolist(),
+            balls(tracked.lines[:, 1:]).reshape(-1, 4, 3), balls(tracked.pair), flint.arb(tracked.sign),
         )  # fmt: skip
         ((form, k),) = condition.forms.tolist()
         factors = _coefficients(form, k, balls(condition.rows))[0]
@@ -254,7 +254,7 @@ class Ray:
             for share in looks:
                 high = x + share * further
                 if value(high) < 0:
-                    return float(brentq(value, low, high, xtol=VERIFIED * high)) if value(low) > 0 else high
+                    return float(brentq(value, low, high, xtol=VERIFIED * high)) if value(low) > 0 else low
                 low = high
         return None
 

@@ -234,8 +234,9 @@ class March:
             crossing = self._ray.crossing(x, wide, self._tracked, stop.condition)
             return (x, wide, True) if crossing is None else (crossing, FINE * crossing, False)
         error = rounding / abs(slope) if slope else math.inf
-        if FINE * x < error <= CLOSE * self.unit:
-            better = self._ray.crossing(x - 8.0 * error, 16.0 * error, self._tracked, stop.condition, (1.0,))
-            if better is not None:
+        if error > FINE * x:
+            wide = min(8.0 * error, CLOSE * self.unit)
+            better = self._ray.crossing(x - wide, 2.0 * wide, self._tracked, stop.condition, (1.0,))
+            if better is not None and better > x - wide:
                 return better, FINE * better, False
         return x, error, False
