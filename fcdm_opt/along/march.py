@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,7 +56,8 @@ class March:
         turning, moving = ray.natural_step
         rate = max(turning, moving / problem.size)
         self.unit = 1.0 / rate if 0 < rate < math.inf else 1.0
-        self._others = Others(problem.movable, problem.static, ray, min(self.unit, end))
+        self._all = Others(problem.movable, problem.static, ray, min(self.unit, end))
+        self._known: dict[tuple[int, ...], tuple[Any, ...]] = {}
         self._rest_on(self._first)
 
     @property
@@ -84,29 +85,32 @@ class March:
 
     def _rest_on(self, rests: list[Rest]) -> None:
         """Take the conditions of the part pairs on which the tracked features rest, without those that always hold."""
+        key = tuple(map(id, rests))
+        if key not in self._known:
+            self._known[key] = self._worked_out(rests)
         self._rests = rests
+        self._tracked, self._others, self._causes, self._conditions, self._groups, self._tied = self._known[key]
+
+    def _worked_out(self, rests: list[Rest]) -> tuple[Any, ...]:
+        """Return what `_rest_on` takes."""
         lines, determinant = np.array([rest.line for rest in rests]).reshape(-1, 13), Conditions.of(forms.DETERMINANT)
         signless = TrackedPair(lines, np.array(self._pair), 1.0)
         value = self._ray.stretch(0.0, 0.0, signless).expanded(determinant)[0, 0]
-        self._tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
-        self._others.track(self._tracked, {rest.parts for rest in rests})
+        tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
+        others = self._all.beside(tracked, {rest.parts for rest in rests})
         groups = [
             (determinant, Cause("parallel lines", -1, KINDS["parallel lines"])),
             (Conditions.of(forms.SCALE_1), Cause("scale", -1, "the scale of body 1 becomes zero")),
             (Conditions.of(forms.SCALE_2), Cause("scale", -1, "the scale of body 2 becomes zero")),
             *(group for rest in rests for group in rest.groups),
         ]
-        made, self._causes = [own for own, _ in groups], [cause for _, cause in groups]
-        together, self._groups = Conditions.joined(made), np.repeat(np.arange(len(made)), [len(c.rows) for c in made])
-        self._tied = is_tied(self._stretch(0.0).expanded(together))
-        always = self._tied.copy()
-        always[always] = self._others.vanishing(together.chosen(always))
-        settled = np.isin(self._groups, self._groups[always])  # one of a group is enough
-        self._conditions, self._groups, self._tied = (
-            together.chosen(~settled),
-            self._groups[~settled],
-            self._tied[~settled],
-        )
+        made, causes = [own for own, _ in groups], [cause for _, cause in groups]
+        together, numbers = Conditions.joined(made), np.repeat(np.arange(len(made)), [len(c.rows) for c in made])
+        tied = is_tied(self._ray.stretch(0.0, 0.0, tracked).expanded(together))
+        always = tied.copy()
+        always[always] = others.vanishing(together.chosen(always))
+        left = ~np.isin(numbers, numbers[always])  # one of a group is enough
+        return tracked, others, causes, together.chosen(left), numbers[left], tied[left]
 
     def _opens(self) -> int | None:
         """Return the number of a flush contact that does not stay aligned."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -40,10 +41,12 @@ class Others:
         i, j = np.array(self._pairs).T
         self._spheres = c1[i], c2[j], np.column_stack([r1[i], r2[j]])
 
-    def track(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> None:
-        """Leave out the part pairs that are tracked, and follow their scale pair."""
-        self._tracked = parts
-        self._samples = [self._ray.stretch(share * self._within, 0.0, pair) for share in SAMPLES]
+    def beside(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> Others:
+        """Return those without the part pairs that are tracked, which give the scale pair."""
+        made = copy(self)
+        made._tracked = parts
+        made._samples = [self._ray.stretch(share * self._within, 0.0, pair) for share in SAMPLES]
+        return made
 
     def vanishing(self, conditions: Conditions) -> Array:
         """Return which conditions are zero all along: those that the tracked pair keeps by itself, and alignments."""
