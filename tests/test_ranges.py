@@ -15,7 +15,7 @@ from strategies import random_pair, random_pose, random_union
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
-from fcdm_opt.along.coherent_range import KINDS
+from fcdm_opt.along.followed import KINDS
 from fcdm_opt.cli import app
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task

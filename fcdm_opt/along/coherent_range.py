@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.along.conditions import Ray
-from fcdm_opt.along.followed import Followed, followed
+from fcdm_opt.along.followed import KINDS, Followed, followed
 from fcdm_opt.along.march import March
 from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
@@ -27,21 +27,6 @@ FAR = 1e6  # sizes of the scene that a mere translation is followed
 BESIDE = 1e-7  # of the natural step: how far beyond an event the contact is looked at
 WINDOW, ABOUT = 30.0, 1e-4  # of the tracked pair's change there, and of the pair: what of the curve is looked at
 LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a tracked pair that there is
-KINDS = {
-    "border": "the contact point reaches the end of its feature",
-    "neighbour": "a neighbouring feature of the same bodies takes over",
-    "overlap": "another part pair takes over",
-    "opens": "a flush contact does not stay flush",
-    "parallel edges": "the edges in contact become parallel",
-    "parallel lines": "the two contact lines become parallel: their scale pair leaves for infinity",
-    "scale": "a scale becomes zero",
-    "undefined": "the motion is not defined beyond",
-    "limit": "a limit of the motion, or the one asked for",
-    "whole turn": "nothing: the motion repeats itself",
-    "unbounded": "nothing, however far",
-    "search": "nothing as far as was looked",
-}
-"""What ends a coherent range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +133,7 @@ class CoherentRange(Shown):
 
     @cached_property
     def _march(self) -> March:
-        return March(self.problem, self._followed, self._ray, math.inf, self.problem.nominal_pair)
-
-    @property
-    def _ray(self) -> Ray:
-        return ray_of(self.problem, self.direction)
+        return March(self.problem, self._followed, ray_of(self.problem, self.direction), self.problem.nominal_pair)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -189,30 +170,30 @@ def coherent_range(
         For a direction that is none, limits that exclude no motion, and a nominal pair that is not on the curve.
     """
     along = checked_direction(problem, direction)
-    found = followed(problem)
-    first, too = _ended(problem, found, along, -1.0, limit)
-    last, proved = _ended(problem, found, along, 1.0, limit)
-    return CoherentRange(problem, along, tuple(own.feature for own in found), first, last, proved and too, found)
+    tracked = followed(problem)
+    ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
+    nearest = min(end.x for end in ends.values())
+    march = March(problem, tracked, ray_of(problem, along), problem.nominal_pair, nearest)
+    (first, before), (last, after) = (_ended(problem, march, tracked, along, *item) for item in ends.items())
+    return CoherentRange(problem, along, tuple(own.feature for own in tracked), first, last, before and after, tracked)
 
 
 def _ended(
-    problem: Problem, found: tuple[Followed, ...], along: Array, sign: float, limit: float | None
+    problem: Problem, march: March, followed: tuple[Followed, ...], along: Array, side: float, end: Reach
 ) -> tuple[Event, bool]:
     """Return what ends the range on one side, and whether all of the way there is proved."""
-    end = reach(problem, sign * along, limit)
-    march = March(problem, found, ray_of(problem, sign * along), end.x, problem.nominal_pair)
-    stop = march.stop()
+    stop = march.stop(side, end.x)
     if stop is None:
         x = math.inf if end.kind == "unbounded" else end.x
-        return Event(sign * x, end.kind, (), end.what or KINDS[end.kind]), march.proved
+        return Event(side * x, end.kind, (), end.what or KINDS[end.kind]), march.proved
     x, error, grazing = march.settled(stop)
     lost = {cause.feature for cause in stop.causes}
-    tracked = tuple(own.feature for own in found)
+    tracked = tuple(own.feature for own in followed)
     features = tracked if -1 in lost else tuple(feature for k, feature in enumerate(tracked) if k in lost)
     kind, what = stop.causes[0].kind, "; ".join(dict.fromkeys(cause.what for cause in stop.causes))
-    merged, beyond = _around(problem, march, sign * along, x) if kind in LOCAL else ((), ())
+    merged, beyond = _around(problem, march, side * along, x) if kind in LOCAL else ((), ())
     successors = tuple(feature for feature in beyond if feature not in tracked)
-    return Event(sign * x + 0.0, kind, features, what, grazing, error, merged, successors), march.proved
+    return Event(side * x + 0.0, kind, features, what, grazing, error, merged, successors), march.proved
 
 
 def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tuple[Feature, ...], tuple[Feature, ...]]:

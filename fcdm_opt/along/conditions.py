@@ -5,93 +5,140 @@ Each is a form in
     y(v, w) = det (s_2 + rho_2 w - s_1 - rho_1 R v),  rho = (num_1, num_2) / det,
 
 the way from a point v of body 1 to a point w of body 2, both relative to their seeds as drawn, at the tracked scale
-pair. Scaled by the determinant of its two lines nothing is divided by, and nothing is singular.
+pair. Scaled by the determinant of its two lines nothing is divided by, and nothing is singular. Every form is linear in
+the same few products of pose, normals and scale pair, the terms of a state (`_terms`): a condition is a row of
+coefficients of these, so that a state is worked out once and all conditions there are a product of matrices.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along.expansions import Expansion, columns
+from fcdm_opt.along.expansions import Expansion
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.motion.instructions import SCALARS, Instructions, relative_pose
+from fcdm_opt.motion.instructions import SCALARS, Instructions, pose_symbols
+from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Sequenced, Step, Translation
 
 TURNED, FIXED, CROSSED = 0.0, 1.0, 2.0  # normal of a tracked feature: of a face of body 1, of body 2, of two edges
-# forms of a condition: y along a direction fixed, turned with body 1, or the cross product of either with normal k; y
-# along normal k; a point of body 1 or 2 along normal k; the determinant; det rho_1, det rho_2; the normal's square
+# forms of a condition: y along a direction fixed, turned with body 1, or the cross product of either with normal k, one
+# of two edges; y along normal k; a point of body 1 or 2 along normal k; the determinant; det rho_1, det rho_2; the
+# normal's square
 ALONG, ALONG_TURNED, BESIDE, BESIDE_TURNED, NORMAL, OWN, OTHER, DETERMINANT, SCALE_1, SCALE_2, STEEP = range(11)
-BITS, VERIFIED = 192, 1e-14  # of extended precision; what a root is enclosed within, relative to it
+BITS, NEAR = 192, 1e-15  # of extended precision; how near a root is looked for, relative to it
+VERIFIED = 1e-13  # relative: how far from a root its sign is told for certain
 LOOKS = (1e-6, 1e-4, 1e-2, 0.1, 0.3, 0.5, 0.7, 1.0)  # shares of a stretch, where a root may be hidden by rounding
 ROW = 12  # numbers of a condition: v, w, direction, sign, and radii taken off
+POSE, SHARED, EACH = 12, 27, 38  # numbers of a pose; terms without a tracked normal, and with each of them
+SUMMED = 4.0  # units of roundoff in a sum of products of coefficients and terms, relative to that of their sizes
 _NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 
 
-class Conditions(NamedTuple):
-    """Conditions f(x) >= 0, one a row.
+def _terms(R: Any, d: Any, kinds: Sequence[float], lines: Any, pair: Any, sign: Any) -> Any:
+    """Return what all forms are linear in, (SHARED + EACH len(kinds),), of arrays of numbers of any kind.
 
-    Attributes
-    ----------
-    forms : (n, 2) int array
-        Form, and k of the tracked normal it speaks of.
-    rows : (n, 12) array
-        v, w, direction, sign, and radii about v and w.
+    First det, num_1, num_2, and their products with d, R, R'd; then, for each normal n with h = R'n, products with
+    these. `kinds` and `lines`, (k, 4, 3), are the columns of `TrackedPair.lines`; `pair` and `sign` as there.
     """
+    e, normals, rows = R.T @ d, [], []
+    for kind, (u, w, p, q) in zip(kinds, lines, strict=True):
+        n = R @ u if kind == TURNED else w if kind == FIXED else _cross(R @ u, w)
+        h = u if kind == TURNED else R.T @ w if kind == FIXED else _cross(u, R.T @ w)
+        normals.append((n, h))
+        rows.append((h @ p, -(n @ q), n @ d))
+    if len(rows) == 2:
+        (a, b, c), (f, g, i) = rows
+        det, num1, num2 = (sign * minor for minor in (a * g - b * f, c * g - b * i, a * i - c * f))
+    elif rows:
+        ((a, b, c),) = rows
+        det, off = a * a + b * b, c - a * pair[0] - b * pair[1]
+        num1, num2 = det * pair[0] + off * a, det * pair[1] + off * b
+    else:
+        det, (num1, num2) = 0.0 * pair[0] + 1.0, pair
+    made = [[det, num1, num2], d * det, R * num1, e * det, R * num2]
+    for kind, (n, h) in zip(kinds, normals, strict=True):
+        made += [n, h, n * num2, h * num1, [(n @ d) * det, n @ n]]
+        crossed = _cross(n, d) * det, _cross(n, R.T).T * num1, _cross(h, e) * det, _cross(h, R).T * num2
+        made += crossed if kind == CROSSED else [np.zeros(24) * det]
+    return np.concatenate([np.ravel(part) for part in made])
 
-    forms: Ints
-    rows: Array
+
+_SIZES = {"DET": 1, "NUM1": 1, "NUM2": 1, "DET d": 3, "NUM1 R": 9, "DET e": 3, "NUM2 R": 9,
+          "n": 3, "h": 3, "NUM2 n": 3, "NUM1 h": 3, "DET n.d": 1, "n.n": 1,
+          "DET nxd": 3, "NUM1 nxR": 9, "DET hxe": 3, "NUM2 hxR'": 9}  # fmt: skip
+_PLACES = dict(zip(_SIZES, accumulate(_SIZES.values(), initial=0), strict=False))  # with a normal: those of the first
+_BLOCKS = {
+    ALONG: lambda v, w, m: {"DET d": m, "NUM2": _dot(m, w), "NUM1 R": -_outer(m, v)},
+    ALONG_TURNED: lambda v, w, m: {"DET e": m, "NUM2 R": _outer(w, m), "NUM1": -_dot(m, v)},
+    BESIDE: lambda v, w, m: {"DET nxd": m, "NUM2 n": _cross(w, m), "NUM1 nxR": -_outer(m, v)},
+    BESIDE_TURNED: lambda v, w, m: {"DET hxe": m, "NUM2 hxR'": _outer(m, w), "NUM1 h": -_cross(v, m)},
+    NORMAL: lambda v, w, m: {"DET n.d": 1.0, "NUM2 n": w, "NUM1 h": -v},
+    OWN: lambda v, w, m: {"h": v},
+    OTHER: lambda v, w, m: {"n": w},
+    DETERMINANT: lambda v, w, m: {"DET": 1.0},
+    SCALE_1: lambda v, w, m: {"NUM1": 1.0},
+    SCALE_2: lambda v, w, m: {"NUM2": 1.0},
+    STEEP: lambda v, w, m: {"n.n": 1.0},
+}  # fmt: skip
+
+
+def _coefficients(form: int, k: int, rows: Any) -> Any:
+    """Return the coefficients of the terms in conditions of one form, (n, SHARED + EACH (k + 1)), of any kind."""
+    made = np.zeros((len(rows), SHARED + EACH * (k + 1)), dtype=rows.dtype)
+    v, w, m, sign = rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], rows[:, 9:10]
+    for name, values in _BLOCKS[form](v, w, m).items():
+        start = _PLACES[name] + (EACH * k if _PLACES[name] >= SHARED else 0)
+        made[:, start : start + _SIZES[name]] = sign * values
+    made[:, 1:3] = made[:, 1:3] - rows[:, 10:]
+    return made
+
+
+class Conditions(NamedTuple):
+    """Conditions f(x) >= 0, one a row."""
+
+    forms: Ints  # (n, 2): form, and k of the tracked normal it speaks of
+    rows: Array  # (n, 12): v, w, direction, sign, and radii about v and w
+    coefficients: Array  # (n, terms): of the terms of a state, as many as two tracked normals make
 
     def chosen(self, which: Any) -> Conditions:
         """Return some of them."""
-        return Conditions(self.forms[which], self.rows[which])
+        return Conditions(*(own[which] for own in self))
 
     @classmethod
     def joined(cls, some: Sequence[Conditions]) -> Conditions:
         """Return several lists in one."""
-        return cls(np.vstack([own.forms for own in some]), np.vstack([own.rows for own in some]))
+        return cls(*map(np.vstack, zip(*some, strict=True)))
 
     @classmethod
-    def of(cls, form: int, k: int = 0, *, v: Any = 0.0, w: Any = 0.0, m: Any = 0.0, sign: float = 1.0) -> Conditions:
-        """Return conditions of one form; `v`, `w` and `m` are (n, 3) or (3,) arrays."""
-        points = [np.asarray(x, dtype=float) for x in (v, w, m)]
-        count = max((len(x) for x in points if x.ndim == 2), default=1)
+    def of(
+        cls, form: int, k: int = 0, *, v: Any = 0.0, w: Any = 0.0, m: Any = 0.0, sign: float = 1.0, radii: Any = 0.0
+    ) -> Conditions:
+        """Return conditions of one form; `v`, `w` and `m` are (n, 3) or (3,) arrays.
+
+        With `radii`, (n, 2), of what spheres about v and w are apart.
+        """
+        count = max(len(x) if np.ndim(x) == 2 else 1 for x in (v, w, m))
         rows = np.zeros((count, ROW))
-        for place, x in enumerate(points):
-            rows[:, 3 * place : 3 * place + 3] = x
-        rows[:, 9] = sign
-        return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows)
-
-    @classmethod
-    def spheres(cls, v: Array, w: Array, m: Array, radii: Array) -> Conditions:
-        """Return the conditions that spheres about v and w are apart along m."""
-        made = cls.of(ALONG, v=v, w=w, m=m)
-        made.rows[:, 10:] = radii
-        return made
+        rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], rows[:, 9], rows[:, 10:] = v, w, m, sign, radii
+        known = _coefficients(form, k, rows)
+        coefficients = np.zeros((count, SHARED + 2 * EACH))
+        coefficients[:, : known.shape[1]] = known
+        return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows, coefficients)
 
 
 class TrackedPair(NamedTuple):
-    """What fixes the scale pair.
+    """What fixes the scale pair: two lines; or one, and the point of it nearest to the pair; or the pair itself."""
 
-    Attributes
-    ----------
-    lines : (k, 13) array
-        Of each tracked feature: how its normal moves, two directions, and a point of either body on it.
-    pair : (2,) array
-        With no line the pair itself, with one line the point of it nearest to the pair, with two lines unused.
-    sign : float
-        Sign of the lines' determinant, which must not change.
-    """
-
-    lines: Array
+    lines: Array  # (k, 13), of each tracked feature: how its normal moves, two directions, a point of either body on it
     pair: Array
-    sign: float
+    sign: float  # of the lines' determinant, which must not change
 
     @classmethod
     def fixed(cls, pair: Array) -> TrackedPair:
@@ -99,125 +146,56 @@ class TrackedPair(NamedTuple):
         return cls(np.empty((0, 13)), np.array(pair, dtype=float), 1.0)
 
 
-class RayState:
-    """Pose, tracked normals and scale pair somewhere on a ray, in numbers of one kind.
-
-    Parameters
-    ----------
-    R, d : (3, 3) and (3,)
-        Arrays of expansions, or of objects.
-    tracked : TrackedPair
-    number : callable, optional
-        Makes numbers of arrays of floats; else they stay.
-    """
-
-    def __init__(self, R: Any, d: Any, tracked: TrackedPair, number: Any = np.asarray) -> None:
-        self.R, self.d, self._number = R, d, number
-        self._normals, lines = [], []
-        for line in tracked.lines:
-            u, w, p, q = number(line[1:]).reshape(4, 3)
-            turned = self._turned(u)
-            normal = turned if line[0] == TURNED else w if line[0] == FIXED else _cross(turned, w)
-            self._normals.append(normal)
-            level = u @ p if line[0] == TURNED else _dot(normal, self._turned(p))
-            lines.append((level, -_dot(normal, q), _dot(normal, d)))
-        r1, r2 = number(tracked.pair)
-        if len(lines) == 2:
-            (a, b, c), (e, f, g) = lines
-            minors = a * f - b * e, c * f - b * g, a * g - c * e
-            self.determinant, self.num1, self.num2 = (tracked.sign * minor for minor in minors)
-        elif lines:
-            ((a, b, c),) = lines
-            self.determinant, off = a * a + b * b, c - a * r1 - b * r2
-            self.num1, self.num2 = self.determinant * r1 + off * a, self.determinant * r2 + off * b
-        else:
-            self.determinant, self.num1, self.num2 = 1.0, r1, r2
-
-    def _turned(self, u: Any) -> Any:
-        return _dot(self.R, u[..., None, :])
-
-    def values(self, conditions: Conditions) -> Iterator[tuple[Ints, Any]]:
-        """Yield the values of conditions, form by form: which rows, and an array or one number for all."""
-        rows = self._number(conditions.rows)
-        v, w, m = rows[:, 0:3], rows[:, 3:6], rows[:, 6:9]
-        first: Any = None
-        y: Any = None
-        if (conditions.forms[:, 0] <= OWN).any():
-            first = self._turned(v)
-        if (conditions.forms[:, 0] <= NORMAL).any():
-            y = self.d * self.determinant + w * self.num2 - first * self.num1
-        for form, k in dict.fromkeys(map(tuple, conditions.forms.tolist())):
-            which = np.flatnonzero((conditions.forms == (form, k)).all(axis=1))
-            if form <= NORMAL:
-                way: Any = self._normals[k] if form == NORMAL else m[which]
-                way = self._turned(way) if form in (ALONG_TURNED, BESIDE_TURNED) else way
-                way = _cross(way, self._normals[k]) if form in (BESIDE, BESIDE_TURNED) else way
-                value = _dot(y[which], way)
-            elif form in (OWN, OTHER):
-                value = _dot(self._normals[k], first[which] if form == OWN else w[which])
-            elif form == STEEP:
-                value = _dot(self._normals[k], self._normals[k])
-            else:
-                value = {DETERMINANT: self.determinant, SCALE_1: self.num1, SCALE_2: self.num2}[form]
-            value = rows[which, 9] * value
-            if conditions.rows[which, 10:].any():
-                value = value - rows[which, 10] * self.num1 - rows[which, 11] * self.num2
-            yield which, value
-
-
 def _dot(u: Any, v: Any) -> Any:
-    return (u * v).sum(axis=-1)
+    return (u * v).sum(axis=-1, keepdims=True)
+
+
+def _outer(u: Any, v: Any) -> Any:
+    return (u[:, :, None] * v[:, None, :]).reshape(-1, 9)
 
 
 def _cross(u: Any, v: Any) -> Any:
     return u[..., _NEXT] * v[..., _AFTER] - u[..., _AFTER] * v[..., _NEXT]
 
 
-class RayStretch(RayState):
-    """Expansions over x to x + span of a ray."""
+class RayStretch:
+    """Expansions over x to x + span of a ray: of the pose `R`, (4, 3, 3), and `d`, (4, 3), and of conditions."""
 
     def __init__(self, ray: Ray, x: float, span: float, tracked: TrackedPair) -> None:
         self.x, self.span, self.tracked = float(x), float(span), tracked
-        with np.errstate(all="ignore"):
-            pose = ray.pose(Expansion(self.x, 1.0, 0.0, abs(self.x), self.span))
-            R, d = (Expansion.gathered(own, shape, self.span) for own, shape in ((pose[:9], (3, 3)), (pose[9:], (3,))))
-            super().__init__(R, d, tracked)
+        table = _expanded(ray.motion, tuple(tracked.lines[:, 0].tolist()))(
+            [ray.side * x, span], ray.given, tracked.lines[:, 1:].ravel(), [*tracked.pair, tracked.sign]
+        )[0].reshape(-1, 4) * [1.0, ray.side, 1.0, 1.0]
+        self.R, self.d = table[:9].T.reshape(4, 3, 3).copy(), table[9:POSE].T.copy()
+        self._terms = table[POSE:].copy()
+        self._rounded = np.abs(self._terms[:, :1]) * [0.0, SUMMED]
 
     @property
     def bounded(self) -> bool:
         """Whether the pose has finite bounds."""
-        return self.R.finite and self.d.finite
+        return bool(np.isfinite(self.R).all() and np.isfinite(self.d).all())
 
     @property
     def rho(self) -> Array:
         """The scale pair at x, (2,)."""
         with np.errstate(all="ignore"):
-            det, *pair = (columns(own, 1)[0, 0] for own in (self.determinant, self.num1, self.num2))
-            return np.array(pair) / det
+            return np.asarray(self._terms[1:3, 0] / self._terms[0, 0])
 
     def expanded(self, conditions: Conditions) -> Array:
         """Return the expansions of conditions, (n, 4)."""
-        made = np.empty((len(conditions.rows), 4))
+        factors = conditions.coefficients[:, : len(self._terms)]
         with np.errstate(all="ignore"):
-            for which, value in self.values(conditions):
-                made[which] = columns(value, len(which))
-        return made
+            signed = factors @ self._terms[:, :2]
+            return np.hstack([signed, np.abs(factors) @ (self._terms[:, 2:] + self._rounded)])
 
 
 @dataclass(frozen=True, eq=False)
 class Ray:
-    """Motions q = x * direction, x >= 0.
+    """Motions q = x * direction, x >= 0: of a pattern whose free steps are what they are along the ray."""
 
-    Attributes
-    ----------
-    instructions : Instructions
-        What gives R, row by row, and d = s_2 - moved s_1, of x, the direction and both seeds.
-    given : list of float
-        Direction, in the own parameters of those, and seeds.
-    """
-
-    instructions: Instructions
-    given: list[float]
+    motion: Motion
+    given: list[float]  # direction in its parameters, both seeds, and its numbers
+    side: float = 1.0  # -1 where x counts the other way
 
     @classmethod
     def of(cls, motion: Motion, direction: Array, movable_seed: Array, static_seed: Array) -> Ray:
@@ -229,18 +207,14 @@ class Ray:
             For a motion of the user's own that uses functions without known bounds.
         """
         straight, along = _straightened(motion, direction)
-        return cls(_instructions(straight), [*along.tolist(), *movable_seed.tolist(), *static_seed.tolist()])
+        _instructions(straight.pattern)
+        return cls(straight.pattern, [*along, *movable_seed, *static_seed, *straight.numbers])
 
     @property
     def natural_step(self) -> tuple[float, float]:
         """How fast it turns (a unit of x, about) and moves the seed, at rest."""
         rest = self.stretch(0.0, 0.0, TrackedPair.fixed(np.ones(2)))
-        return float(np.linalg.norm(rest.R.slope)), float(np.linalg.norm(rest.d.slope))
-
-    def pose(self, x: Any, number: Any = float) -> list[Any]:
-        """Return R, row by row, and d at x, twelve numbers of its kind."""
-        arithmetic = {**SCALARS, "CONST": number}
-        return self.instructions.carried_out(arithmetic, [x, *map(number, self.given)])[0]
+        return float(np.linalg.norm(rest.R[1])), float(np.linalg.norm(rest.d[1]))
 
     def stretch(self, x: float, span: float, tracked: TrackedPair) -> RayStretch:
         """Return the expansions over x to x + span."""
@@ -250,61 +224,57 @@ class Ray:
         """Return the value of one condition at x, a ball of arb."""
         import flint
 
-        balls = np.frompyfunc(flint.arb, 1, 1)
-        pose = np.array(self.pose(x, flint.arb), dtype=object)
-        ((_, values),) = RayState(pose[:9].reshape(3, 3), pose[9:], tracked, balls).values(condition)
-        return np.ravel(values)[0]
+        balls: Any = np.frompyfunc(flint.arb, 1, 1)
+        arithmetic = {**SCALARS, "CONST": flint.arb}
+        given = [self.side * x, *balls(self.given)]
+        pose = np.array(_instructions(self.motion).carried_out(arithmetic, given)[0], dtype=object)
+        terms = _terms(
+            pose[:9].reshape(3, 3), pose[9:], tracked.lines[:, 0].tolist(),
+            balls(tracked.lines[:, 1:]).reshape(-1, 4, 3), balls(tracked.pair), flint.arb(tracked.sign),
+        )  # fmt: skip
+        ((form, k),) = condition.forms.tolist()
+        factors = _coefficients(form, k, balls(condition.rows))[0]
+        used = np.flatnonzero(factors[: len(terms)] != 0)
+        return factors[used] @ terms[used]
 
-    def refined(self, x: float, slope: float, tracked: TrackedPair, condition: Conditions) -> tuple[float, float]:
-        """Return a root of one condition near x to the last digit, in extended precision, and a bound of its error.
+    def crossing(
+        self, x: float, further: float, tracked: TrackedPair, condition: Conditions, looks: Sequence[float] = LOOKS
+    ) -> float | None:
+        """Return where one condition becomes negative between x and x + further, None where that is not shown.
 
-        Two steps of Newton's method; then the condition's signs on both sides, as balls of arb, enclose it. The bound
-        is infinite where they do not.
+        In extended precision: it is looked at on a few points ever further on, to the first at which it is negative. Its
+        sign is certain, by balls, on both sides of the place returned, `VERIFIED` from it.
         """
         import flint
+        from scipy.optimize import brentq
+
+        def value(at: float) -> float:
+            return float(self.exactly(flint.arb(at), tracked, condition))
 
         with flint.ctx.workprec(BITS):
-            root = flint.arb(x)
-            for _ in range(2):
-                root = (root - self.exactly(root, tracked, condition) / slope).mid()
-            place = float(root)
-            off = flint.arb(place if place else slope).__abs__() * VERIFIED
-            below, above = (self.exactly(flint.arb(place) + side * off, tracked, condition) for side in (-1, 1))
-            enclosed = bool((below > 0) and (above < 0)) or bool((below < 0) and (above > 0))
-        return place, float(off.mid()) if enclosed and abs(place) > 0 else math.inf
-
-    def crossing(self, x: float, further: float, tracked: TrackedPair, condition: Conditions) -> float | None:
-        """Return where one condition becomes negative between x and x + further, None where it does not.
-
-        In extended precision: it is looked at on a few points ever further on, and bisected before the first at which
-        it is negative.
-        """
-        import flint
-
-        with flint.ctx.workprec(BITS):
-
-            def negative(at: float) -> bool:
-                return bool(self.exactly(flint.arb(at), tracked, condition) < 0)
-
             low = x
-            for share in LOOKS:
+            for share in looks:
                 high = x + share * further
-                if negative(high):
-                    while low < (middle := (low + high) / 2.0) < high and high - low > VERIFIED * high:
-                        low, high = (low, middle) if negative(middle) else (middle, high)
-                    return high
+                if value(high) < 0:
+                    if value(low) <= 0:
+                        return low
+                    place = float(brentq(value, low, high, xtol=NEAR * high))
+                    before, after = (flint.arb(place * (1.0 + side * VERIFIED)) for side in (-1.0, 1.0))
+                    certain = self.exactly(before, tracked, condition) > 0 > self.exactly(after, tracked, condition)
+                    return place if certain else None
                 low = high
         return None
 
 
 @lru_cache(maxsize=64)
-def _instructions(motion: Motion) -> Instructions:
-    """Return what gives a motion's pose of x, the direction and both seeds, one after the other."""
+def _instructions(pattern: Motion) -> Instructions:
+    """Return what gives a motion's pose of x, the direction, both seeds and its numbers, one after the other."""
     import casadi
 
-    given = casadi.SX.sym("given", 1 + len(motion.parameters) + 6)
-    pose = relative_pose(motion, given[0] * given[1:-6], given[-6:])
-    instructions = Instructions.of(casadi.Function("ray", [given], [pose], {"cse": True}))
+    q, others, pose = pose_symbols(pattern)
+    given = casadi.SX.sym("given", 1 + q.numel() + others.numel())
+    along = casadi.Function("pose", [q, others], [pose])(given[0] * given[1 : 1 + q.numel()], given[1 + q.numel() :])
+    instructions = Instructions.of(casadi.Function("ray", [given], [casadi.densify(along)], {"cse": True}))
     for name in instructions.operations:
         if name not in {"INPUT", "OUTPUT", "CONST", *SCALARS}:
             raise InputError(
@@ -314,6 +284,25 @@ def _instructions(motion: Motion) -> Instructions:
                 allowed=", ".join(known.lower() for known in SCALARS),
             )
     return instructions
+
+
+@lru_cache(maxsize=64)
+def _expanded(pattern: Motion, kinds: tuple[float, ...]) -> Compiled:
+    """Return the compiled expansions of pose and terms, row by row, of (x, span), what a ray is given, lines, pair."""
+    import casadi
+
+    at, given = casadi.SX.sym("at", 2), casadi.SX.sym("given", len(pattern.parameters) + 6 + len(pattern.numbers))
+    lines, tracked = casadi.SX.sym("lines", 12 * len(kinds)), casadi.SX.sym("tracked", 3)
+
+    def constants(symbols: Any) -> Any:
+        return np.array([Expansion.constant(symbols[k], at[1]) for k in range(symbols.numel())], dtype=object)
+
+    x = Expansion.variable(at[0], at[1])
+    pose = np.array([x * 0.0 + own for own in _instructions(pattern).carried_out(SCALARS, [x, *constants(given)])[0]])
+    *pair, sign = constants(tracked)
+    terms = _terms(pose[:9].reshape(3, 3), pose[9:], kinds, constants(lines).reshape(-1, 4, 3), pair, sign)
+    rows = casadi.vertcat(*(number for own in (*pose, *terms) for number in own.fields))
+    return Compiled(casadi.Function("expanded", [at, given, lines, tracked], [casadi.densify(rows)], {"cse": True}))
 
 
 def _straightened(motion: Motion, direction: Array) -> tuple[Motion, Array]:

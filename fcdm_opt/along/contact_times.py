@@ -148,10 +148,7 @@ def contact_times(
         else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     )
     pair = frozen(pair)
-    sides = [_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
-    for side in sides:
-        side.run()
-    back, ahead = sides
+    back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     first, *rest = [StateSpan(*own) for own in ahead.spans]
     if spans and spans[-1].state == first.state:
@@ -164,13 +161,13 @@ def contact_times(
 
 
 class _OneWay:
-    """One way along a ray."""
+    """One way along a ray, from contact to contact."""
 
     def __init__(self, problem: Problem, along: Array, pair: Array, limit: float | None) -> None:
         self._problem, self._along, self._pair = problem, along, pair
         self._end: float = _span_of(problem, along, pair, reach(problem, along, limit))
         self._ray = ray_of(problem, along)
-        self._march = March(problem, (), self._ray, self._end, pair)
+        self._march = March(problem, (), self._ray, pair, self._end)
         self._floor = DEFAULT.march * self._march.unit
         body = problem.movable
         self._local = pair[0] * (np.concatenate([part.vertices for part in body.parts]) - body.seed)
@@ -178,9 +175,9 @@ class _OneWay:
         self.spans: list[tuple[str, float, float]] = []
         self.touches: list[Touch] = []
         self.proved = True
+        self._run()
 
-    def run(self) -> None:
-        """Go from contact to contact."""
+    def _run(self) -> None:
         x = start = 0.0
         state = "overlapping" if self._gap(0.0) < -self._slack else "apart"
         if abs(self._gap(0.0)) <= self._slack:
@@ -211,10 +208,8 @@ class _OneWay:
         return min(beyond, self._end)
 
     def _touch(self, x: float, grazing: bool) -> None:
-        problem = self._problem
-        slack = DEFAULT.nominal * problem.size
-        pose = relative_pose(problem.movable, problem.static, self._transform(x))
-        met = meetings(problem.movable, problem.static, pose, self._pair, slack)
+        one, two, slack = self._problem.movable, self._problem.static, DEFAULT.nominal * self._problem.size
+        met = meetings(one, two, relative_pose(one, two, self._transform(x)), self._pair, slack)
         self.touches.append(Touch(x, tuple(dict.fromkeys(own.contact.feature for own in met)), grazing))
 
     def _transform(self, x: float) -> Array:
@@ -223,9 +218,14 @@ class _OneWay:
 
     def _gap(self, x: float) -> float:
         """Return the signed gap of the pair, see `kernels.least_gaps`."""
+        return self._deepest(x)[0]
+
+    def _deepest(self, x: float) -> tuple[float, tuple[int, int]]:
+        """Return the least gap of a part pair, and which that is."""
         one, two = self._problem.movable, self._problem.static
-        gaps, _ = kernels.least_gaps(*one.packed, *two.packed, self._transform(x), one.seed, two.seed, self._pair[None])
-        return float(gaps[0])
+        pose = self._transform(x), one.seed, two.seed
+        (gap,), ((i, j),) = kernels.least_gaps(*one.packed, *two.packed, *pose, self._pair[None])
+        return float(gap), (int(i), int(j))
 
     def _meets_at(self, x: float) -> tuple[float, bool] | None:
         """Return where a pair that is apart at x first touches, and whether it stays apart."""
@@ -262,8 +262,8 @@ class _OneWay:
     def _safe(self, x: float, span: float, depth: float) -> float:
         """Return a step within which no vertex moves further than a depth, at most the span."""
         here = self._ray.stretch(x, span, TrackedPair.fixed(self._pair))
-        rates = np.linalg.norm(self._local @ here.R.slope.T - here.d.slope, axis=1).max()
-        bend = np.linalg.norm(self._local, axis=1).max() * np.linalg.norm(here.R.bend) + np.linalg.norm(here.d.bend)
+        rates = np.linalg.norm(self._local @ here.R[1].T - here.d[1], axis=1).max()
+        bend = np.linalg.norm(self._local, axis=1).max() * np.linalg.norm(here.R[2]) + np.linalg.norm(here.d[2])
         if not np.isfinite(bend):
             return 0.0
         root = math.sqrt(rates * rates + 2.0 * bend * depth)
@@ -275,14 +275,11 @@ class _OneWay:
 
         However shallow: bodies that slide along each other stay so.
         """
-        bodies, rho = (self._problem.movable, self._problem.static), self._pair
-        seeds = bodies[0].seed, bodies[1].seed
-        packed = (*bodies[0].packed, *bodies[1].packed)
-        (i, j) = kernels.least_gaps(*packed, self._transform(here.x), *seeds, rho[None])[1][0]
-        one, two = bodies[0].parts[i], bodies[1].parts[j]
+        i, j = self._deepest(here.x)[1]
+        one, two, rho = self._problem.movable.parts[i], self._problem.static.parts[j], self._pair
         X, Y = one.vertices - one.seed, two.vertices - two.seed
         tops = np.array([loop[0] for loop in one.loops]), np.array([loop[0] for loop in two.loops])
-        R, d = here.R.value, here.d.value
+        R, d = here.R[0], here.d[0]
         own = (rho[1] * (Y[tops[1]] * two.normals).sum(axis=1))[None] - (rho[0] * X @ R.T - d) @ two.normals.T
         other = (rho[0] * (X[tops[0]] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
         furthest = 0.0

@@ -8,7 +8,6 @@ than a point: no direction in the plane may part them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.seats import seat_of
 from fcdm_opt.problem.problem import Problem
@@ -30,6 +29,21 @@ from fcdm_opt.tolerances import DEFAULT
 Parts = tuple[int, int]
 Site = tuple[int, int, int]
 OPENS = "the flush contact opens"
+KINDS = {
+    "border": "the contact point reaches the end of its feature",
+    "neighbour": "a neighbouring feature of the same bodies takes over",
+    "overlap": "another part pair takes over",
+    "opens": "a flush contact does not stay flush",
+    "parallel edges": "the edges in contact become parallel",
+    "parallel lines": "the two contact lines become parallel: their scale pair leaves for infinity",
+    "scale": "a scale becomes zero",
+    "undefined": "the motion is not defined beyond",
+    "limit": "a limit of the motion, or the one asked for",
+    "whole turn": "nothing: the motion repeats itself",
+    "unbounded": "nothing, however far",
+    "search": "nothing as far as was looked",
+}
+"""What ends a coherent range."""
 
 
 class Cause(NamedTuple):
@@ -40,45 +54,20 @@ class Cause(NamedTuple):
     what: str
 
 
-@dataclass(frozen=True, eq=False)
-class Rest:
-    """A part pair on which a tracked feature rests, with the conditions that make it real there.
-
-    Attributes
-    ----------
-    parts : tuple of int
-    line : (13,) array
-        See `TrackedPair`.
-    conditions : Conditions
-        Of each group one must hold.
-    groups : (n,) int array
-    causes : tuple of Cause
-        One a group.
-    """
+class Rest(NamedTuple):
+    """A part pair on which a tracked feature rests, with the conditions that make it real there."""
 
     parts: Parts
-    line: Array
-    conditions: Conditions
-    groups: Ints
-    causes: tuple[Cause, ...]
+    line: Array  # (13,), see `TrackedPair`
+    groups: list[tuple[Conditions, Cause]]  # of the conditions of each one must hold
 
 
-@dataclass(frozen=True, eq=False)
-class Followed:
-    """One tracked feature, and all part pairs on which it can rest: faces and edges may be spread over several.
-
-    Attributes
-    ----------
-    feature : Feature
-    flush : bool
-        Whether more than a point is in contact, and must stay so.
-    rests : tuple of Rest
-        The one at rest first.
-    """
+class Followed(NamedTuple):
+    """One tracked feature, and all part pairs on which it can rest: faces and edges may be spread over several."""
 
     feature: Feature
-    flush: bool
-    rests: tuple[Rest, ...]
+    flush: bool  # whether more than a point is in contact, and must stay so
+    rests: tuple[Rest, ...]  # the one at rest first
 
 
 def followed(problem: Problem) -> tuple[Followed, ...]:
@@ -152,54 +141,37 @@ def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
 # ---------------------------------------------------------------------------------------------------- the conditions
 
 
-class _List:
-    """Collects conditions in groups, each with its cause."""
-
-    def __init__(self) -> None:
-        self._made: list[Conditions] = []
-        self._groups: list[int] = []
-        self._causes: list[Cause] = []
-
-    def add(self, conditions: Conditions, cause: Cause) -> None:
-        """Add a group of which one condition must hold."""
-        self._made.append(conditions)
-        self._groups += [len(self._causes)] * len(conditions.rows)
-        self._causes.append(cause)
-
-    def rest(self, parts: Parts, line: Array) -> Rest:
-        together = Conditions.joined(self._made)
-        return Rest(parts, line, together, np.array(self._groups), tuple(self._causes))
-
-
 def _rest(problem: Problem, feature: Feature, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
     one, two = problem.movable.parts[parts[0]], problem.static.parts[parts[1]]
     X, Y = one.vertices - one.seed, two.vertices - two.seed
-    made = _List()
-    line = _supported(made, one, two, site, normal, k)
+    line, made = _supported(one, two, site, normal, k)
     kind, i, j = site
     if kind == V1F2:
         for a, b in _sides(two.loops[j]):
             out = _unit(np.cross(Y[b] - Y[a], two.normals[j]))
-            made.add(Conditions.of(forms.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), k))
+            made.append((Conditions.of(forms.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), k)))
     elif kind == F1V2:
         for a, b in _sides(one.loops[i]):
             out = _unit(np.cross(X[b] - X[a], one.normals[i]))
             inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a], w=Y[j], m=out, sign=-1.0)
-            made.add(inside, _border(one, 1, (a, b), k))
+            made.append((inside, _border(one, 1, (a, b), k)))
     else:
         (a, b), (c, d) = one.edges[i, :2].tolist(), two.edges[j, :2].tolist()
         e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
         sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
         for v, ahead in ((a, sign), (b, -sign)):
-            made.add(Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead), _border(one, 1, (v,), k))
+            made.append((Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead), _border(one, 1, (v,), k)))
         for w, ahead in ((c, sign), (d, -sign)):
             ends = Conditions.of(forms.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
-            made.add(ends, _border(two, 2, (w,), k))
-    return made.rest(parts, line)
+            made.append((ends, _border(two, 2, (w,), k)))
+    return Rest(parts, line, made)
 
 
-def _supported(made: _List, one: ConvexPart, two: ConvexPart, site: Site, normal: Array, k: int) -> Array:
-    """Add that no neighbour is beyond the plane of a site; return its line."""
+def _supported(
+    one: ConvexPart, two: ConvexPart, site: Site, normal: Array, k: int
+) -> tuple[Array, list[tuple[Conditions, Cause]]]:
+    """Return the line of a site, and that no neighbour is beyond its plane."""
+    made: list[tuple[Conditions, Cause]] = []
     kind, i, j = site
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     if kind == V1F2:
@@ -214,10 +186,10 @@ def _supported(made: _List, one: ConvexPart, two: ConvexPart, site: Site, normal
     own = _neighbours(one, i) if kind == V1F2 else _beside(one, i) if kind == E1E2 else []
     other = _neighbours(two, j) if kind == F1V2 else _beside(two, j) if kind == E1E2 else []
     for v, base in own:
-        made.add(Conditions.of(forms.OWN, k, v=X[v] - X[base], sign=-1.0), _neighbour(one, 1, v, k))
+        made.append((Conditions.of(forms.OWN, k, v=X[v] - X[base], sign=-1.0), _neighbour(one, 1, v, k)))
     for w, base in other:
-        made.add(Conditions.of(forms.OTHER, k, w=Y[w] - Y[base]), _neighbour(two, 2, w, k))
-    return line
+        made.append((Conditions.of(forms.OTHER, k, w=Y[w] - Y[base]), _neighbour(two, 2, w, k)))
+    return line, made
 
 
 def _flush_rest(
@@ -239,29 +211,28 @@ def _flush_rest(
         for part, face, way in zip((one, two), faces, (n, -n), strict=True)
     ]
     site = (V1F2, own[0], faces[1]) if has[1] else (F1V2, faces[0], other[0])
-    made = _List()
-    line = _supported(made, one, two, site, n, k)
+    line, made = _supported(one, two, site, n, k)
     if has[0] and has[1]:  # the other face must stay aligned too
         for v in one.loops[faces[0]][1:]:
             aligned = Conditions.of(forms.OWN, k, v=X[v] - X[own[0]], sign=-1.0)
-            made.add(aligned, Cause("opens", k, OPENS))
+            made.append((aligned, Cause("opens", k, OPENS)))
     if parallel:  # each edge stays on the other
         beside = Conditions.of(
             forms.ALONG, k, v=X[own[0]], w=Y[other[0]], m=_unit(np.cross(n, Y[other[1]] - Y[other[0]]))
         )
-        made.add(beside, Cause("opens", k, OPENS))
+        made.append((beside, Cause("opens", k, OPENS)))
     corners, others = list(own), list(other)
     for a, b in _sides(own):
         for way in _ways(X[b] - X[a], n, parallel, X[corners] - X[a], len(own)):
             inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
                                    w=Y[others], m=way, sign=-1.0)  # fmt: skip
-            made.add(inside, _shared(one, 1, (a, b), k))
+            made.append((inside, _shared(one, 1, (a, b), k)))
     for a, b in _sides(other):
         for way in _ways(Y[b] - Y[a], n, parallel, Y[others] - Y[a], len(other)):
             inside = Conditions.of(forms.ALONG, k, v=X[corners],
                                    w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
-            made.add(inside, _shared(two, 2, (a, b), k))
-    return made.rest(parts, line)
+            made.append((inside, _shared(two, 2, (a, b), k)))
+    return Rest(parts, line, made)
 
 
 def _last(points: Array, own: list[int], way: Array) -> int:

@@ -7,11 +7,11 @@ apart the pair may leave either, of two pairs that touch either may be the one t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.problem import MOST_TURNED
 from fcdm_opt.tolerances import DEFAULT
 
+LETTERS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # elements of a site
 MOST_CORNERS = 12  # of what two bodies share, looked at one by one
 Constraints = tuple[Rate, ...]
 Alternatives = list[Constraints]
@@ -35,7 +36,7 @@ Site = tuple[int, int, int]
 
 
 class Facing(NamedTuple):
-    """A direction in which a part pair is as far apart as it must be, and what meets in it: its corners."""
+    """A direction in which a part pair is as far apart as it must be, and what meets in it."""
 
     normal: Array
     contact: Contact
@@ -45,24 +46,13 @@ class Facing(NamedTuple):
 
 @dataclass(eq=False)
 class Holding:
-    """What holds a motion.
-
-    Attributes
-    ----------
-    task : Task
-    q : (k,) array
-    layout : Layout
-    limits : (k, 2) array
-        As the user has them; the task's own are zero for parameters that "seat" holds.
-    reasons : list of str
-        What could not be looked at.
-    """
+    """What holds a motion."""
 
     task: Task
     q: Array
     layout: Layout
-    limits: Array
-    reasons: list[str] = field(default_factory=list)
+    limits: Array  # as the user has them; the task's own are zero for parameters that "seat" holds
+    reasons: list[str] = field(default_factory=list)  # what could not be looked at
 
     @property
     def slack(self) -> float:
@@ -142,15 +132,11 @@ class Holding:
 
     def _line(self, scene: MovedScene, feature: FeaturePoints, normal: Array, rho: Array) -> Rate:
         """Return the rate of a tracked feature's separation; a flush one is carried by the whole of its elements."""
-        task = self.task
-        whole = next((seat.feature for seat in task.seats if (seat.site, seat.parts) == (feature.site, feature.parts)),
-                     None)  # fmt: skip
+        task, place = self.task, (feature.site, feature.parts)
+        whole = next((seat.feature for seat in task.seats if (seat.site, seat.parts) == place), None)
         if feature in task.tracked and task.flush:
             whole = task.flush[task.tracked.index(feature)]
-        return self._site(
-            scene, "the tracked contact", feature.parts, feature.site, normal, rho,
-            whole=None if whole is None else (whole.one, whole.two),
-        )  # fmt: skip
+        return self._site(scene, "the tracked contact", feature.parts, feature.site, normal, rho, whole)
 
     def _at_target(self, rate: Rate) -> Rate:
         """Return the rate where its scale pair is the target pair."""
@@ -160,37 +146,28 @@ class Holding:
     # -------------------------------------------------------------------------------------------- terms of a contact
 
     def _site(
-        self,
-        scene: MovedScene,
-        name: str,
-        parts: Parts,
-        site: Site,
-        normal: Array,
-        rho: Array,
-        *,
-        whole: tuple[Element, Element] | None = None,
+        self, scene: MovedScene, name: str, parts: Parts, site: Site, normal: Array, rho: Array, whole: Any = None
     ) -> Rate:
         """Return the rate of the separation along a site of the contact partner, where it is closed."""
-        task, (kind, i, j) = self.task, site
-        one, two = task.movable.parts[parts[0]], task.static.parts[parts[1]]
-        if kind == kernels.V1F2:
-            place = rho[0] * scene.pose[:9].reshape(3, 3) @ (one.vertices[i] - one.seed) - scene.pose[9:]
-        elif kind == kernels.F1V2:
-            place = rho[1] * (two.vertices[j] - two.seed)
+        kind, *places = site
+        pair = self.task.movable.parts[parts[0]], self.task.static.parts[parts[1]]
+        if kind == kernels.E1E2:
+            point = _crossing(*_edges(scene, pair, places, rho))
         else:
-            place = _crossing(*_edges(scene, one, two, site, rho))
-        drawn = scene.drawn(place, scene.pose, rho[0]), two.seed + place / rho[1]
-        elements = whole or (
-            _element(one, "FVE"[kind], i, drawn[0]),
-            _element(two, "VFE"[kind], j, drawn[1]),
-        )
-        first, second = (
-            Term(body, point, element, weight, float(scale), whole is not None)
-            for body, point, element, weight, scale in zip(
-                (MOVABLE, STATIC), drawn, elements, (-normal, normal), rho, strict=True
-            )
-        )
-        return scene.rate(name, (first, second))
+            vertex = MOVABLE if kind == kernels.V1F2 else STATIC
+            point = scene.placed(vertex, pair[vertex], places[vertex], rho[vertex])
+        terms = []
+        for body, (part, k, weight) in enumerate(zip(pair, places, (-normal, normal), strict=True)):
+            drawn = self._drawn(scene, body, point, rho)
+            element = (whole.one, whole.two)[body] if whole else _element(part, LETTERS[kind][body], k, drawn)
+            terms.append(Term(body, drawn, element, weight, float(rho[body]), whole is not None))
+        return scene.rate(name, terms)
+
+    def _drawn(self, scene: MovedScene, body: int, place: Array, rho: Array) -> Array:
+        """Return where a point of body 1 or 2 is drawn that is at `place`, relative to s_2."""
+        if body == MOVABLE:
+            return scene.drawn(place, scene.pose, rho[0])
+        return np.asarray(self.task.static.seed + place / rho[1])
 
     def _terms(self, parts: Parts, way: Facing, corner: Array) -> list[Term]:
         """Return what meets in a corner of a contact of the target pair, or with a keep-out."""
@@ -271,30 +248,20 @@ class Holding:
                 return [(replace(apart[0], name=name, free=True),)]
             return [apart, *((replace(rate.times(-1.0), name=name),) for rate in apart)]
         opponent, pose = self.task.opponents[parts[1]], self._pose_to(parts)
-        one, two, rho = (
-            self.task.movable.parts[parts[0]],
-            opponent.part,
-            np.array([self.task.target[0], opponent.scale]),
-        )
-        normals = np.array([way.normal for way in ways])
+        one, two = self.task.movable.parts[parts[0]], opponent.part
+        rho, normals = np.array([self.task.target[0], opponent.scale]), np.array([way.normal for way in ways])
         contact = located(one, two, pose, touching_contact(one, two, normals, pose, DEFAULT.active), rho)
         corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
-        single = [[Facing(way.normal, contact, corner[None], way.gap) for way in ways] for corner in corners]
-        flush = len(corners) > 1
-        found = []
-        for own in single:
-            rates = [self._apart(parts, way)[0].times(-1.0) for way in own]
-            if flush:
-                rates = [self._spread(rate, parts, contact) for rate in rates]
-            found.append(tuple(replace(rate, name=name) for rate in rates))
-        return [*found, *(self._apart(parts, way) for way in ways)]
-
-    def _spread(self, rate: Rate, parts: Parts, contact: Contact) -> Rate:
-        """Mark the vertices of elements that share more than a point: moving one would part them."""
-        broken = rate.broken.copy()
-        for body, element in ((MOVABLE, contact.feature.one), (STATIC, contact.feature.two)):
-            broken[self.layout.vertices(body)].reshape(-1, 3)[np.array(element.vertices) - 1] = True
-        return replace(rate, broken=broken)
+        spread = np.zeros(self.layout.size, dtype=bool)
+        if len(corners) > 1:  # elements share more than a point: moving a vertex would part them
+            for body, element in ((MOVABLE, contact.feature.one), (STATIC, contact.feature.two)):
+                spread[self.layout.vertices(body)].reshape(-1, 3)[np.array(element.vertices) - 1] = True
+        closings: Alternatives = []
+        for corner in corners:
+            single = [self._apart(parts, Facing(way.normal, contact, corner[None], way.gap))[0] for way in ways]
+            rates = (rate.times(-1.0) for rate in single)
+            closings.append(tuple(replace(rate, name=name, broken=rate.broken | spread) for rate in rates))
+        return [*closings, *(self._apart(parts, way) for way in ways)]
 
     # ----------------------------------------------------------------------------------------------------- coherence
 
@@ -360,12 +327,7 @@ class Holding:
         """Yield (body, vertex) for vertices that are level with a tracked feature and no corners of its elements."""
         one, two = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
         kind, i, j = feature.site
-        known = (
-            {kernels.F1V2: one.loops[i] if kind == kernels.F1V2 else (), kernels.V1F2: (i,)}.get(kind)
-            or tuple(one.edges[i, :2].tolist()),
-            {kernels.V1F2: two.loops[j] if kind == kernels.V1F2 else (), kernels.F1V2: (j,)}.get(kind)
-            or tuple(two.edges[j, :2].tolist()),
-        )
+        known = _corners(one, LETTERS[kind][0], i), _corners(two, LETTERS[kind][1], j)
         inward = here.normal @ pose[:9].reshape(3, 3)
         for body, part, way in ((MOVABLE, one, inward), (STATIC, two, -here.normal)):
             heights = (part.vertices - part.seed) @ way - here.line[body]
@@ -386,29 +348,21 @@ class Holding:
         if kind != kernels.E1E2:
             site = (kind, i, vertex) if body == STATIC else (kind, vertex, j)
             return self._site(scene, name, feature.parts, site, here.normal, rho)
-        one, two = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
-        edges = _edges(scene, one, two, feature.site, rho)
+        pair = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
+        edges = _edges(scene, pair, (i, j), rho)
         point, directions = _crossing(*edges), [edge[1] - edge[0] for edge in edges]
-        if body == MOVABLE:
-            place = rho[0] * scene.pose[:9].reshape(3, 3) @ (one.vertices[vertex] - one.seed) - scene.pose[9:]
-        else:
-            place = rho[1] * (two.vertices[vertex] - two.seed)
+        place, other = scene.placed(body, pair[body], vertex, rho[body]), 1 - body
         shares = np.linalg.lstsq(np.column_stack(directions), place - point)[0]
-
-        def drawn(which: int, where: Array) -> Array:
-            return scene.drawn(where, scene.pose, rho[0]) if which == MOVABLE else two.seed + where / rho[1]
-
-        def term(which: int, where: Array, factor: float, element: Element) -> Term:
-            return Term(which, drawn(which, where), element, factor * here.normal, float(rho[which]))
-
-        elements = [_element(part, "E", k, drawn(which, point)) for which, (part, k) in enumerate(((one, i), (two, j)))]
+        elements = [_element(part, "E", (i, j)[k], self._drawn(scene, k, point, rho)) for k, part in enumerate(pair)]
         side = 1.0 if body == MOVABLE else -1.0  # the plane's points less the vertex, or the other way about
-        other = 1 - body
         terms = [
-            term(body, place, -side, (one, two)[body].elements["V"][vertex]),
-            term(body, point + shares[body] * directions[body], side, elements[body]),
-            term(other, edges[other][1], side * shares[other], elements[other]),
-            term(other, edges[other][0], -side * shares[other], elements[other]),
+            Term(k, self._drawn(scene, k, where, rho), element, factor * here.normal, float(rho[k]))
+            for k, where, factor, element in (
+                (body, place, -side, pair[body].elements["V"][vertex]),
+                (body, point + shares[body] * directions[body], side, elements[body]),
+                (other, edges[other][1], side * shares[other], elements[other]),
+                (other, edges[other][0], -side * shares[other], elements[other]),
+            )
         ]
         return scene.rate(name, terms)
 
@@ -418,11 +372,15 @@ def _element(part: ConvexPart, kind: str, k: int, point: Array) -> Element:
     return part.elements["V"][k] if kind == "V" else part.element_at(kind, k, point)
 
 
-def _edges(scene: MovedScene, one: ConvexPart, two: ConvexPart, site: Site, rho: Array) -> tuple[Array, Array]:
+def _corners(part: ConvexPart, kind: str, k: int) -> tuple[int, ...]:
+    """Return the vertices of a part's vertex, edge or face."""
+    return (k,) if kind == "V" else tuple(part.loops[k] if kind == "F" else part.edges[k, :2].tolist())
+
+
+def _edges(scene: MovedScene, pair: Sequence[ConvexPart], edges: Sequence[int], rho: Array) -> list[Array]:
     """Return the ends of two edges as scaled, relative to s_2, (2, 3) each."""
-    rotation, offset = scene.pose[:9].reshape(3, 3), scene.pose[9:]
-    first = rho[0] * (one.vertices[one.edges[site[1], :2]] - one.seed) @ rotation.T - offset
-    return first, rho[1] * (two.vertices[two.edges[site[2], :2]] - two.seed)
+    ends = (part.edges[k, :2] for part, k in zip(pair, edges, strict=True))
+    return [scene.placed(body, pair[body], end, rho[body]) for body, end in enumerate(ends)]
 
 
 def _crossing(first: Array, second: Array) -> Array:

@@ -7,15 +7,16 @@ parabola's root. Steps close in on an event as Newton's do, never beyond it.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.conditions import Conditions, Ray, RayStretch, TrackedPair
-from fcdm_opt.along.expansions import ROUNDING, flat, roots, safe_steps
-from fcdm_opt.along.followed import Cause, Followed, Rest
-from fcdm_opt.along.others import Others, PairBound, is_tied
+from fcdm_opt.along.conditions import VERIFIED, Conditions, Ray, RayStretch, TrackedPair
+from fcdm_opt.along.expansions import ROUNDING, flat, is_tied, roots, safe_steps
+from fcdm_opt.along.followed import KINDS, Cause, Followed, Rest
+from fcdm_opt.along.others import Others, PairBound
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -25,47 +26,19 @@ SHRINK = 64.0  # of a step on which nothing is proved
 CLOSE = 1e-7  # of the natural step: events this near to each other are named together
 GRAZE = 1e-2  # of the natural step: how far on a condition that seems to graze is looked at, at most
 FINE = 1e-13  # relative error of an event from which on it is refined
-LOST = {
-    "parallel lines": "the two contact lines become parallel: their scale pair leaves for infinity",
-    "parallel edges": "the edges in contact become parallel",
-    "undefined": "the motion is not defined beyond",
-    "search": "too many steps",
-}
 
 
 class Stop(NamedTuple):
-    """Where a march can go no further.
-
-    Attributes
-    ----------
-    x : float
-    causes : tuple of Cause
-        What fails there together, the most telling first.
-    expansion : (4,) array or None
-        Of a condition that fails.
-    condition : Conditions or None
-        That condition alone.
-    """
+    """Where a march can go no further."""
 
     x: float
-    causes: tuple[Cause, ...]
-    expansion: Array | None = None
-    condition: Conditions | None = None
+    causes: tuple[Cause, ...]  # what fails there together, the most telling first
+    expansion: Array | None = None  # of a condition that fails
+    condition: Conditions | None = None  # that condition alone
 
 
 class March:
-    """One way along a ray, from no motion.
-
-    Parameters
-    ----------
-    problem : Problem
-    followed : tuple of Followed
-        The tracked features; with none the scale pair stays as given.
-    ray : Ray
-    end : float
-        How far to go.
-    pair : (2,) array
-        See `TrackedPair`.
+    """Both ways along a ray, from no motion, in x >= 0; without tracked features the scale pair stays as given.
 
     Attributes
     ----------
@@ -75,21 +48,31 @@ class March:
         The natural step: what turns or moves things by about their size.
     """
 
-    def __init__(self, problem: Problem, followed: tuple[Followed, ...], ray: Ray, end: float, pair: Array) -> None:
-        self.proved = True
-        self._problem, self._followed, self._ray, self._end, self._pair = problem, followed, ray, end, pair
+    def __init__(
+        self, problem: Problem, followed: tuple[Followed, ...], ray: Ray, pair: Array, end: float = math.inf
+    ) -> None:
+        self.proved, self._end = True, end
+        self._problem, self._followed, self._ray, self._pair = problem, followed, ray, pair
         turning, moving = ray.natural_step
         rate = max(turning, moving / problem.size)
         self.unit = 1.0 / rate if 0 < rate < math.inf else 1.0
-        self._others = Others(problem.movable, problem.static, ray, min(self.unit, end))
-        self._rest_on([feature.rests[0] for feature in followed])
+        self._all = Others(problem.movable, problem.static, ray, min(self.unit, end))
+        self._known: dict[tuple[int, ...], tuple[Any, ...]] = {}
+        self._rest_on(self._first)
+
+    @property
+    def _first(self) -> list[Rest]:
+        return [feature.rests[0] for feature in self._followed]
 
     def rho(self, x: float) -> Array:
         """Return the tracked scale pair, (2,)."""
         return self._stretch(x).rho
 
-    def stop(self) -> Stop | None:
-        """Return what ends the way, None where its end is reached."""
+    def stop(self, side: float, end: float) -> Stop | None:
+        """Return what ends the way to one side, None where its end is reached."""
+        self._ray, self._end, self.proved = replace(self._ray, side=side), end, True
+        if self._rests != self._first:
+            self._rest_on(self._first)
         if (number := self._opens()) is not None:
             feature = self._followed[number].feature
             return Stop(0.0, (Cause("opens", number, f"{feature.label} does not stay flush"),))
@@ -102,32 +85,32 @@ class March:
 
     def _rest_on(self, rests: list[Rest]) -> None:
         """Take the conditions of the part pairs on which the tracked features rest, without those that always hold."""
+        key = tuple(map(id, rests))
+        if key not in self._known:
+            self._known[key] = self._worked_out(rests)
         self._rests = rests
+        self._tracked, self._others, self._causes, self._conditions, self._groups, self._tied = self._known[key]
+
+    def _worked_out(self, rests: list[Rest]) -> tuple[Any, ...]:
+        """Return what `_rest_on` takes."""
         lines, determinant = np.array([rest.line for rest in rests]).reshape(-1, 13), Conditions.of(forms.DETERMINANT)
         signless = TrackedPair(lines, np.array(self._pair), 1.0)
         value = self._ray.stretch(0.0, 0.0, signless).expanded(determinant)[0, 0]
-        self._tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
-        self._others.track(self._tracked, {rest.parts for rest in rests})
-        made, groups = [determinant], [0]
-        self._causes = [Cause("parallel lines", -1, LOST["parallel lines"])]
-        for form, body in ((forms.SCALE_1, 1), (forms.SCALE_2, 2)):
-            groups.append(len(self._causes))
-            made.append(Conditions.of(form))
-            self._causes.append(Cause("scale", -1, f"the scale of body {body} becomes zero"))
-        for rest in rests:
-            groups += (rest.groups + len(self._causes)).tolist()
-            made.append(rest.conditions)
-            self._causes += rest.causes
-        together, self._groups = Conditions.joined(made), np.array(groups)
-        self._tied = is_tied(self._stretch(0.0).expanded(together))
-        always = self._tied.copy()
-        always[always] = self._others.vanishing(together.chosen(always))
-        settled = np.isin(self._groups, self._groups[always])  # one of a group is enough
-        self._conditions, self._groups, self._tied = (
-            together.chosen(~settled),
-            self._groups[~settled],
-            self._tied[~settled],
-        )
+        tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
+        others = self._all.beside(tracked, {rest.parts for rest in rests})
+        groups = [
+            (determinant, Cause("parallel lines", -1, KINDS["parallel lines"])),
+            (Conditions.of(forms.SCALE_1), Cause("scale", -1, "the scale of body 1 becomes zero")),
+            (Conditions.of(forms.SCALE_2), Cause("scale", -1, "the scale of body 2 becomes zero")),
+            *(group for rest in rests for group in rest.groups),
+        ]
+        made, causes = [own for own, _ in groups], [cause for _, cause in groups]
+        together, numbers = Conditions.joined(made), np.repeat(np.arange(len(made)), [len(c.rows) for c in made])
+        tied = is_tied(self._ray.stretch(0.0, 0.0, tracked).expanded(together))
+        always = tied.copy()
+        always[always] = others.vanishing(together.chosen(always))
+        left = ~np.isin(numbers, numbers[always])  # one of a group is enough
+        return tracked, others, causes, together.chosen(left), numbers[left], tied[left]
 
     def _opens(self) -> int | None:
         """Return the number of a flush contact that does not stay aligned."""
@@ -161,7 +144,7 @@ class March:
             expanded = here.expanded(self._conditions)
             if not (np.isfinite(expanded).all() and here.bounded):  # no bounds on so long a way
                 if span <= least:
-                    return Stop(x, (Cause("undefined", -1, LOST["undefined"]),))
+                    return Stop(x, (Cause("undefined", -1, KINDS["undefined"]),))
                 span /= SHRINK
                 continue
             steps = safe_steps(expanded, span)
@@ -180,7 +163,7 @@ class March:
                 step = math.sqrt(DEFAULT.tie) * self.unit
             x, span = x + step, 2.0 * span if step >= span else max(4.0 * step, least)
         self.proved = False
-        return Stop(x, (Cause("search", -1, LOST["search"]),))
+        return Stop(x, (Cause("search", -1, "too many steps"),))
 
     def _leaves(self, x: float) -> bool:
         """Tell whether conditions that touch zero at x are met a little further on."""
@@ -217,7 +200,7 @@ class March:
         for k in range(len(self._rests)):
             sine_squared = self._stretch(x).expanded(Conditions.of(forms.STEEP, k))[0, 0]
             if sine_squared <= CLOSE * CLOSE:
-                causes.append(Cause("parallel edges", k, LOST["parallel edges"]))
+                causes.append(Cause("parallel edges", k, KINDS["parallel edges"]))
         return causes
 
     # ---------------------------------------------------------------------------------------------------------- seams
@@ -253,10 +236,11 @@ class March:
         if flat(stop.expansion[None]):
             wide = min(8.0 * math.sqrt(rounding / bend) if bend > 0 else math.inf, GRAZE * self.unit)
             crossing = self._ray.crossing(x, wide, self._tracked, stop.condition)
-            return (x, wide, True) if crossing is None else (crossing, FINE * crossing, False)
+            return (x, wide, True) if crossing is None else (crossing, VERIFIED * crossing, False)
         error = rounding / abs(slope) if slope else math.inf
         if error > FINE * x:
-            better, bound = self._ray.refined(x, slope, self._tracked, stop.condition)
-            if bound < error and abs(better - x) <= CLOSE * self.unit:
-                return better, bound, False
+            wide = min(8.0 * error, CLOSE * self.unit)
+            better = self._ray.crossing(x - wide, 2.0 * wide, self._tracked, stop.condition, (1.0,))
+            if better is not None and better > x - wide:
+                return better, VERIFIED * better, False
         return x, error, False

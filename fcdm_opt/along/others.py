@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import Conditions, Ray, RayStretch, TrackedPair
-from fcdm_opt.along.expansions import safe_steps
+from fcdm_opt.along.expansions import is_tied, safe_steps
 from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
@@ -28,15 +29,7 @@ class PairBound(NamedTuple):
 
 
 class Others:
-    """All part pairs of two bodies along a ray.
-
-    Parameters
-    ----------
-    movable, static : Body
-    ray : Ray
-    within : float
-        The x over which conditions that vanish identically are told from others.
-    """
+    """All part pairs of two bodies along a ray; what vanishes identically is told over x up to `within`."""
 
     def __init__(self, movable: Body, static: Body, ray: Ray, within: float) -> None:
         self._bodies, self._ray, self._within = (movable, static), ray, within
@@ -46,13 +39,14 @@ class Others:
         self._samples: list[RayStretch] = []
         (c1, r1), (c2, r2) = _balls(movable), _balls(static)
         i, j = np.array(self._pairs).T
-        radii = np.column_stack([r1[i], r2[j]])
-        self._spheres = Conditions.spheres(c1[i], c2[j], np.zeros((len(i), 3)), radii)
+        self._spheres = c1[i], c2[j], np.column_stack([r1[i], r2[j]])
 
-    def track(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> None:
-        """Leave out the part pairs that are tracked, and follow their scale pair."""
-        self._tracked = parts
-        self._samples = [self._ray.stretch(share * self._within, 0.0, pair) for share in SAMPLES]
+    def beside(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> Others:
+        """Return those without the part pairs that are tracked, which give the scale pair."""
+        made = copy(self)
+        made._tracked = parts
+        made._samples = [self._ray.stretch(share * self._within, 0.0, pair) for share in SAMPLES]
+        return made
 
     def vanishing(self, conditions: Conditions) -> Array:
         """Return which conditions are zero all along: those that the tracked pair keeps by itself, and alignments."""
@@ -70,10 +64,10 @@ class Others:
         best = PairBound(step)
         if len(self._tracked) == len(self._pairs) or step <= 0:
             return best
-        rho, rows = at.rho, self._spheres.rows
-        ways = at.d.value + rho[1] * rows[:, 3:6] - rho[0] * rows[:, :3] @ at.R.value.T
-        rows[:, 6:9] = ways / np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)[:, None]
-        steps = safe_steps(at.expanded(self._spheres), at.span)
+        rho, (v, w, radii) = at.rho, self._spheres
+        ways = at.d[0] + rho[1] * w - rho[0] * v @ at.R[0].T
+        ways /= np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)[:, None]
+        steps = safe_steps(at.expanded(Conditions.of(forms.ALONG, v=v, w=w, m=ways, radii=radii)), at.span)
         for k in np.argsort(steps):
             if steps[k] >= best.step:
                 break
@@ -113,7 +107,7 @@ class Others:
         """
         one, two = (body.parts[k] for body, k in zip(self._bodies, parts, strict=True))
         X, Y = one.vertices - one.seed, two.vertices - two.seed
-        pose = np.concatenate([at.R.value.ravel(), at.d.value])
+        pose = np.concatenate([at.R[0].ravel(), at.d[0]])
         sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
         separations = rows[:, 5] - rows[:, 3:5] @ at.rho
         best, ways = float(separations.max()), []
@@ -129,11 +123,6 @@ class Others:
             v, w = np.repeat(X, len(Y), axis=0), np.tile(Y, (len(X), 1))
             ways += [Conditions.of(forms.NORMAL, k, v=v, w=w) for k in range(len(at.tracked.lines))]
         return ways
-
-
-def is_tied(expanded: Array) -> Array:
-    """Return which expansions are zero to within rounding, (n,)."""
-    return np.asarray(np.abs(expanded[:, 0]) <= DEFAULT.tie * expanded[:, 3])
 
 
 def _balls(body: Body) -> tuple[Array, Array]:

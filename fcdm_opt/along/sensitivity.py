@@ -80,21 +80,11 @@ def sensitivity(solution: Solution) -> Sensitivity:
 
 @dataclass(frozen=True, eq=False)
 class _Balance:
-    """The amount's gradient as a sum of constraints' gradients.
+    """The amount's gradient as a sum of constraints' gradients."""
 
-    Attributes
-    ----------
-    data : (n,) array
-        Derivatives by the data, in the order of a `Layout`.
-    broken, open : (n,) arrays of bool
-        Derivatives that do not exist as an element would break, and those that other multipliers make others.
-    multipliers : dict
-    residual : float
-    """
-
-    data: Array
-    broken: Bools
-    open: Bools
+    data: Array  # (n,), derivatives by the data, in the order of a `Layout`
+    broken: Bools  # (n,), that do not exist as an element would break
+    open: Bools  # (n,), that other multipliers make others
     multipliers: dict[str, float]
     residual: float
 
@@ -303,6 +293,3 @@ def _weights_by_length(problem: Problem) -> Array:
     given = problem.request["weights"]
     names = [parameter.name for parameter in problem.motion.parameters]
     return np.where([name in given for name in names], 0.0, rates)
-
-
-# ------------------------------------------------------------------------------------------------------ plain data

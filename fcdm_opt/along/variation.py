@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion
@@ -27,59 +27,33 @@ MOVABLE, STATIC, KEPT_OUT = 0, 1, 2  # numbers of the bodies; keep-outs from KEP
 
 
 class Term(NamedTuple):
-    """A point of a body that enters a constraint with a weight, world frame.
-
-    `point` is as drawn, `element` carries it, `scale` is the body's. Where a contact is `flush`, moving a single vertex
-    of the element would break it.
-    """
+    """A point of a body that enters a constraint with a weight, world frame."""
 
     body: int
-    point: Array
-    element: Element
+    point: Array  # as drawn
+    element: Element  # carries it
     weight: Array
-    scale: float
-    flush: bool = False
+    scale: float  # the body's
+    flush: bool = False  # moving a single vertex of the element would break the contact
 
 
 @dataclass(frozen=True, eq=False)
 class Rate:
-    """First derivatives of one number.
-
-    Attributes
-    ----------
-    name : str
-        What it keeps, where it is a constraint: not negative, or zero where it is `free` to push both ways.
-    slope : (k,) array
-        By the motion's parameters.
-    scales : (2,) array
-        By the scale pair at which it is taken.
-    data : (n,) array
-        By all else, in the order of a `Layout`.
-    broken : (n,) array of bool
-        Entries of `data` that do not exist.
-    free : bool
-    """
+    """First derivatives of one number: what a constraint keeps not negative, or zero where it pushes both ways."""
 
     name: str
-    slope: Array
-    scales: Array
-    data: Array
-    broken: Bools
-    free: bool = False
+    slope: Array  # (k,), by the motion's parameters
+    scales: Array  # (2,), by the scale pair at which it is taken
+    data: Array  # (n,), by all else, in the order of a `Layout`
+    broken: Bools  # (n,), entries of `data` that do not exist
+    free: bool = False  # pushes both ways
 
     def times(self, factor: float) -> Rate:
         """Return the rate of a multiple."""
         return replace(self, slope=factor * self.slope, scales=factor * self.scales, data=factor * self.data)
 
     def along(self, pair: Array, lines: Sequence[Rate]) -> Rate:
-        """Return the rate where the scale pair follows two contact lines.
-
-        Parameters
-        ----------
-        pair : (2, 2) array
-            How the scale pair changes with what the lines' own values change by.
-        lines : two Rates
-        """
+        """Return the rate where the scale pair follows two lines: it changes by `pair`, (2, 2), times their changes."""
         shares = self.scales @ pair
         used = [line.broken for line, share in zip(lines, shares, strict=True) if share]
         return replace(
@@ -93,28 +67,16 @@ class Rate:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places of the data in one vector: target pair, limits, clearances, then seeds, vertices and faces of each body.
+    """Places of the data in one vector: target pair, limits, clearances, then seed, vertices, faces of each body."""
 
-    Attributes
-    ----------
-    bodies : tuple of Body
-        Movable, static, keep-outs.
-    parameters : int
-        Of the motion.
-    """
-
-    bodies: tuple[Body, ...]
-    parameters: int
+    bodies: tuple[Body, ...]  # movable, static, keep-outs
+    parameters: int  # of the motion
+    target = slice(0, 2)
 
     @classmethod
     def of(cls, task: Task) -> Layout:
         """Return the layout of a task."""
         return cls((task.movable, task.static, *(own.body for own in task.keep_out)), len(task.weights))
-
-    @property
-    def target(self) -> slice:
-        """The target pair, 2."""
-        return slice(0, 2)
 
     @property
     def limits(self) -> slice:
@@ -127,15 +89,11 @@ class Layout:
         return slice(self.limits.stop, self.limits.stop + len(self.bodies) - 1)
 
     @cached_property
-    def _starts(self) -> list[tuple[int, int, int, int]]:
+    def _starts(self) -> list[list[int]]:
         """Seed, first vertex, first face and end of each body."""
-        made, start = [], self.clearances.stop
-        for body in self.bodies:
-            vertices = start + 3
-            faces = vertices + 3 * len(body.vertices)
-            made.append((start, vertices, faces, faces + len(body.faces)))
-            start = made[-1][-1]
-        return made
+        sizes = [size for body in self.bodies for size in (3, 3 * len(body.vertices), len(body.faces))]
+        starts = np.cumsum([self.clearances.stop, *sizes]).tolist()
+        return [starts[k : k + 4] for k in range(0, len(sizes), 3)]
 
     @property
     def size(self) -> int:
@@ -144,8 +102,7 @@ class Layout:
 
     def seed(self, body: int) -> slice:
         """Seed of a body, 3."""
-        start = self._starts[body][0]
-        return slice(start, start + 3)
+        return slice(*self._starts[body][:2])
 
     def vertices(self, body: int) -> slice:
         """Vertices of a body, row by row."""
@@ -191,15 +148,9 @@ class Layout:
         return made
 
     def carry(self, data: Array, broken: Bools, term: Term, pull: Array) -> None:
-        """Add to `data` what moving the vertices and planes of a term's element does, and mark what is broken.
+        """Add to a rate's `data` what moving the vertices and planes of a term's element does, and mark what is broken.
 
-        Parameters
-        ----------
-        data, broken : arrays
-            Of a `Rate`.
-        term : Term
-        pull : (3,) array
-            What a displacement of the point, as drawn, is multiplied with.
+        A displacement of the point, as drawn, is multiplied with `pull`, (3,).
         """
         vertices = data[self.vertices(term.body)].reshape(-1, 3)
         lost = broken[self.vertices(term.body)].reshape(-1, 3)
@@ -244,27 +195,14 @@ def _pose_rates(motion: Motion) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class MovedScene:
-    """Body 1 at a point of a motion's path, and how its pose changes.
-
-    Attributes
-    ----------
-    task : Task
-    layout : Layout
-    pose : (12,) array
-        Relative to the static body, see `kernels`.
-    transform : (4, 4) array
-    by_motion : (k, 4, 4) array
-        Derivatives by the parameters of the whole motion.
-    by_seeds : (6, 4, 4) array
-        Derivatives by s_1 and s_2 as drawn.
-    """
+    """Body 1 at a point of a motion's path, and how its pose changes."""
 
     task: Task
     layout: Layout
-    pose: Array
-    transform: Array
-    by_motion: Array
-    by_seeds: Array
+    pose: Array  # (12,), relative to the static body, see `kernels`
+    transform: Array  # (4, 4)
+    by_motion: Array  # (k, 4, 4), by the parameters of the whole motion
+    by_seeds: Array  # (6, 4, 4), by s_1 and s_2 as drawn
 
     @classmethod
     def at(cls, task: Task, layout: Layout, q: Array, s: float = 1.0) -> MovedScene:
@@ -275,14 +213,19 @@ class MovedScene:
         k = len(q)
         return cls(task, layout, task.pose(s * q), flat.reshape(4, 4), s * rates[:k], rates[k:])
 
+    def placed(self, body: int, part: ConvexPart, vertices: Any, scale: float) -> Array:
+        """Return where vertices of a part of body 1 or 2 are at a scale, relative to s_2."""
+        arms = scale * (part.vertices[vertices] - part.seed)
+        return arms @ self.pose[:9].reshape(3, 3).T - self.pose[9:] if body == MOVABLE else arms
+
     def drawn(self, place: Array, pose: Array, scale: float) -> Array:
         """Return where a point of body 1 is drawn that is at `place`, relative to the seed that `pose` leads to."""
         return np.asarray(self.task.movable.seed + (place + pose[9:]) @ pose[:9].reshape(3, 3) / scale)
 
-    def rate(self, name: str, terms: Sequence[Term], *, free: bool = False) -> Rate:
+    def rate(self, name: str, terms: Sequence[Term]) -> Rate:
         """Return the rate of a sum of weights . points."""
         layout, rotation = self.layout, self.transform[:3, :3]
-        made = layout.rate(name, free=free)
+        made = layout.rate(name)
         for term in terms:
             seed = layout.bodies[term.body].seed
             arm, weight, pull = term.point - seed, term.weight, term.scale * term.weight

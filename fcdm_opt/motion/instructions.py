@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.motion.kinematics import symbols
 
 if TYPE_CHECKING:
     from fcdm_opt.motion.motions import Motion
@@ -47,26 +48,15 @@ POSE = 12  # numbers of a pose: R row by row, and d = s_2 - moved s_1
 class Instructions:
     """A CasADi function as instructions.
 
-    Attributes
-    ----------
-    rows : (n, 4) int array
-        Code, place of the result, places of the operands. Of INPUT the operands are the number of the input and the
-        entry; of OUTPUT the place is the entry, the operands what is given out and the number of the output.
-    constants : (n,) array
-        Values of CONST.
-    places : int
-        Numbers that are kept at most.
-    sizes : tuple of int
-        Entries of each output.
-    unknown : tuple of str
-        CasADi's names of operations that the table does not have.
+    Of INPUT the operands are the number of the input and the entry; of OUTPUT the place is the entry, the operands what
+    is given out and the number of the output.
     """
 
-    rows: Ints
-    constants: Array
-    places: int
-    sizes: tuple[int, ...]
-    unknown: tuple[str, ...]
+    rows: Ints  # (n, 4): code, place of the result, places of the operands
+    constants: Array  # (n,), values of CONST
+    places: int  # numbers that are kept at most
+    sizes: tuple[int, ...]  # entries of each output
+    unknown: tuple[str, ...]  # CasADi's names of operations that the table does not have
 
     @classmethod
     def of(cls, function: Any) -> Instructions:
@@ -163,20 +153,7 @@ SCALARS: Arithmetic = {
 
 
 def interpreted(function: Any, values: Sequence[Any]) -> list[Any]:
-    """Return what a CasADi function of one vector gives for scalars of any kind, column by column.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Of SX expressions, with a dense result.
-    values : sequence
-        Floats, or objects with +, -, *, / and the functions that are used, as methods.
-
-    Raises
-    ------
-    NotImplementedError
-        For other operations.
-    """
+    """Return what a CasADi function of one vector (SX, dense) gives for `SCALARS`, column by column."""
     return Instructions.of(function).carried_out(SCALARS, values)[0]
 
 
@@ -214,10 +191,7 @@ def _of_pattern(pattern: Motion) -> PoseInstructions | None:
     """Return the instructions that motions of a pattern share."""
     import casadi
 
-    count = len(pattern.numbers)
-    q, given = casadi.SX.sym("q", len(pattern.parameters)), casadi.SX.sym("given", 6 + count)
-    motion = pattern.with_numbers([given[6 + k] for k in range(count)])
-    pose = relative_pose(motion, q, given[:6])
+    q, given, pose = pose_symbols(pattern)
     flat = casadi.densify(casadi.vertcat(pose, casadi.vec(casadi.jacobian(pose, q))))
     table = Instructions.of(casadi.Function("rates", [q, given], [flat], {"cse": True}))
     if (table.rows[:, 0] >= COMPILED).any():
@@ -226,10 +200,10 @@ def _of_pattern(pattern: Motion) -> PoseInstructions | None:
     return PoseInstructions(table, short, pattern.numbers)
 
 
-def relative_pose(motion: Motion, q: Any, seeds: Any) -> Any:
-    """Return the CasADi expression of a motion's pose, (12, 1), of q and both seeds as drawn, (6, 1)."""
+def pose_symbols(pattern: Motion) -> tuple[Any, Any, Any]:
+    """Return q and what is given, see `kinematics.symbols`, and R, row by row, with s_2 - moved s_1, of SX."""
     import casadi
 
-    T = motion.symbolic(q, seeds[:3], seeds[3:])
+    q, given, T = symbols(pattern)
     R, t = T[:3, :3], T[:3, 3]
-    return casadi.densify(casadi.vertcat(casadi.vec(R.T), seeds[3:] - (R @ seeds[:3] + t)))
+    return q, given, casadi.densify(casadi.vertcat(casadi.vec(R.T), given[3:6] - (R @ given[:3] + t)))

@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 
 CHUNK = 64  # poses worked out in one call
-FEW = 8  # fewer are worked out one by one
-
-
-class _Composed(Hashable, Protocol):
-    """What is compiled: a motion, see `fcdm_opt.motion.motions.Motion` for each of these."""
-
-    @property
-    def parameters(self) -> tuple[Any, ...]: ...
-    @property
-    def numbers(self) -> Array: ...
-    @property
-    def pattern(self) -> _Composed: ...
-    def with_numbers(self, numbers: Sequence[Any]) -> _Composed: ...
-    def symbolic(self, q: Any, movable_seed: Any, static_seed: Any) -> Any: ...
 
 
 class Compiled(threading.local):
@@ -58,16 +44,22 @@ class Compiled(threading.local):
         return self._results
 
 
-class _Pattern:
-    """Functions (q, given) of the motions of one pattern; `given` is s_1 and s_2 as drawn and their numbers."""
+def symbols(pattern: Any) -> tuple[Any, Any, Any]:
+    """Return q, what is given (s_1 and s_2 as drawn, numbers) and the transform, of SX, of the motions of a pattern."""
+    import casadi
 
-    def __init__(self, pattern: _Composed) -> None:
+    q, given = casadi.SX.sym("q", len(pattern.parameters)), casadi.SX.sym("given", 6 + len(pattern.numbers))
+    motion = pattern.with_numbers([given[6 + k] for k in range(len(pattern.numbers))])
+    return q, given, motion.symbolic(q, given[:3], given[3:6])
+
+
+class _Pattern:
+    """Functions (q, given) of the motions of one pattern."""
+
+    def __init__(self, pattern: Any) -> None:
         import casadi
 
-        self.count, numbers = len(pattern.parameters), len(pattern.numbers)
-        self._q, self._given = casadi.SX.sym("q", self.count), casadi.SX.sym("given", 6 + numbers)
-        motion = pattern.with_numbers([self._given[6 + k] for k in range(numbers)])
-        transform = motion.symbolic(self._q, self._given[:3], self._given[3:6])
+        self._q, self._given, transform = symbols(pattern)
         # column by column, as CasADi stores matrices, the transposed is the pose row by row
         self._rows = casadi.vec(casadi.densify(transform).T)
 
@@ -97,7 +89,7 @@ class _Pattern:
 
 
 @lru_cache(maxsize=64)
-def _compiled(pattern: _Composed) -> _Pattern:
+def _compiled(pattern: Any) -> _Pattern:
     return _Pattern(pattern)
 
 
@@ -108,12 +100,12 @@ class Kinematics:
 
     Parameters
     ----------
-    motion : _Composed
+    motion : Motion
     seeds : (6,) array
         s_1 and s_2 as drawn.
     """
 
-    def __init__(self, motion: _Composed, seeds: Array) -> None:
+    def __init__(self, motion: Any, seeds: Array) -> None:
         self._compiled, self._count = _compiled(motion.pattern), len(motion.parameters)
         self._given = np.concatenate([seeds, motion.numbers])
 
@@ -129,18 +121,7 @@ class Kinematics:
     def transforms(self, Q: Array) -> Array:
         """Return the transforms, (n, 4, 4), at parameters Q, (n, k)."""
         rows = np.asarray(Q, dtype=np.float64).reshape(-1, self._count)
-        poses = np.empty((len(rows), 4, 4))
-        whole = len(rows) - len(rows) % CHUNK
-        for start in range(0, whole, CHUNK):
-            poses[start : start + CHUNK] = self._chunk(rows[start : start + CHUNK])
-        if len(rows) - whole > FEW:  # the rest of the chunk is for nothing
-            padded = np.zeros((CHUNK, self._count))
-            padded[: len(rows) - whole] = rows[whole:]
-            poses[whole:] = self._chunk(padded)[: len(rows) - whole]
-        else:
-            for k in range(whole, len(rows)):
-                poses[k] = self._compiled.pose(rows[k], self._given)[0].reshape(4, 4)
-        return poses
-
-    def _chunk(self, rows: Array) -> Array:
-        return self._compiled.poses(rows.ravel(), self._given)[0].reshape(CHUNK, 4, 4)
+        padded = np.zeros((-(-len(rows) // CHUNK), CHUNK * self._count))
+        padded.reshape(-1, self._count)[: len(rows)] = rows
+        poses = np.array([self._compiled.poses(chunk, self._given)[0].copy() for chunk in padded])
+        return poses.reshape(-1, 4, 4)[: len(rows)]

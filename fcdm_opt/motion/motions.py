@@ -27,6 +27,7 @@ AXES: dict[str, tuple[float, ...]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)
 AXES |= {f"-{name}": tuple(-u + 0.0 for u in axis) for name, axis in AXES.items()}
 ROUNDING = 64 * np.finfo(float).eps  # of coordinates: seeds no further apart are the same
 Matrix = tuple[tuple[Any, ...], ...]
+ORIGIN = (0.0, 0.0, 0.0)
 IDENTITY: Matrix = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 
 Kind = Literal["translation", "rotation"]
@@ -274,8 +275,30 @@ class Sequenced(Motion):
         return self.sequence
 
 
+class Straight(Step):
+    """A step that shifts the body along a line and turns it about that line."""
+
+    def movements(self, q: list[Any]) -> tuple[Any, Any]:
+        """Return (translation along, angle about) the line: the one parameter."""
+        return (q[0], 0.0) if self.own_parameters[0].kind == "translation" else (0.0, q[0])
+
+    def line(self, movable_seed: Any, static_seed: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Return the unit direction of the line and a point on it, world frame; `movable_seed` as already moved."""
+        raise TypeError(f"{type(self).__name__} defines no line")
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Turn about and shift along the line."""
+        along, about = self.movements(q)
+        return _turn(*self.line(movable_seed, static_seed), about, along)
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Largest distance from the line, or from the seed where the body may have turned against a line there."""
+        direction, point = self.line(tuple(seed), tuple(seed))
+        return self.own_weights(_distance(points, None if turned and point == tuple(seed) else direction, point))
+
+
 @dataclass(frozen=True)
-class Translation(Step):
+class Translation(Straight):
     """Translation along a fixed world axis: "x", "-x", ..., or a vector (its length does not matter)."""
 
     axis: str | tuple[float, float, float]
@@ -299,21 +322,17 @@ class Translation(Step):
         """Set the direction."""
         return _changed(self, axis=tuple(numbers), direction=tuple(numbers))
 
-    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
-        """Shift by q along the axis."""
-        return _affine(IDENTITY, tuple(q[0] * u for u in self.direction))
+    def line(self, movable_seed: Any, static_seed: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Return the axis through the origin."""
+        return self.direction, ORIGIN
 
     def own_shifts(self, first: bool) -> bool:
         """Tell that it always does."""
         return True
 
-    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
-        """Every point moves by the parameter."""
-        return (1.0,)
-
 
 @dataclass(frozen=True)
-class Rotation(Step):
+class Rotation(Straight):
     """Rotation about a fixed world direction through a centre, right-hand rule.
 
     Attributes
@@ -331,13 +350,12 @@ class Rotation(Step):
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", _hashable(self.axis))
         object.__setattr__(self, "direction", _direction(self.axis, "Rotation.axis"))
-        if isinstance(self.centre, str):
-            if self.centre not in ("seed", "origin"):
-                raise InputError(
-                    "unknown centre", key="Rotation.centre", found=self.centre, allowed='"seed", "origin" or a point'
-                )
-        else:
+        if not isinstance(self.centre, str):
             object.__setattr__(self, "centre", _point(self.centre, "Rotation.centre"))
+        elif self.centre not in ("seed", "origin"):
+            raise InputError(
+                "unknown centre", key="Rotation.centre", found=self.centre, allowed='"seed", "origin" or a point'
+            )
 
     @property
     def own_parameters(self) -> tuple[Parameter, ...]:
@@ -354,37 +372,24 @@ class Rotation(Step):
         axis, centre = tuple(numbers[:3]), self.centre if isinstance(self.centre, str) else tuple(numbers[3:])
         return _changed(self, axis=axis, direction=axis, centre=centre)
 
-    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
-        """Turn by q about the axis through the centre."""
-        centre = (
-            {"seed": movable_seed, "origin": (0.0, 0.0, 0.0)}[self.centre]
-            if isinstance(self.centre, str)
-            else self.centre
-        )
-        return _turn(self.direction, q[0], centre, 0.0)
+    def line(self, movable_seed: Any, static_seed: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Return the axis through the centre."""
+        if isinstance(self.centre, str):
+            return self.direction, tuple(movable_seed) if self.centre == "seed" else ORIGIN
+        return self.direction, self.centre
 
     def own_seen_from(self, origin: Array) -> Step:
         """Shift a fixed centre."""
-        if self.centre == "seed":
-            return self
-        centre = (0.0, 0.0, 0.0) if self.centre == "origin" else self.centre
-        return Rotation(self.axis, tuple((np.array(centre) - origin).tolist()))
+        return self if self.centre == "seed" else Rotation(self.axis, _shifted(self.line(ORIGIN, ORIGIN)[1], origin))
 
     @property
     def closed(self) -> bool:
         """A rotation repeats itself after a turn."""
         return True
 
-    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
-        """Largest distance from the axis, or from the seed where the body may have turned against an axis there."""
-        if self.centre == "seed" and turned:
-            return (float(np.linalg.norm(points - seed, axis=1).max()),)
-        centre = {"seed": seed, "origin": np.zeros(3)}[self.centre] if isinstance(self.centre, str) else self.centre
-        return (_axis_distance(points, np.asarray(centre), np.array(self.direction)),)
-
 
 @dataclass(frozen=True)
-class Screw(Step):
+class Screw(Straight):
     """Rotation about a directed line and translation along it.
 
     Attributes
@@ -445,9 +450,9 @@ class Screw(Step):
 
     def own_weights(self, length: float) -> tuple[float, ...]:
         """Weight of each parameter; a fixed pitch couples both movements: hypot(pitch, length) a radian."""
-        if isinstance(self.pitch, str):
-            return (1.0, length)
-        return (1.0,) if self._endless else (math.hypot(self.pitch, length),)
+        if isinstance(self.pitch, str) or self._endless:
+            return super().own_weights(length)
+        return (math.hypot(self.pitch, length),)
 
     def movements(self, q: list[Any]) -> tuple[Any, Any]:
         """Return (translation along, angle about) the axis."""
@@ -455,12 +460,10 @@ class Screw(Step):
             return q[0], q[1]
         return (math.copysign(1.0, self.pitch) * q[0], 0.0) if self._endless else (self.pitch * q[0], q[0])
 
-    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
-        """Turn about and shift along the axis."""
-        along, about = self.movements(q)
+    def line(self, movable_seed: Any, static_seed: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Return the axis."""
         if not isinstance(self.axis, str):
-            point, direction = self.axis
-            return _turn(direction, about, point, along)
+            return self.axis[1], self.axis[0]
         offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
         length = _sqrt(sum(x * x for x in offset))
         if isinstance(length, float) and length <= ROUNDING * max(map(abs, (*movable_seed, *static_seed))):
@@ -470,14 +473,18 @@ class Screw(Step):
                 found=length,
                 allowed="a line (point, direction)",
             )
-        return _turn(tuple(x / length for x in offset), about, movable_seed, along)
+        return tuple(x / length for x in offset), movable_seed
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Distance from the axis; from the seed for the line of the seeds, whose direction earlier steps change."""
+        seeds = isinstance(self.axis, str)
+        return self.own_weights(_distance(points, None, seed)) if seeds else super().own_reaches(points, seed, turned)
 
     def own_seen_from(self, origin: Array) -> Step:
         """Shift a fixed line."""
         if isinstance(self.axis, str):
             return self
-        point, direction = self.axis
-        return Screw((tuple((np.array(point) - origin).tolist()), direction), self.pitch)
+        return Screw((_shifted(self.axis[0], origin), self.axis[1]), self.pitch)
 
     @property
     def closed(self) -> bool:
@@ -487,16 +494,6 @@ class Screw(Step):
     def own_shifts(self, first: bool) -> bool:
         """With infinite pitch; along the line of the seeds as the first step only."""
         return self._endless and (first or self.axis != "seeds")
-
-    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
-        """Distance from the axis; from the seed for the line of the seeds, whose direction earlier steps change."""
-        if isinstance(self.axis, str):
-            away = float(np.linalg.norm(points - seed, axis=1).max())
-        else:
-            away = _axis_distance(points, np.array(self.axis[0]), np.array(self.axis[1]))
-        if isinstance(self.pitch, str):
-            return (1.0, away)
-        return (1.0,) if self._endless else (math.hypot(self.pitch, away),)
 
     def own_words(self, q: list[float], unit: str = "") -> str:
         """Parameters in words: translation and angle, as in the paper's tables."""
@@ -531,14 +528,12 @@ class Free(Step):
             )
             for i in range(3)
         )
-        turned = (sum(R[i][j] * movable_seed[j] for j in range(3)) for i in range(3))
-        return _affine(R, tuple(c + t - r for c, t, r in zip(movable_seed, q[:3], turned, strict=True)))
+        return _about(R, movable_seed, q[:3])
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Distances from the axes: a turn by theta moves a point by no more than its arc, |theta x (x - s_1)|."""
-        if turned:
-            return (1.0, 1.0, 1.0, *(3 * (float(np.linalg.norm(points - seed, axis=1).max()),)))
-        return (1.0, 1.0, 1.0, *(_axis_distance(points, seed, axis) for axis in np.eye(3)))
+        axes = [None] * 3 if turned else np.eye(3)
+        return (1.0, 1.0, 1.0, *(_distance(points, axis, seed) for axis in axes))
 
 
 @lru_cache(maxsize=64)
@@ -622,26 +617,38 @@ def _product(A: Matrix, B: Matrix) -> Matrix:
     return (*rows, B[3])
 
 
-def _affine(rotation: Matrix, shift: tuple[Any, ...]) -> Matrix:
-    return (*((*rotation[i][:3], shift[i]) for i in range(3)), (0.0, 0.0, 0.0, 1.0))
+def _about(rotation: Any, centre: Any, shift: Any) -> Matrix:
+    """Return the transform that turns about a centre, then shifts."""
+    rows = (
+        (*rotation[i][:3], centre[i] - sum(rotation[i][j] * centre[j] for j in range(3)) + shift[i]) for i in range(3)
+    )
+    return (*rows, IDENTITY[3])
 
 
-def _turn(u: tuple[Any, ...], angle: Any, centre: tuple[Any, ...], along: Any) -> Matrix:
+def _turn(u: tuple[Any, ...], centre: tuple[Any, ...], angle: Any, along: Any) -> Matrix:
     """Rotate by `angle` about the unit direction `u` through `centre`, and shift by `along` along it."""
+    shift = tuple(along * x for x in u)
+    if isinstance(angle, float) and angle == 0.0:
+        return _about(IDENTITY, ORIGIN, shift)
     c, s = _cos(angle), _sin(angle)
     x, y, z = u
     skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
     R = tuple(
         tuple(u[i] * u[j] + c * (float(i == j) - u[i] * u[j]) + s * skew[i][j] for j in range(3)) for i in range(3)
     )
-    shift = tuple(centre[i] - sum(R[i][j] * centre[j] for j in range(3)) + along * u[i] for i in range(3))
-    return _affine(R, shift)
+    return _about(R, centre, shift)
 
 
-def _axis_distance(points: Array, centre: Array, direction: Array) -> float:
-    arms = points - centre
-    arms = arms - np.outer(arms @ direction, direction)
+def _distance(points: Array, direction: Any, point: Any) -> float:
+    """Return the largest distance of points from a line, or where that has no direction from its point."""
+    arms = points - np.asarray(point)
+    if direction is not None:
+        arms = arms - np.outer(arms @ np.asarray(direction), direction)
     return math.sqrt((arms * arms).sum(axis=1).max())
+
+
+def _shifted(point: Any, origin: Array) -> Any:
+    return tuple((np.array(point) - origin).tolist())
 
 
 def _direction(axis: Any, key: str) -> tuple[float, ...]:

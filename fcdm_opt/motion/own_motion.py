@@ -121,16 +121,16 @@ class OwnMotion(Step):
         NotImplementedError
             For scalars of another kind, where the function has operations that are not theirs.
         """
-        if all(isinstance(x, float) for x in q):
-            rows = self._values(q)[0].reshape(4, 4, order="F").tolist()
-            return (*map(tuple, rows[:3]), (0.0, 0.0, 0.0, 1.0))
         import casadi
 
-        if any(isinstance(x, casadi.SX | casadi.MX | casadi.DM) for x in q):
+        if all(isinstance(x, float) for x in q):
+            column = self._values(q)[0].tolist()
+        elif any(isinstance(x, casadi.SX | casadi.MX | casadi.DM) for x in q):
             T = self._function(casadi.vertcat(*q))
-            return (*(tuple(T[i, j] for j in range(4)) for i in range(3)), (0.0, 0.0, 0.0, 1.0))
-        column = interpreted(self._function, q)
-        return (*(tuple(column[i + 4 * j] for j in range(4)) for i in range(3)), (0.0, 0.0, 0.0, 1.0))
+            column = [T[k] for k in range(16)]
+        else:
+            column = interpreted(self._function, q)
+        return (*(tuple(column[i::4]) for i in range(3)), (0.0, 0.0, 0.0, 1.0))
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """No bound is known."""
@@ -171,36 +171,27 @@ def _built(function: Any, count: int) -> Any:
     import casadi
 
     if not callable(function):
-        raise InputError("not a function", key="OwnMotion.function", found=function, allowed="a function of q")
+        raise _refused("not a function", function, "a function of q")
     q = casadi.SX.sym("q", count)
     try:
         T = function(q)
     except InputError:
         raise
     except Exception as reason:
-        raise InputError(
-            f"the function fails on {count} CasADi symbols: {type(reason).__name__}: {_short(reason)}",
-            key="OwnMotion.function",
-            found=getattr(function, "__name__", function),
-            allowed="a function of an SX column that returns a 4x4 SX matrix",
-        ) from reason
+        message = f"the function fails on {count} CasADi symbols: {type(reason).__name__}: {_short(reason)}"
+        allowed = "a function of an SX column that returns a 4x4 SX matrix"
+        raise _refused(message, getattr(function, "__name__", function), allowed) from reason
     if not isinstance(T, casadi.SX | casadi.DM | np.ndarray) or tuple(T.shape) != (4, 4):
         found = f"{type(T).__name__} {tuple(T.shape)}" if hasattr(T, "shape") else type(T).__name__
-        raise InputError("not a 4x4 CasADi matrix", key="OwnMotion.function", found=found, allowed="SX (4, 4)")
+        raise _refused("not a 4x4 CasADi matrix", found, "SX (4, 4)")
     try:
         T = casadi.densify(casadi.SX(T))
     except NotImplementedError as reason:  # an array of texts or complex numbers
-        raise InputError(
-            "not a 4x4 CasADi matrix", key="OwnMotion.function", found=f"an array of {T.dtype}", allowed="SX (4, 4)"
-        ) from reason
+        raise _refused("not a 4x4 CasADi matrix", f"an array of {T.dtype}", "SX (4, 4)") from reason
     others = {str(x) for x in casadi.symvar(T)} - {str(x) for x in casadi.symvar(q)}
     if others:
-        raise InputError(
-            "the matrix holds symbols that are no parameters",
-            key="OwnMotion.function",
-            found=", ".join(sorted(others)),
-            allowed="an expression of q alone",
-        )
+        message = "the matrix holds symbols that are no parameters"
+        raise _refused(message, ", ".join(sorted(others)), "an expression of q alone")
     return casadi.Function("own_motion", [q], [T], ["q"], ["transform"])
 
 
@@ -210,20 +201,16 @@ def _check(function: Any, parameters: tuple[Parameter, ...]) -> None:
 
     count = len(parameters)
     at_rest = np.asarray(function(np.zeros(count)).full())
-    off = float(np.abs(at_rest - np.eye(4)).max())
-    if not off <= DEFAULT.rigid:
-        raise InputError(
-            "not the identity at zero", key="OwnMotion.function", found=at_rest.tolist(), allowed="the 4x4 unit matrix"
-        )
+    if not float(np.abs(at_rest - np.eye(4)).max()) <= DEFAULT.rigid:
+        raise _refused("not the identity at zero", at_rest.tolist(), "the 4x4 unit matrix")
     q = casadi.SX.sym("q", count)
     first = casadi.jacobian(casadi.vec(function(q)), q)
     slopes = casadi.Function("slopes", [q], [first, casadi.jacobian(casadi.vec(first), q)])(np.zeros(count))
     if not all(np.isfinite(slope.full()).all() for slope in slopes):
-        raise InputError(
+        raise _refused(
             "a derivative at zero is not finite",
-            key="OwnMotion.function",
-            found="nan or infinity in the first or second derivatives",
-            allowed="an expression that is smooth at zero: no square root or division that vanishes there",
+            "nan or infinity in the first or second derivatives",
+            "an expression that is smooth at zero: no square root or division that vanishes there",
         )
     rng = np.random.default_rng(0)
     for values in rng.uniform(-1.0, 1.0, (PROBES, count)) * np.geomspace(*SPREAD, PROBES)[:, None]:
@@ -232,12 +219,12 @@ def _check(function: Any, parameters: tuple[Parameter, ...]) -> None:
         skew = max(np.abs(R @ R.T - np.eye(3)).max(), np.abs(T[3] - [0, 0, 0, 1]).max(), 1.0 - np.linalg.det(R))
         if not (np.isfinite(T).all() and skew <= DEFAULT.rigid):
             where = ", ".join(f"{name} = {x:.6g}" for (name, _), x in zip(parameters, values, strict=True))
-            raise InputError(
-                f"not a rigid motion at {where}",
-                key="OwnMotion.function",
-                found=f"a matrix that is off one by {skew:.3g}",
-                allowed="a rotation matrix and a shift, last row 0 0 0 1",
-            )
+            message, found = f"not a rigid motion at {where}", f"a matrix that is off one by {skew:.3g}"
+            raise _refused(message, found, "a rotation matrix and a shift, last row 0 0 0 1")
+
+
+def _refused(message: str, found: Any, allowed: str) -> InputError:
+    return InputError(message, key="OwnMotion.function", found=found, allowed=allowed)
 
 
 def _short(reason: BaseException) -> str:

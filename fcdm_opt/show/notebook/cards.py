@@ -241,7 +241,7 @@ def certificate_card(certificate: Certificate) -> Card:
 
 def range_card(coherent: CoherentRange) -> Card:
     """Return the card: the interval, the motion at both ends, and what ends it there."""
-    from fcdm_opt.along.coherent_range import KINDS
+    from fcdm_opt.along.followed import KINDS
 
     describe = partial(coherent.problem.motion.describe, unit=coherent.problem.unit)
     ends = [
