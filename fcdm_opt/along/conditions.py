@@ -242,8 +242,8 @@ class Ray:
     ) -> float | None:
         """Return where one condition becomes negative between x and x + further, None where that is not shown.
 
-        In extended precision: it is looked at on a few points ever further on, to the first at which it is negative. Its
-        sign is certain, by balls, on both sides of the place returned, `VERIFIED` from it.
+        In extended precision: it is looked at on a few points ever further on, to the first at which it is negative.
+        Its sign is certain, by balls, on both sides of the place returned, `VERIFIED` from it.
         """
         import flint
         from scipy.optimize import brentq
