@@ -17,7 +17,7 @@ import fcdm_opt as fo
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.exclusion import _swollen
-from fcdm_opt.stages.translations import bound_below
+from fcdm_opt.stages.linear import bound_below
 
 Boxes = list[tuple[tuple[float, ...], tuple[float, ...]]]
 

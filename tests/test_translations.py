@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from strategies import generators, runs
 
 import fcdm_opt as fo
-from fcdm_opt.stages import translations
+from fcdm_opt.stages import linear
 
 AXES = "xyz"
 
@@ -122,7 +122,7 @@ def test_a_clearance_round_a_corner_is_a_distance():
 
 
 def test_too_many_ways_are_left_to_the_program(monkeypatch):
-    monkeypatch.setattr(translations, "MOST_WAYS", 3)
+    monkeypatch.setattr(linear, "MOST_WAYS", 3)
     post, other = corners((0.5, -9, 0.2), (9, 9, 9)), corners((0.5, 9, 0.2), (9, 10, 9))
     asked = fo.Problem(
         fo.Body.convex(corners((-1, -1, -1), (1, 1, 1))),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,11 +29,8 @@ from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
-
-if TYPE_CHECKING:
-    from fcdm_opt.problem.solution import Status
-
 
 Parts = tuple[int, int]
 REMEMBERED = 8  # motions whose gaps are kept
@@ -41,7 +38,7 @@ REMEMBERED = 8  # motions whose gaps are kept
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a stage found.
+    """What a stage or a local search gives; with a motion made by `Task.answer`.
 
     Attributes
     ----------
@@ -58,6 +55,8 @@ class Answer:
         What is in the program that the motion solves, see `Task.modelled`.
     last : bool
         No later stage is to be asked.
+    amount : float
+        Of the motion; infinite without.
     """
 
     status: Status
@@ -67,6 +66,13 @@ class Answer:
     active: tuple[str, ...] = ()
     modelled: dict[str, int] | None = None
     last: bool = False
+    amount: float = math.inf
+
+    @property
+    def motion(self) -> Array:
+        """The motion parameters of an answer that has some."""
+        assert self.q is not None
+        return self.q
 
     @property
     def settles(self) -> bool:
@@ -122,8 +128,6 @@ class Task:
         What is made least; "displacement" of `made_vertices`.
     resolution : (k,) array or None
         Steps of the machine, 0 where a parameter has none.
-    seconds : dict
-        Time spent on "build", the compiling of templates, on the way.
     """
 
     movable: Body
@@ -146,7 +150,6 @@ class Task:
     besides: tuple[FeaturePoints, ...] = ()
     amount_kind: str | OwnAmount = "weighted"
     resolution: Array | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
@@ -190,10 +193,19 @@ class Task:
             problem.resolution,
         )
 
-    @property
-    def building(self) -> float:
-        """Time spent on compiling templates so far, seconds."""
-        return self.seconds.get("build", 0.0)
+    def answer(
+        self,
+        q: Array,
+        stage: str = "",
+        lower_bound: float = 0.0,
+        active: tuple[str, ...] = (),
+        modelled: dict[str, int] | None = None,
+        *,
+        status: Status = Status.SOLVED,
+    ) -> Answer:
+        """Return a motion as an answer, with its amount, which the lower bound passes by rounding at most."""
+        amount = self.amount(q)
+        return Answer(status, q, stage, min(lower_bound, amount), active, modelled, amount=amount)
 
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
         """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
@@ -408,6 +420,11 @@ class Task:
     def start(self) -> Array:
         """The allowed motion nearest to none."""
         return np.clip(self.rest, self.limits[:, 0], self.limits[:, 1])
+
+    @property
+    def met_at_rest(self) -> bool:
+        """Whether there is nothing to do."""
+        return self.allows(self.rest) and self.meets(self.rest, DEFAULT.line)
 
     def allows(self, q: Array) -> bool:
         """Tell whether a motion lies within the limits."""

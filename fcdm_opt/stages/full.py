@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import OWNERS, FeaturePoints, Scene, intersection
 from fcdm_opt.model.task import Answer, Parts, Task
+from fcdm_opt.model.templates import timed
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
@@ -254,7 +254,6 @@ class _Program:
         import casadi
 
         task = self.task
-        begin = perf_counter()
         nlp: dict[str, Any] = {
             "x": casadi.vertcat(*self.symbols),
             "f": self.objective,
@@ -274,8 +273,8 @@ class _Program:
             "ipopt.max_iter": 500,
             "ipopt.max_wall_time": PATIENCE,
         }
-        solver = casadi.nlpsol("everything", "ipopt", nlp, options)
-        task.seconds["build"] = task.seconds.get("build", 0.0) + perf_counter() - begin
+        with timed():
+            solver = casadi.nlpsol("everything", "ipopt", nlp, options)
         low, high = np.vstack(self.limits).T
         lower, upper = (np.concatenate([bounds[k] for bounds in self.ranges] or [np.empty(0)]) for k in (0, 1))
         result = solver(x0=np.concatenate(self.starts), lbx=low, ubx=high, lbg=lower, ubg=upper)

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from time import perf_counter
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.equations import FeaturePoints, Scene, intersection
 from fcdm_opt.model.seats import independent, tilts
 from fcdm_opt.model.task import Task
+from fcdm_opt.model.templates import template
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.tolerances import DEFAULT
@@ -220,12 +220,12 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
     return height / values[17]
 
 
-@lru_cache(maxsize=512)
+@template
 def _compiled(
     motion: Motion,
     kinds: tuple[int, ...],
     blocks: int,
-    templates: tuple[tuple[Any, ...], ...],
+    forms: tuple[tuple[Any, ...], ...],
     sizes: tuple[int, ...],
     method: str,
     amount: str | OwnAmount = "weighted",
@@ -243,7 +243,7 @@ def _compiled(
     frames = tuple(casadi.SX.sym(f"frame_{m}", 3, 3) for m in range(blocks))
     values = [casadi.SX.sym(f"row_{m}", size) for m, size in enumerate(sizes)]
     symbols = _Symbols(motion, step * z, seeds, unit, nominal, target, tracked, planes, frames)
-    rows = [_template(symbols, template, value) for template, value in zip(templates, values, strict=True)]
+    rows = [_template(symbols, form, value) for form, value in zip(forms, values, strict=True)]
     points, largest = casadi.SX.sym("points", 3, vertices), casadi.SX.sym("largest", min(vertices, 1))
     objective = casadi.sumsqr(weight * z)
     if isinstance(amount, OwnAmount):
@@ -322,7 +322,6 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
     method : "sqpmethod" or "ipopt"
         CasADi plugin.
     """
-    start_of_build = perf_counter()
     points = task.made_vertices if task.amount_kind == "displacement" else np.empty((0, 3))
     solver = _compiled(
         task.motion,
@@ -334,7 +333,6 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
         task.amount_kind,
         len(points),
     )
-    task.seconds["build"] = task.seconds.get("build", 0.0) + perf_counter() - start_of_build
     step, weight = task.steps, task.steps * task.weights
     frames = [_frame(plane[:3]) for plane in planes]
     parameters = np.concatenate(
