@@ -116,7 +116,7 @@ def _spans(kind: int, points: Any) -> tuple[Any, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class SymbolicPose:
     """Symbols that all equations share: motion parameters, seeds, and the pose they give.
 
     Attributes
@@ -134,7 +134,7 @@ class Scene:
     transform: Any
 
     @classmethod
-    def of(cls, motion: Motion, q: Any, seeds: Any) -> Scene:
+    def of(cls, motion: Motion, q: Any, seeds: Any) -> SymbolicPose:
         """Return the scene of a motion at parameters `q`."""
         return cls(q, seeds, motion.symbolic(q, seeds[:3], seeds[3:]))
 
@@ -177,11 +177,11 @@ def intersection(one: tuple[Any, ...], two: tuple[Any, ...]) -> tuple[Any, Any]:
 # --------------------------------------------------------------------------------------------- compiled templates
 
 
-def _symbols(motion: Motion) -> tuple[Scene, list[Any], list[str]]:
+def _symbols(motion: Motion) -> tuple[SymbolicPose, list[Any], list[str]]:
     import casadi
 
     q, seeds = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("seeds", 6)
-    return Scene.of(motion, q, seeds), [q, seeds], ["q", "seeds"]
+    return SymbolicPose.of(motion, q, seeds), [q, seeds], ["q", "seeds"]
 
 
 @template

@@ -20,7 +20,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
-from fcdm_opt.model.equations import OWNERS, FeaturePoints, Scene, intersection
+from fcdm_opt.model.equations import OWNERS, FeaturePoints, SymbolicPose, intersection
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.model.templates import timed
 from fcdm_opt.problem.amounts import OwnAmount
@@ -291,7 +291,7 @@ class _Moved(NamedTuple):
 
     z: Any
     s: Any
-    scene: Scene
+    scene: SymbolicPose
     pair: Any
     static_seed: Array
 
@@ -302,7 +302,7 @@ class _Moved(NamedTuple):
 
         z, s = casadi.SX.sym("z", len(task.weights)), casadi.SX.sym("s")
         seeds = casadi.DM(np.concatenate([task.movable.seed, task.static.seed]))
-        scene = Scene.of(task.motion, s * (task.steps * z), seeds)
+        scene = SymbolicPose.of(task.motion, s * (task.steps * z), seeds)
         lines = [scene.line(feature.kind, feature.values) for feature in task.tracked]
         pair: Any = casadi.DM(task.target)
         if len(lines) == 2:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.curve.flush import Overlap
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.model.equations import FeaturePoints, Scene, intersection
+from fcdm_opt.model.equations import FeaturePoints, SymbolicPose, intersection
 from fcdm_opt.model.seats import independent, tilts
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.templates import template
@@ -156,16 +156,16 @@ class _Symbols:
     frames: tuple[Any, ...]
 
     @cached_property
-    def end(self) -> Scene:
+    def end(self) -> SymbolicPose:
         """The scene after the whole motion."""
-        return Scene.of(self.motion, self.q, self.seeds)
+        return SymbolicPose.of(self.motion, self.q, self.seeds)
 
     @cached_property
     def end_pair(self) -> Any:
         """The tracked scale pair after the whole motion."""
         return self.tracked_pair(self.end, 1.0)
 
-    def tracked_pair(self, scene: Scene, s: Any) -> Any:
+    def tracked_pair(self, scene: SymbolicPose, s: Any) -> Any:
         """Return the tracked scale pair: both lines' intersection, or one line's point nearest the straight path."""
         lines = [scene.line(kind, values) for kind, values in self.tracked]
         if len(lines) == 2:
@@ -208,7 +208,7 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
         point = symbols.end.scaled(symbols.target[0], values[3:6]) - symbols.seeds[3:]
         return casadi.dot(values[:3], point - values[6:])
     s, feature = values[0], values[1:14]
-    scene = Scene.of(symbols.motion, s * symbols.q, symbols.seeds)
+    scene = SymbolicPose.of(symbols.motion, s * symbols.q, symbols.seeds)
     a, b, c, n = scene.line(detail[0], feature)
     if name == "line":
         rho = symbols.tracked_pair(scene, s)
