@@ -66,7 +66,7 @@ def solve(
     asked = [problem.changed(features=pair) for pair in problem.feature_pairs] or [problem]
     if seconds is not None:
         how = how._replace(seconds=seconds / len(asked))
-    solution = _least([_solved(one, how) for one in asked])
+    solution = _least_of([_solved(one, how) for one in asked])
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution
@@ -81,28 +81,39 @@ class _How(NamedTuple):
     seconds: float | None
 
 
+class _Watch:
+    """Wall time of the steps, that of building templates apart."""
+
+    def __init__(self) -> None:
+        self.seconds = {"build": 0.0}
+        self._last = perf_counter(), building()
+
+    def lap(self, step: str) -> None:
+        """Note the time since the last step."""
+        now = perf_counter(), building()
+        built = now[1] - self._last[1]
+        self.seconds["build"] += built
+        self.seconds[step] = now[0] - self._last[0] - built
+        self._last = now
+
+
 def _solved(problem: Problem, how: _How) -> Solution:
     """Return the solution of a problem that tracks at most two features: the main path, step by step."""
-    start, built = perf_counter(), building()
+    watch = _Watch()
     task = Task.of(problem)
-    answer = _found(task, how.model)  # met already, linear, march, local, global: see `STAGES`
-    found, built_to_find = perf_counter(), building()
+    answer = _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
+    watch.lap("solve")
     answer, evidence = _proved(task, answer, how)
-    answer = in_steps(task, answer, partial(_found, model=how.model))
+    answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     known = problem.amount == "weighted"  # the checker knows no other amount
     solution = replace(reported(problem, task, answer), evidence=evidence if known else None)
-    proof, built_in_all = perf_counter(), building()
+    watch.lap("prove")
     certificate = verify(solution)
-    times = {
-        "build": built_in_all - built,
-        "solve": found - start - (built_to_find - built),
-        "prove": proof - found - (built_in_all - built_to_find),
-        "verify": perf_counter() - proof,
-    }
-    return inside_fit(solution.with_certificate(certificate, times))
+    watch.lap("verify")
+    return inside_fit(solution.with_certificate(certificate, watch.seconds))
 
 
-def _found(task: Task, model: str) -> Answer:
+def _least_motion(task: Task, model: str) -> Answer:
     """Return the least motion that the stages find: by the weighted amount, and from there by the task's own."""
     if task.weighted or model == "full":
         return settled(task, model)
@@ -122,7 +133,7 @@ def _proved(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | N
     return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
 
 
-def _least(solutions: list[Solution]) -> Solution:
+def _least_of(solutions: list[Solution]) -> Solution:
     """Return the least of the solutions that track two of several features each; its problem names them."""
     best = min(solutions, key=lambda solution: (not solution.usable, not solution.status.found, solution.amount))
     return replace(best, lower_bound=min(solution.lower_bound for solution in solutions))

@@ -312,14 +312,13 @@ class Task:
         return self.modelled(kept, variables=len(q), constraints=len(kept), features=features)
 
     def _near(self, q: Array) -> list[Parts]:
-        gaps, pose, found = self.pair_gaps(q), self.pose(q), list[Parts]()
+        gaps, pose, near = self.pair_gaps(q), self.pose(q), list[Parts]()
         for columns, packed in self._groups:
             opponent = self.opponents[columns.start]
-            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            bounds = kernels.pair_bounds(*self.movable.packed, *packed, here, rho)
+            bounds = kernels.pair_bounds(*self.movable.packed, *packed, *self._against(opponent, pose))
             enough = max(float(gaps[:, columns].min()), opponent.need) + DEFAULT.requirement * self.size
-            found += [(i, columns.start + j) for i, j in np.argwhere(bounds <= enough).tolist()]
-        return found
+            near += [(i, columns.start + j) for i, j in np.argwhere(bounds <= enough).tolist()]
+        return near
 
     @cached_property
     def features(self) -> int:
@@ -410,11 +409,11 @@ class Task:
         """Return the pose relative to the static body that the kernels take."""
         return relative_pose(self.movable, self.static, self.transform(q))
 
-    def _pose_to(self, opponent: Opponent, pose: Array) -> Array:
-        """Return a pose relative to an opponent: the offset leads to its own seed."""
-        if opponent.part.seed is self.static.seed:
-            return pose
-        return np.append(pose[:9], pose[9:] + opponent.part.seed - self.static.seed)
+    def _against(self, opponent: Opponent, pose: Array) -> tuple[Array, Array]:
+        """Return a pose relative to an opponent, the offset leading to its own seed, and the scales made of both."""
+        if opponent.part.seed is not self.static.seed:
+            pose = np.append(pose[:9], pose[9:] + opponent.part.seed - self.static.seed)
+        return pose, np.array([self.target[0], opponent.scale])
 
     @property
     def start(self) -> Array:
@@ -436,9 +435,9 @@ class Task:
         `pose` is relative to the static body, see `pose`.
         """
         one, opponent = self.movable.parts[parts[0]], self.opponents[parts[1]]
-        pose = self._pose_to(opponent, pose)
+        pose, rho = self._against(opponent, pose)
         sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose)
-        return sites, rows, rows[:, 5] - rows[:, 3] * self.target[0] - rows[:, 4] * opponent.scale
+        return sites, rows, rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1]
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
         """Return the signed gap of every part pair at the scales made, (parts of 1, opponents).
@@ -456,9 +455,8 @@ class Task:
         gaps = gaps.copy()
         for (i, j), normal in (normals or {}).items():
             one, opponent = self.movable.parts[i], self.opponents[j]
-            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            n = normal / np.linalg.norm(normal)
-            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, here, rho, n))
+            seen, n = self._against(opponent, pose), normal / np.linalg.norm(normal)
+            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, *seen, n))
         return gaps
 
     @cached_property
@@ -470,8 +468,8 @@ class Task:
         gaps = np.empty((len(self.movable.parts), len(self.opponents)))
         for columns, packed in self._groups:
             opponent = self.opponents[columns.start]
-            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, here, rho, opponent.need)
+            seen = self._against(opponent, pose)
+            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, opponent.need)
         return gaps
 
     @cached_property
