@@ -23,7 +23,7 @@ from fcdm_opt.proof.columns import farthest, prove
 from fcdm_opt.stages import direction_search, ways_apart
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
-from fcdm_opt.stages.linear import bound_below, translations
+from fcdm_opt.stages.linear import translations
 from fcdm_opt.stages.rays import ON_THE_WAY
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.turns import least_over_turns
@@ -120,9 +120,6 @@ def proved(
         return answer, None  # without a motion; cells show it where they have shown it
     if answer.q is not None and not answer.q.any():
         return answer, None
-    if answer.q is not None and task.motion.shifts and task.weighted and not task.tracked and task.needs.max() > 0.0:
-        amount = _amount(task, answer)
-        answer = replace(answer, lower_bound=max(answer.lower_bound, min(bound_below(task, amount), amount)))
     if answer.q is not None and _closed(task, answer, FINE_GAP):
         few = len(task.weights) <= MOST_PARAMETERS or task.tested_vertices * CELLS[MOST_CHECKED] <= CONFIRMING
         if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price

@@ -19,22 +19,19 @@ import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.model.bounds import displacement_bound, displacement_rate
 from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import compiled
 from fcdm_opt.stages.rays import ON_THE_WAY
-from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
 # Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
 # after one node for any number of directions: they are tried the nearest first.
 MOST_NODES, MOST_WAYS = 2000, 200
-MOST_DIFFERENCES = 4000  # pairs of vertices of two parts that are kept apart by a distance, for a bound
-SPACE = 3  # dimensions
+MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
@@ -211,110 +208,80 @@ class Fork(NamedTuple):
 
 
 def translations(task: Task) -> Answer | None:
-    """Find the smallest shift that undoes all overlaps, and touches where that is asked; exact.
+    """Find the smallest shift that undoes all overlaps, keeps clearances, and touches where that is asked; exact.
 
-    A clearance between corners is a distance that is not linear. Where the smallest shift without the keep-outs'
-    clearances keeps them too it is the answer; else the shift found keeps them along facet directions, is improved by
-    the nonlinear program, and nothing is proved.
+    The shifts that bring two parts nearer than a clearance fill their Minkowski difference and what is nearer to it:
+    a convex set. A polytope within it forbids no more than it does, the difference itself to begin with. Where the
+    least shift outside all polytopes still brings parts too near, the point of the set's border ahead of it joins the
+    polytope, and it is sought anew.
     """
     if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
-    if task.need <= 0 < task.needs.max():
-        answer = translations(task.bare)
-        if answer is not None and (answer.q is None or task.meets(answer.q, DEFAULT.requirement)):
-            return answer
-    walls, closings = _walls(task), _closings(task)
+    walls, closings, shifts = _walls(task), _closings(task), _shifts(task)
     if task.part_pairs > 1 and max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
         return None
-    stage, exact = "1: translations, best first over the ways apart", not task.needs.max() > 0
-    least = _least(task, walls, closings)
-    if least is None:
-        return None
-    x, pairs, rows = least
-    if x is None:
-        return _impossible(stage) if exact else None
-    q = np.clip(x * task.size / task.weights, *task.limits.T)
+    stage, polytopes = "1: translations, best first over the ways apart", dict[Parts, Array]()
+    for _ in range(SHARPENED):
+        least = _least(task, walls, closings)
+        if least is None:
+            return None
+        x, pairs, rows = least
+        if x is None:
+            return _impossible(stage)
+        q = x * task.size / task.weights
+        ahead = _too_near(task, q, shifts)
+        for parts, place in ahead.items():
+            points = _nearer(task, parts) if parts not in polytopes else polytopes[parts]
+            wall = None if points is None else _outside(task, np.vstack([points, place]), shifts)
+            if points is None or wall is None:
+                return None
+            polytopes[parts], walls[parts] = np.vstack([points, place]), wall
+        if not ahead:
+            break
+    q = np.clip(q, *task.limits.T)
     if not task.meets(q, DEFAULT.requirement):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in pairs))
     closing = {parts: len(levels) for parts, _, levels in closings if parts is not None}
     ways = [max(len(walls[parts].levels) if parts in walls else 0, closing.get(parts, 0)) for parts in pairs]
     counts = task.modelled(pairs, variables=len(q), constraints=rows, features=sum(ways))
-    if exact:
-        return task.answer(q, stage, np.inf, names, counts)
-    best = task.answer(q, active=names, modelled=counts)
-    for relaxation in choices(task, q, near=True):  # clearances as distances, not only along facet directions
-        nearer = relaxation.smallest([best.motion], "sqpmethod", best.amount)
-        if nearer is not None and nearer.amount < best.amount * (1.0 - DEFAULT.nominal):
-            best = nearer
-    bound = min(displacement_bound(task), best.amount)
-    return replace(best, stage=stage + ", nonlinear program", lower_bound=bound)
+    return task.answer(q, stage, np.inf, names, counts)
 
 
-def bound_below(task: Task, most: float) -> float:
-    """Return an amount that no shift stays below which keeps clearances as distances.
-
-    The shifts that bring two parts nearer than c fill their Minkowski difference and what is nearer to it than c: a
-    convex set. A polytope within it forbids no more than it does; where the least shift outside all polytopes still
-    brings parts nearer than c, the point of the set's border ahead of it joins the polytope, and it is sought anew.
-    """
-    reach, walls, forbidden = most * displacement_rate(task), _walls(task), dict[Parts, Array]()
-    gaps, shifts, closings = task.pair_gaps(task.rest), _shifts(task), _closings(task)
-    for parts in list(walls):
-        if (need := task.opponents[parts[1]].need) > 0:
-            points = _nearer(task, parts) if gaps[parts] < need + reach else None
-            wall = None if points is None else _outside(task, points, shifts)
-            if points is None or wall is None:
-                del walls[parts]
-            else:
-                forbidden[parts], walls[parts] = points, wall
-    bound, slack = 0.0, DEFAULT.nominal * most
-    for _ in range(SHARPENED):
-        least = _least(task, walls, closings)
-        if least is None or least[0] is None:
-            break
-        bound, q = float(np.linalg.norm(least[0])) * task.size, least[0] * task.size / task.weights
-        gaps, sharper = task.pair_gaps(q), []
-        for parts in walls.keys() & forbidden.keys() if bound < most - slack else ():
-            need = task.opponents[parts[1]].need
-            if not 0.0 < gaps[parts] < need:
-                continue
-            way = task.way_between(parts, q)
-            miss = need - task.pair_gaps(q, {parts: way})[parts]
-            if miss > slack:
-                ahead = q @ shifts - miss * way / np.linalg.norm(way)
-                forbidden[parts] = np.vstack([forbidden[parts], ahead])
-                sharper.append(parts)
-        if not sharper:
-            break
-        for parts in sharper:
-            wall = _outside(task, forbidden[parts], shifts)
-            assert wall is not None  # as before: the polytope has only grown
-            walls[parts] = wall
-    return bound
+def _too_near(task: Task, q: Array, shifts: Array) -> dict[Parts, Array]:
+    """Return for each part pair that is nearer than its clearance the shift ahead at which it is not."""
+    gaps, ahead = task.pair_gaps(q), dict[Parts, Array]()
+    for i, j in np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist():
+        way, gap = task.way_between((i, j), q) if gaps[i, j] > 0.0 else None, gaps[i, j]
+        if way is None:
+            _, rows, separations = task.separations((i, j), task.pose(q))
+            way = rows[separations.argmax(), :3]
+        else:
+            gap = task.pair_gaps(q, {(i, j): way})[i, j]
+        if (miss := task.needs[j] - gap) > DEFAULT.nominal * task.unit:
+            ahead[i, j] = q @ shifts - miss * way / np.linalg.norm(way)
+    return ahead
 
 
 def _nearer(task: Task, parts: Parts) -> Array | None:
-    """Return shifts that bring two parts nearer than they may be, or just: facets and corners moved out, (n, 3).
+    """Return shifts that bring two parts just as near as they may be: facets and corners moved out, (n, 3).
 
     None where the parts are too large.
     """
+    from scipy.spatial import ConvexHull
+
     one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
     if len(one.vertices) * len(opponent.part.vertices) > MOST_DIFFERENCES:
         return None
     moved = task.movable.seed + task.target[0] * (one.vertices - task.movable.seed)
     other = opponent.part.seed + opponent.scale * (opponent.part.vertices - opponent.part.seed)
     differences = (other[:, None] - moved[None]).reshape(-1, 3)
-    _, rows, separations = task.separations(parts, task.pose(task.rest))
-    outward = -rows[:, :3]
-    on = differences @ outward.T >= -separations - DEFAULT.tie * task.size
-    corners = np.flatnonzero(on.sum(axis=1) >= SPACE)
-    middles = on[corners] @ outward
-    middles /= np.linalg.norm(middles, axis=1)[:, None]
-    facets, points = np.nonzero(on.T)
-    return np.vstack(
-        [differences[points] + opponent.need * outward[facets], differences[corners] + opponent.need * middles]
-    )
+    hull = ConvexHull(differences)
+    outward, middles = hull.equations[:, :3], np.zeros_like(differences)
+    np.add.at(middles, hull.simplices, outward[:, None])  # within a corner's normal cone
+    middles[hull.vertices] /= np.linalg.norm(middles[hull.vertices], axis=1)[:, None]
+    facets = differences[hull.simplices] + opponent.need * outward[:, None]
+    return np.vstack([facets.reshape(-1, 3), (differences + opponent.need * middles)[hull.vertices]])
 
 
 def _outside(task: Task, points: Array, shifts: Array) -> Wall | None:
@@ -330,16 +297,14 @@ def _outside(task: Task, points: Array, shifts: Array) -> Wall | None:
 
 
 def _walls(task: Task) -> dict[Parts, Wall]:
-    """Return the ways apart of each part pair that some motion brings in each other's way."""
+    """Return the ways apart, clearances left out, of each part pair that some motion brings in each other's way."""
     walls = {}
     for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
-        need = task.opponents[parts[1]].need
-        if np.isfinite(need):
+        if np.isfinite(task.needs[parts[1]]):
             normals, separations = _lines(task, parts)
             flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
-            levels = separations - need / task.size
-            if not (levels[flat] >= -DEFAULT.cut).any():
-                walls[parts] = Wall.of(normals[~flat], levels[~flat])
+            if not (separations[flat] >= -DEFAULT.cut).any():
+                walls[parts] = Wall.of(normals[~flat], separations[~flat])
     return walls
 
 
