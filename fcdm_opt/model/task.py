@@ -240,11 +240,6 @@ class Task:
         ]
         return (*contact, *others)
 
-    @property
-    def bare(self) -> Task:
-        """The same task without the keep-outs' clearances: what it needs, this one does too."""
-        return replace(self, keep_out=tuple(replace(own, clearance=0.0) for own in self.keep_out))
-
     @cached_property
     def needs(self) -> Array:
         """Least gap that each opponent asks for, -inf where it asks for none."""

@@ -4,7 +4,8 @@
 "translations" are for "touch" and "clear". The separation of a part pair along each of its facet directions is linear
 in the parameters then, and the pair is apart where one of them is positive. Along one translation each pair overlaps in
 an interval. Along several this is a branching over half-spaces, best first, with a least distance problem in each node:
-the first node in which no pair overlaps is the smallest motion of all; where none is left, there is no motion.
+the first node in which no pair overlaps is the smallest motion of all; where none is left, there is no motion. What a
+clearance forbids is convex too: polytopes within it grow where a motion comes too near.
 """
 
 from __future__ import annotations
@@ -355,11 +356,11 @@ def _least(
     number = count()
     heap: list[tuple[float, int, Fork | tuple[Array, Fork, Array, float]]] = []
 
-    def push(node: Fork, least: float) -> None:
-        """Add what is left of a node, all of it at least that far off."""
-        if node.first < len(node.wall.lengths):
-            least = max(least, float(node.wall.lengths[node.first]))
-            heapq.heappush(heap, (least, next(number), node))
+    def push(fork: Fork, least: float) -> None:
+        """Add what is left of a fork, all of it at least that far off."""
+        if fork.first < len(fork.wall.lengths):
+            least = max(least, float(fork.wall.lengths[fork.first]))
+            heapq.heappush(heap, (least, next(number), fork))
 
     everywhere = Wall.of(np.eye(1, len(task.weights)), np.array([1.0 / NOWHERE]))
     for closing, G, h in closings:
@@ -379,13 +380,13 @@ def _least(
             push(item._replace(first=some.stop, many=2 * item.many), length)
             continue
         nodes += 1
-        x, node, normal, level = item
-        G, h = np.vstack([node.G, -normal]), np.append(node.h, -level)
+        x, fork, normal, level = item
+        G, h = np.vstack([fork.G, -normal]), np.append(fork.h, -level)
         gaps = {parts: float((wall.levels - wall.normals @ x).max()) for parts, wall in walls.items()}
         worst = min(gaps, key=gaps.__getitem__, default=None)
         if worst is None or gaps[worst] >= -DEFAULT.cut:
-            return x, sorted(set(node.pairs)), len(h) - len(box[1]) - 1  # of which one forbids nothing
-        push(Fork(G, h, walls[worst], (*node.pairs, worst)), length)
+            return x, sorted(set(fork.pairs)), len(h) - len(box[1]) - 1  # of which one forbids nothing
+        push(Fork(G, h, walls[worst], (*fork.pairs, worst)), length)
     return None if heap else (None, [], 0)
 
 

@@ -59,14 +59,8 @@ def one_parameter(task: Task) -> Answer | None:
 
 def _one_way(task: Task, steady: bool) -> Answer | None:
     """Return the answer by steps of second order, or by plain ones; None where they prove and find nothing."""
-    if not steady and task.need > 0:
+    if not steady and task.needs.max() > 0:
         return None
-    if not steady and task.needs.max() > 0:  # the answer without clearances, where it keeps them
-        if task.bare.met_at_rest:
-            return None
-        answer = one_parameter(task.bare)
-        keeps = answer is not None and (answer.q is None or task.meets(answer.q, DEFAULT.line))
-        return answer if keeps and answer is not None and answer.status is not Status.NOT_FOUND else None
     stage = "2: one parameter, safe steps to the first contact"
     ways = [sign / task.weights for sign in (1.0, -1.0)]
     ends = [reach(task, way) for way in ways]
