@@ -198,7 +198,7 @@ def _unturned(task: Task) -> list[Array]:
             q[~turning] = least.q
             return [q]
     found = ways_apart.descended(still, task.start, LARGE * task.size)
-    return [] if found is None else [found.q]
+    return [] if found is None else [found.motion]
 
 
 def _beside(task: Task, q: Array) -> list[Array]:
