@@ -252,14 +252,15 @@ def translations(task: Task) -> Answer | None:
 def _too_near(task: Task, q: Array, shifts: Array) -> dict[Parts, Array]:
     """Return for each part pair that is nearer than its clearance the shift ahead at which it is not."""
     gaps, ahead = task.pair_gaps(q), dict[Parts, Array]()
+    slack = min(DEFAULT.nominal * task.unit, DEFAULT.cut * task.size)
     for i, j in np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist():
-        way, gap = task.way_between((i, j), q) if gaps[i, j] > 0.0 else None, gaps[i, j]
-        if way is None:
+        if (gap := gaps[i, j]) > 0.0:
+            way = task.way_between((i, j), q)
+            gap = task.pair_gaps(q, {(i, j): way})[i, j]
+        else:
             _, rows, separations = task.separations((i, j), task.pose(q))
             way = rows[separations.argmax(), :3]
-        else:
-            gap = task.pair_gaps(q, {(i, j): way})[i, j]
-        if (miss := task.needs[j] - gap) > DEFAULT.nominal * task.unit:
+        if (miss := task.needs[j] - gap) > slack:
             ahead[i, j] = q @ shifts - miss * way / np.linalg.norm(way)
     return ahead
 
