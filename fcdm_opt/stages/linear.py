@@ -26,6 +26,7 @@ from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import compiled
 from fcdm_opt.stages.rays import ON_THE_WAY
+from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
@@ -246,7 +247,13 @@ def translations(task: Task) -> Answer | None:
     closing = {parts: len(levels) for parts, _, levels in closings if parts is not None}
     ways = [max(len(walls[parts].levels) if parts in walls else 0, closing.get(parts, 0)) for parts in pairs]
     counts = task.modelled(pairs, variables=len(q), constraints=rows, features=sum(ways))
-    return task.answer(q, stage, np.inf, names, counts)
+    best = task.answer(q, stage, np.inf, names, counts)
+    for relaxation in choices(task, q, near=True) if polytopes else ():  # the amount is exact; where it is, not as much
+        polished = relaxation.smallest([q], "sqpmethod")
+        if polished is not None and polished.amount <= best.lower_bound * (1.0 + DEFAULT.nominal):
+            amount = polished.amount
+            best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))
+    return best
 
 
 def _too_near(task: Task, q: Array, shifts: Array) -> dict[Parts, Array]:
