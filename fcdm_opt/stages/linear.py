@@ -222,7 +222,7 @@ def translations(task: Task) -> Answer | None:
     walls, closings, shifts = _walls(task), _closings(task), _shifts(task)
     if task.part_pairs > 1 and max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
         return None
-    stage, polytopes = "1: translations, best first over the ways apart", dict[Parts, Array]()
+    stage, polytopes, curved = "1: translations, best first over the ways apart", dict[Parts, Array](), False
     for _ in range(SHARPENED):
         least = _least(task, walls, closings)
         if least is None:
@@ -232,6 +232,7 @@ def translations(task: Task) -> Answer | None:
             return _impossible(stage)
         q = x * task.size / task.weights
         ahead = _too_near(task, q, shifts)
+        curved = curved or bool(ahead.keys() & polytopes)  # not at a facet moved out, where all is exact
         for parts, place in ahead.items():
             points = _nearer(task, parts) if parts not in polytopes else polytopes[parts]
             wall = None if points is None else _outside(task, np.vstack([points, place]), shifts)
@@ -248,7 +249,7 @@ def translations(task: Task) -> Answer | None:
     ways = [max(len(walls[parts].levels) if parts in walls else 0, closing.get(parts, 0)) for parts in pairs]
     counts = task.modelled(pairs, variables=len(q), constraints=rows, features=sum(ways))
     best = task.answer(q, stage, np.inf, names, counts)
-    for relaxation in choices(task, q, near=True) if polytopes else ():  # the amount is exact; where it is, not as much
+    for relaxation in choices(task, q, near=True) if curved else ():  # the amount is exact; where it is, not as much
         polished = relaxation.smallest([q], "sqpmethod")
         if polished is not None and polished.amount <= best.lower_bound * (1.0 + DEFAULT.nominal):
             amount = polished.amount
