@@ -23,7 +23,7 @@ from fcdm_opt.motion.motions import Free, Rotation, Screw, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.proof.exclusion import Scene
+from fcdm_opt.proof.exclusion import Exclusion
 from fcdm_opt.solver import solve
 from fcdm_opt_benchmarks.motions import answered, judged
 
@@ -128,7 +128,7 @@ def test_motions_within_a_displacement_are_within_the_domain_of_its_proof(motion
     asked = Problem(one, two, target=(1.2, 1.1), goal="clear", clearance=9.0, motion=motion, amount="displacement")
     task, upper = Task.of(asked), 0.6
     task = replace(task, amount_kind="displacement")
-    low, high = Scene(task, upper).domain.T
+    low, high = Exclusion(task, upper).domain.T
     assert (high < 10).all()
     rng = np.random.default_rng(0)
     count, turning = len(low), np.array([kind == "rotation" for _, kind in motion.parameters])

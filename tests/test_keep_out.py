@@ -21,7 +21,7 @@ from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
-from fcdm_opt.stages import models
+from fcdm_opt.stages.order import STAGES
 
 X, Y, Z = Translation("x"), Translation("y"), Translation("z")
 Point = tuple[float, float, float]
@@ -61,7 +61,7 @@ def clear(*keep_out: Any, motion: Motion = X, movable: Body = CUBE, static: Body
 def answered(motion: Motion, *keep_out: KeepOut, static: Body, goal: str = "clear") -> Answer:
     """The first stage that settles the task, as the solver goes through them."""
     task = Task.of(Problem(CUBE, static, target=(1, 1), motion=motion, goal=goal, keep_out=keep_out))
-    stages = (models.satisfied, models.straight, models.one_parameter, models.nonlinear)
+    stages = [STAGES[name] for name in ("satisfied", "straight", "one parameter", "nlp")]
     return next(answer for stage in stages if (answer := stage(task)) is not None)
 
 

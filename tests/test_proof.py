@@ -12,7 +12,7 @@ from fcdm_opt.motion.instructions import interpreted
 from fcdm_opt.problem.evidence import Evidence, Reason
 from fcdm_opt.proof.columns import prove
 from fcdm_opt.proof.enclosure import Enclosure
-from fcdm_opt.proof.exclusion import Cells, Scene
+from fcdm_opt.proof.exclusion import Cells, Exclusion
 from fcdm_opt.tolerances import DEFAULT
 
 T, R, S = fo.Translation, fo.Rotation, fo.Screw
@@ -63,7 +63,7 @@ def test_the_pose_of_every_motion_of_a_cell_is_enclosed(name, size):
     one, two = pair(rng)
     motion = MOTIONS[name]
     task = Task.of(fo.Problem(one, two, target=(1.1, 0.9), motion=motion, goal="touch"))
-    scene, cells = Scene(task), random_cells(rng, len(motion.parameters), 40, size)
+    scene, cells = Exclusion(task), random_cells(rng, len(motion.parameters), 40, size)
     T_ = scene.poses(cells)
     for _ in range(5):
         y = inside(rng, cells)
@@ -78,7 +78,7 @@ def test_errors_of_enclosures_fall_with_the_square_of_the_size():
     rng = np.random.default_rng(5)
     one, two = pair(rng)
     for motion in (MOTIONS["screw of the seeds"], MOTIONS["free"], MOTIONS["screw about a line"]):
-        scene = Scene(Task.of(fo.Problem(one, two, target=(1.0, 1.0), motion=motion, goal="touch")))
+        scene = Exclusion(Task.of(fo.Problem(one, two, target=(1.0, 1.0), motion=motion, goal="touch")))
         cells, k = random_cells(rng, len(motion.parameters), 20, 1e-2), len(motion.parameters)
         centre = (cells.low + cells.high) / 2, cells.stretch.mean(axis=1, keepdims=True)
         finer = Cells(

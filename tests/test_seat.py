@@ -16,7 +16,7 @@ from fcdm_opt.curve.flush import dimension, flush_contacts
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.certificate import Certificate, verify
-from fcdm_opt.judge.claimed_contact import extent
+from fcdm_opt.judge.claimed_contact import extents
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -650,5 +650,5 @@ def test_the_judge_measures_what_is_shared(name):
     orders: list[Callable[[Any], Any]] = [lambda own: own, lambda own: own[::-1]]
     for order in orders:
         for first, second in ((one, two), (two, one)):
-            found = extent(moved(order(first), T), moved(second, T), T[:3, 2])
+            found = extents(*(own[None] for own in (moved(order(first), T), moved(second, T), T[:3, 2])))[0].tolist()
             assert found == pytest.approx((length, width), abs=1e-8)

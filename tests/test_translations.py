@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from strategies import generators, runs
 
 import fcdm_opt as fo
-from fcdm_opt.stages import translations
+from fcdm_opt.stages import linear
 
 AXES = "xyz"
 
@@ -118,11 +118,41 @@ def test_a_clearance_round_a_corner_is_a_distance():
     solution = fo.solve(asked)
     assert solution.usable
     # from (0.2, 0.3), the way between the edges, straight on to distance 1
-    assert solution.amount == pytest.approx(1.0 - np.hypot(0.2, 0.3), abs=1e-6)
+    assert solution.amount == pytest.approx(1.0 - np.hypot(0.2, 0.3), abs=1e-9)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-8)
+    assert solution.stage.startswith("1: translations")
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_clearance_of_hulls_is_exact(number):
+    """The least way out of what is nearer than the clearance to the hull of all differences, by directions from it.
+
+    Of bodies that are apart the way goes straight on from the nearest point: what is missing is what the shift is.
+    """
+    rng = np.random.default_rng(number)
+    one, two = rng.normal(size=(2, 20, 3))
+    two = two + np.array([4.0, 1.0, 2.0])
+    asked = fo.Problem(
+        fo.Body.convex(one),
+        fo.Body.convex(two),
+        target=(1.0, 1.0),
+        goal="clear",
+        clearance=3.0,
+        motion=fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"),
+    )
+    solution = fo.solve(asked)
+    planes = ConvexHull((two[:, None] - one[None]).reshape(-1, 3)).equations
+    system = np.vstack([-planes[:, :3].T, planes[:, 3]])
+    residual = np.append(np.zeros(3), 1.0) - system @ nnls(system, np.array([0.0, 0.0, 0.0, 1.0]))[0]
+    distance = np.linalg.norm(residual[:3] / residual[3])
+    assert 0.1 < distance < 3.0
+    assert solution.usable
+    assert solution.amount == pytest.approx(3.0 - distance, abs=1e-8)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-8)
 
 
 def test_too_many_ways_are_left_to_the_program(monkeypatch):
-    monkeypatch.setattr(translations, "MOST_WAYS", 3)
+    monkeypatch.setattr(linear, "MOST_WAYS", 3)
     post, other = corners((0.5, -9, 0.2), (9, 9, 9)), corners((0.5, 9, 0.2), (9, 10, 9))
     asked = fo.Problem(
         fo.Body.convex(corners((-1, -1, -1), (1, 1, 1))),

@@ -196,16 +196,10 @@ def _off_common_planes(x: Array, y: Array, n: Array) -> Array:
     return np.asarray(np.ptp(heights[..., 0], axis=1))
 
 
-def extent(x: Array, y: Array, n: Array) -> tuple[float, float]:
-    """Return length and width of what two segments or convex polygons of one plane share, seen along its normal."""
-    length, width = extents(x[None], y[None], n[None])[0].tolist()
-    return length, width
-
-
 def extents(x: Array, y: Array, n: Array) -> Array:
     """Return length and width, (k, 2), of what two segments or convex polygons share, each time seen along a normal.
 
-    Its corners are the corners of either that the other holds, and where their sides cross.
+    What they share is bounded by what each has of the other's sides.
 
     Parameters
     ----------
@@ -219,53 +213,46 @@ def extents(x: Array, y: Array, n: Array) -> Array:
     across /= np.linalg.norm(across, axis=1)[:, None]
     axes = np.stack([across, np.cross(n, across)], axis=2)
     x, y = x @ axes, y @ axes
-    sides = [np.roll(own, -1, axis=1) - own for own in (x, y)]
-    lengths = [np.linalg.norm(own, axis=2) for own in sides]
-    one, two = sides[0][:, :, None], sides[1][:, None]
-    cross = _crossed(one, two)
-    parallel = ~(np.abs(cross) > DEFAULT.tie * lengths[0][:, :, None] * lengths[1][:, None])  # these cross nowhere
-    cross[parallel] = np.nan
-    between = y[:, None] - x[:, :, None]
-    s, t = _crossed(between, two) / cross, _crossed(between, one) / cross
-    slack = DEFAULT.touch * np.minimum(lengths[0].max(axis=1), lengths[1].max(axis=1))[:, None]
-    held = _outside(y, x) <= slack, _outside(x, y) <= slack
-    meet = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    crossings = (x[:, :, None] + s[..., None] * one).reshape(len(x), -1, 2)
-    known = np.concatenate([*held, meet.reshape(len(x), -1)], axis=1)
-    points = np.concatenate([x, y, crossings], axis=1)
+    sizes = [np.linalg.norm(np.roll(own, -1, axis=1) - own, axis=2).max(axis=1) for own in (x, y)]
+    slack = DEFAULT.touch * np.minimum(*sizes)
+    points, known = (np.concatenate(own, axis=1) for own in zip(_cut(x, y, slack), _cut(y, x, slack), strict=True))
     points = np.where(known[..., None], points, points[np.arange(len(x)), known.argmax(axis=1)][:, None])
-    used = known.any(axis=0)
-    points = points[:, used]
-    shared = np.zeros((len(x), 2))
-    if not used.any():
-        return shared
-    squares = (points * points).sum(axis=2)
-    far = squares[:, :, None] + squares[:, None] - 2.0 * (points @ points.mT)
+    far = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
     first, second = np.divmod(far.reshape(len(x), -1).argmax(axis=1), points.shape[1])
     rows = np.arange(len(x))
-    longest = points[rows, first] - points[rows, second]
-    length = np.linalg.norm(longest, axis=1)
+    length = far[rows, first, second]
     some = known.any(axis=1) & (length > 0.0)
-    shared[some, 0] = length[some]
-    offsets = _crossed(longest[some, None] / length[some, None, None], points[some] - points[some, :1])
-    shared[some, 1] = np.ptp(offsets, axis=1)
+    along = (points[rows, first] - points[rows, second])[some, None] / length[some, None, None]
+    offsets = _crossed(along, points[some] - points[some, :1])
+    shared = np.zeros((len(x), 2))
+    shared[some] = np.column_stack([length[some], np.ptp(offsets, axis=1)])
     return shared
+
+
+def _cut(x: Array, y: Array, slack: Array) -> tuple[Array, Array]:
+    """Return both ends of what an element has of each side of another, (k, 2 l, 2), and which are ends of something.
+
+    Each side y + t u is cut by the half-planes of the element that it leaves by more than the slack, (k,).
+    """
+    sides = np.roll(x, -1, axis=1) - x
+    outward = np.stack([sides[..., 1], -sides[..., 0]], axis=2)
+    if x.shape[1] == 2:  # a segment: between its ends too
+        outward, starts = np.concatenate([outward, sides], axis=1), np.concatenate([x, x[:, ::-1]], axis=1)
+    else:
+        outward *= np.sign(((x - x.mean(axis=1, keepdims=True)) * outward).sum(axis=2, keepdims=True))
+        starts = x
+    outward /= np.linalg.norm(outward, axis=2, keepdims=True)
+    u = np.roll(y, -1, axis=1) - y
+    room, rate = (starts * outward).sum(axis=2)[:, None] - y @ outward.mT, u @ outward.mT
+    cut = np.minimum(room, room - rate) < -slack[:, None, None]
+    at = room / np.where(rate == 0.0, 1.0, rate)
+    low = np.where(cut & (rate < 0.0), at, 0.0).max(axis=2)
+    high = np.where(cut & (rate > 0.0), at, 1.0).min(axis=2)
+    known = ((high - low) * np.linalg.norm(u, axis=2) >= -slack[:, None]) & ~(cut & (rate == 0.0)).any(axis=2)
+    low, high = np.clip(low, 0.0, 1.0), np.clip(high, 0.0, 1.0)
+    ends = [y + share[..., None] * u for share in (low, high)]
+    return np.concatenate(ends, axis=1), np.tile(known, 2)
 
 
 def _crossed(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
-def _outside(element: Array, points: Array) -> Array:
-    """Return how far points, (k, m, 2), are outside a segment or a convex polygon, (k, l, 2); <= 0 inside."""
-    if element.shape[1] == 2:
-        start, side = element[:, :1], element[:, 1:] - element[:, :1]
-        square = (side * side).sum(axis=2, keepdims=True)
-        t = np.clip(((points - start) * side).sum(axis=2, keepdims=True) / square, 0.0, 1.0)
-        return np.asarray(np.linalg.norm(points - start - t * side, axis=2))
-    sides = np.roll(element, -1, axis=1) - element
-    outward = np.stack([sides[..., 1], -sides[..., 0]], axis=2)
-    outward *= np.sign(((element - element.mean(axis=1, keepdims=True)) * outward).sum(axis=2, keepdims=True))
-    outward /= np.linalg.norm(outward, axis=2, keepdims=True)
-    levels = (element * outward).sum(axis=2)
-    return np.asarray((points @ outward.mT - levels[:, None]).max(axis=2))

@@ -14,14 +14,14 @@ far as one likes. A motion leaves the fit in one of two ways.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.problem.fit import REST, holds
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -35,91 +35,66 @@ LEFT = 0.1
 
 def inside_fit(solution: Solution) -> Solution:
     """Return a judged solution, with status OUTSIDE_FIT where its motion leaves the fit; refused ones as they are."""
-    left = solution.usable and leaves_fit(solution)
+    problem, T = solution.problem, solution.transform
+    convex = len(problem.movable.parts) == len(problem.static.parts) == 1  # then neither holds the other
+    if not solution.usable or T is None or convex or not solution.amount > 0.0:
+        return solution
+    left = (_goes_through(problem, solution.pair, T) or _comes_off(problem, solution.pair, T)) and holds(problem)
     return replace(solution, status=Status.OUTSIDE_FIT) if left else solution
 
 
-def leaves_fit(solution: Solution) -> bool:
-    """Tell whether a solution's motion leaves the fit in which the parts are drawn."""
-    if not solution.status.found or solution.transform is None or not solution.amount > 0.0:
-        return False
-    motion, problem = _Motion(solution), solution.problem
-    if len(problem.movable.parts) == len(problem.static.parts) == 1:
-        return False  # of two convex bodies neither holds the other
-    return (motion.goes_through or motion.comes_off) and holds(problem)
-
-
-# ----------------------------------------------------------------------------------------------------------- the motion
-
-
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """A motion, and the parts as drawn (nominal sizes, at rest) and as made (target sizes, after it)."""
-
-    solution: Solution
-
-    @property
-    def problem(self) -> Problem:
-        return self.solution.problem
-
-    @property
-    def transform(self) -> Array:
-        assert self.solution.transform is not None
-        return self.solution.transform
-
-    @property
-    def goes_through(self) -> bool:
-        """Whether a part that bars the way as drawn lies behind after the motion."""
-        problem, solution = self.problem, self.solution
-        drawn, made = (relative_pose(problem.movable, problem.static, pose) for pose in (REST, self.transform))
-        slack = DEFAULT.side * problem.size
-        for one, two, way in self._on_the_way():
-            length = float(np.linalg.norm(way))
-            before = _barred(one, two, drawn, problem.nominal_pair, way / length, slack)
-            if before is not None and 0.0 < sum(before) / 2.0 < length:
-                after = _barred(one, two, made, solution.pair, way / length, slack)
-                if after is not None and sum(after) < 0.0:
-                    return True
-        return False
-
-    def _on_the_way(self) -> Iterator[tuple[ConvexPart, ConvexPart, Array]]:
-        """Yield the part pairs whose boxes meet on the motion, with the displacement of the first part's centre.
-
-        Against the other's, which moves as its size changes.
-        """
-        problem, T, sizes = self.problem, self.transform, np.array([self.problem.nominal_pair, self.solution.pair])
-        obstacles = [np.vstack([_placed(two, rho) for rho in sizes[:, 1]]) for two in problem.static.parts]
-        low, high = (np.array([end(points, axis=0) for points in obstacles]) for end in (np.min, np.max))
-        for one in problem.movable.parts:
-            rest = np.vstack([_placed(one, rho) for rho in sizes[:, 0]])
-            end = rest @ T[:3, :3].T + T[:3, 3]
-            way = (end - rest).mean(axis=0)
-            if not np.linalg.norm(way) > DEFAULT.side * problem.size:
-                continue
-            swept = np.vstack([rest, end])
-            for j in np.nonzero(((low < swept.max(axis=0)) & (high > swept.min(axis=0))).all(axis=1))[0]:
-                two = problem.static.parts[j]
-                past = way - (_placed(two, sizes[1, 1]) - _placed(two, sizes[0, 1])).mean(axis=0)
-                if np.linalg.norm(past) > DEFAULT.side * problem.size:
-                    yield one, two, past
-
-    @property
-    def comes_off(self) -> bool:
-        """Whether body 1 reaches into the other's hull as drawn, deeper than the sizes change, and then no more."""
-        problem, made = self.problem, self.solution.pair
-        start, others = problem.movable.placed_vertices(made[0], REST), problem.static.placed_vertices(made[1], REST)
-        end = problem.movable.placed_vertices(made[0], self.transform)
-        way = (end - start).mean(axis=0)
+def _goes_through(problem: Problem, pair: Array, T: Array) -> bool:
+    """Tell whether a part that bars the way as drawn lies behind after the motion."""
+    drawn, made = (relative_pose(problem.movable, problem.static, pose) for pose in (REST, T))
+    slack = DEFAULT.side * problem.size
+    for one, two, way in _on_the_way(problem, pair, T):
         length = float(np.linalg.norm(way))
-        if not length > DEFAULT.side * problem.size:
-            return False
-        ahead, nominal = way / length, problem.nominal_pair
-        drawn = [body.placed_vertices(rho, REST) for body, rho in zip(_bodies(problem), nominal, strict=True)]
-        change = sum(float(np.abs((now - was) @ ahead).max()) for now, was in zip((start, others), drawn, strict=True))
-        if not length > GROWTH * change:
-            return False
-        deep = _depth(drawn[0], drawn[1], ahead)
-        return deep > GROWTH * change and _depth(end, others, ahead) <= LEFT * deep
+        before = _barred(one, two, drawn, problem.nominal_pair, way / length, slack)
+        if before is not None and 0.0 < sum(before) / 2.0 < length:
+            after = _barred(one, two, made, pair, way / length, slack)
+            if after is not None and sum(after) < 0.0:
+                return True
+    return False
+
+
+def _on_the_way(problem: Problem, pair: Array, T: Array) -> Iterator[tuple[ConvexPart, ConvexPart, Array]]:
+    """Yield the part pairs whose boxes meet on the motion, with the displacement of the first part's centre.
+
+    Against the other's, which moves as its size changes.
+    """
+    sizes = np.array([problem.nominal_pair, pair])
+    obstacles = [np.vstack([_placed(two, rho) for rho in sizes[:, 1]]) for two in problem.static.parts]
+    low, high = (np.array([end(points, axis=0) for points in obstacles]) for end in (np.min, np.max))
+    for one in problem.movable.parts:
+        rest = np.vstack([_placed(one, rho) for rho in sizes[:, 0]])
+        end = rest @ T[:3, :3].T + T[:3, 3]
+        way = (end - rest).mean(axis=0)
+        if not np.linalg.norm(way) > DEFAULT.side * problem.size:
+            continue
+        swept = np.vstack([rest, end])
+        for j in np.nonzero(((low < swept.max(axis=0)) & (high > swept.min(axis=0))).all(axis=1))[0]:
+            two = problem.static.parts[j]
+            past = way - (_placed(two, sizes[1, 1]) - _placed(two, sizes[0, 1])).mean(axis=0)
+            if np.linalg.norm(past) > DEFAULT.side * problem.size:
+                yield one, two, past
+
+
+def _comes_off(problem: Problem, pair: Array, T: Array) -> bool:
+    """Tell whether body 1 reaches into the other's hull as drawn, deeper than the sizes change, and then no more."""
+    bodies = problem.movable, problem.static
+    start, others = (body.placed_vertices(rho, REST) for body, rho in zip(bodies, pair, strict=True))
+    end = problem.movable.placed_vertices(pair[0], T)
+    way = (end - start).mean(axis=0)
+    length = float(np.linalg.norm(way))
+    if not length > DEFAULT.side * problem.size:
+        return False
+    ahead = way / length
+    drawn = [body.placed_vertices(rho, REST) for body, rho in zip(bodies, problem.nominal_pair, strict=True)]
+    change = sum(float(np.abs((now - was) @ ahead).max()) for now, was in zip((start, others), drawn, strict=True))
+    if not length > GROWTH * change:
+        return False
+    deep = _depth(drawn[0], drawn[1], ahead)
+    return deep > GROWTH * change and _depth(end, others, ahead) <= LEFT * deep
 
 
 def _barred(
@@ -140,10 +115,6 @@ def _barred(
     return (first, last) if first < last else None
 
 
-def _bodies(problem: Problem) -> tuple[Body, Body]:
-    return problem.movable, problem.static
-
-
 def _placed(part: ConvexPart, rho: float) -> Array:
     """Return the corners of a part scaled about the body's seed, at rest, (n, 3)."""
     placed: Array = part.seed + rho * (part.vertices - part.seed)
@@ -161,7 +132,6 @@ def _depth(points: Array, others: Array, ahead: Array) -> float:
     meet = np.hstack([points.T, -others.T, ahead[:, None]])
     sums = np.zeros((2, n + m + 1))
     sums[0, :n] = sums[1, n:-1] = 1.0
-    found = linprog(
-        np.append(np.zeros(n + m), -1.0), A_eq=np.vstack([meet, sums]), b_eq=[0.0, 0.0, 0.0, 1.0, 1.0], method="highs"
-    )
-    return float(found.x[-1]) if found.status == 0 else 0.0
+    furthest, equal = np.append(np.zeros(n + m), -1.0), np.vstack([meet, sums])
+    result = linprog(furthest, A_eq=equal, b_eq=[0.0, 0.0, 0.0, 1.0, 1.0], method="highs")
+    return float(result.x[-1]) if result.status == 0 else 0.0

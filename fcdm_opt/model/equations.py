@@ -11,7 +11,6 @@ and three of the face, E1E2 both ends of each edge. Its `sign` makes the normal 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 from typing import Any
 
@@ -20,6 +19,7 @@ import numpy as np
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, crossed, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.model.templates import template
 from fcdm_opt.motion.motions import Motion
 
 KINDS = (F1V2, V1F2, E1E2)
@@ -116,7 +116,7 @@ def _spans(kind: int, points: Any) -> tuple[Any, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class SymbolicPose:
     """Symbols that all equations share: motion parameters, seeds, and the pose they give.
 
     Attributes
@@ -134,7 +134,7 @@ class Scene:
     transform: Any
 
     @classmethod
-    def of(cls, motion: Motion, q: Any, seeds: Any) -> Scene:
+    def of(cls, motion: Motion, q: Any, seeds: Any) -> SymbolicPose:
         """Return the scene of a motion at parameters `q`."""
         return cls(q, seeds, motion.symbolic(q, seeds[:3], seeds[3:]))
 
@@ -177,14 +177,14 @@ def intersection(one: tuple[Any, ...], two: tuple[Any, ...]) -> tuple[Any, Any]:
 # --------------------------------------------------------------------------------------------- compiled templates
 
 
-def _symbols(motion: Motion) -> tuple[Scene, list[Any], list[str]]:
+def _symbols(motion: Motion) -> tuple[SymbolicPose, list[Any], list[str]]:
     import casadi
 
     q, seeds = casadi.SX.sym("q", len(motion.parameters)), casadi.SX.sym("seeds", 6)
-    return Scene.of(motion, q, seeds), [q, seeds], ["q", "seeds"]
+    return SymbolicPose.of(motion, q, seeds), [q, seeds], ["q", "seeds"]
 
 
-@lru_cache(maxsize=64)
+@template
 def contact_line(motion: Motion, kind: int) -> Any:
     """Return the compiled contact line of a kind of feature pair, equations (i) and (ii).
 
@@ -207,7 +207,7 @@ def contact_line(motion: Motion, kind: int) -> Any:
     )
 
 
-@lru_cache(maxsize=64)
+@template
 def switching_point(motion: Motion, kinds: tuple[int, int]) -> Any:
     """Return the compiled switching point of two kinds of feature pairs, equations (iii) to (v).
 
@@ -230,7 +230,7 @@ def switching_point(motion: Motion, kinds: tuple[int, int]) -> Any:
     )
 
 
-@lru_cache(maxsize=64)
+@template
 def pose(motion: Motion) -> Any:
     """Return the compiled motion: a CasADi function (q, seeds) -> transform, (4, 4), of body 1."""
     import casadi
@@ -239,7 +239,7 @@ def pose(motion: Motion) -> Any:
     return casadi.Function("pose", inputs, [casadi.densify(scene.transform)], names, ["transform"])
 
 
-@lru_cache(maxsize=256)
+@template
 def separating_plane(motion: Motion, counts: tuple[int, int]) -> Any:
     """Return the compiled rows that keep two convex parts apart by a plane between them.
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,11 +29,8 @@ from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
-
-if TYPE_CHECKING:
-    from fcdm_opt.problem.solution import Status
-
 
 Parts = tuple[int, int]
 REMEMBERED = 8  # motions whose gaps are kept
@@ -41,7 +38,7 @@ REMEMBERED = 8  # motions whose gaps are kept
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a stage found.
+    """What a stage or a local search gives; with a motion made by `Task.answer`.
 
     Attributes
     ----------
@@ -58,6 +55,8 @@ class Answer:
         What is in the program that the motion solves, see `Task.modelled`.
     last : bool
         No later stage is to be asked.
+    amount : float
+        Of the motion; infinite without.
     """
 
     status: Status
@@ -67,6 +66,13 @@ class Answer:
     active: tuple[str, ...] = ()
     modelled: dict[str, int] | None = None
     last: bool = False
+    amount: float = math.inf
+
+    @property
+    def motion(self) -> Array:
+        """The motion parameters of an answer that has some."""
+        assert self.q is not None
+        return self.q
 
     @property
     def settles(self) -> bool:
@@ -122,8 +128,6 @@ class Task:
         What is made least; "displacement" of `made_vertices`.
     resolution : (k,) array or None
         Steps of the machine, 0 where a parameter has none.
-    seconds : dict
-        Time spent on "build", the compiling of templates, on the way.
     """
 
     movable: Body
@@ -146,7 +150,6 @@ class Task:
     besides: tuple[FeaturePoints, ...] = ()
     amount_kind: str | OwnAmount = "weighted"
     resolution: Array | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
@@ -190,10 +193,19 @@ class Task:
             problem.resolution,
         )
 
-    @property
-    def building(self) -> float:
-        """Time spent on compiling templates so far, seconds."""
-        return self.seconds.get("build", 0.0)
+    def answer(
+        self,
+        q: Array,
+        stage: str = "",
+        lower_bound: float = 0.0,
+        active: tuple[str, ...] = (),
+        modelled: dict[str, int] | None = None,
+        *,
+        status: Status = Status.SOLVED,
+    ) -> Answer:
+        """Return a motion as an answer, with its amount, which the lower bound passes by rounding at most."""
+        amount = self.amount(q)
+        return Answer(status, q, stage, min(lower_bound, amount), active, modelled, amount=amount)
 
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
         """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
@@ -227,11 +239,6 @@ class Task:
             for part, scale in keep_out.obstacles
         ]
         return (*contact, *others)
-
-    @property
-    def bare(self) -> Task:
-        """The same task without the keep-outs' clearances: what it needs, this one does too."""
-        return replace(self, keep_out=tuple(replace(own, clearance=0.0) for own in self.keep_out))
 
     @cached_property
     def needs(self) -> Array:
@@ -300,14 +307,13 @@ class Task:
         return self.modelled(kept, variables=len(q), constraints=len(kept), features=features)
 
     def _near(self, q: Array) -> list[Parts]:
-        gaps, pose, found = self.pair_gaps(q), self.pose(q), list[Parts]()
+        gaps, pose, near = self.pair_gaps(q), self.pose(q), list[Parts]()
         for columns, packed in self._groups:
             opponent = self.opponents[columns.start]
-            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            bounds = kernels.pair_bounds(*self.movable.packed, *packed, here, rho)
+            bounds = kernels.pair_bounds(*self.movable.packed, *packed, *self._against(opponent, pose))
             enough = max(float(gaps[:, columns].min()), opponent.need) + DEFAULT.requirement * self.size
-            found += [(i, columns.start + j) for i, j in np.argwhere(bounds <= enough).tolist()]
-        return found
+            near += [(i, columns.start + j) for i, j in np.argwhere(bounds <= enough).tolist()]
+        return near
 
     @cached_property
     def features(self) -> int:
@@ -398,16 +404,21 @@ class Task:
         """Return the pose relative to the static body that the kernels take."""
         return relative_pose(self.movable, self.static, self.transform(q))
 
-    def _pose_to(self, opponent: Opponent, pose: Array) -> Array:
-        """Return a pose relative to an opponent: the offset leads to its own seed."""
-        if opponent.part.seed is self.static.seed:
-            return pose
-        return np.append(pose[:9], pose[9:] + opponent.part.seed - self.static.seed)
+    def _against(self, opponent: Opponent, pose: Array) -> tuple[Array, Array]:
+        """Return a pose relative to an opponent, the offset leading to its own seed, and the scales made of both."""
+        if opponent.part.seed is not self.static.seed:
+            pose = np.append(pose[:9], pose[9:] + opponent.part.seed - self.static.seed)
+        return pose, np.array([self.target[0], opponent.scale])
 
     @property
     def start(self) -> Array:
         """The allowed motion nearest to none."""
         return np.clip(self.rest, self.limits[:, 0], self.limits[:, 1])
+
+    @property
+    def met_at_rest(self) -> bool:
+        """Whether there is nothing to do."""
+        return self.allows(self.rest) and self.meets(self.rest, DEFAULT.line)
 
     def allows(self, q: Array) -> bool:
         """Tell whether a motion lies within the limits."""
@@ -419,9 +430,9 @@ class Task:
         `pose` is relative to the static body, see `pose`.
         """
         one, opponent = self.movable.parts[parts[0]], self.opponents[parts[1]]
-        pose = self._pose_to(opponent, pose)
+        pose, rho = self._against(opponent, pose)
         sites, rows = kernels.facet_rows(*one.packed, *opponent.part.packed, pose)
-        return sites, rows, rows[:, 5] - rows[:, 3] * self.target[0] - rows[:, 4] * opponent.scale
+        return sites, rows, rows[:, 5] - rows[:, 3] * rho[0] - rows[:, 4] * rho[1]
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
         """Return the signed gap of every part pair at the scales made, (parts of 1, opponents).
@@ -439,9 +450,8 @@ class Task:
         gaps = gaps.copy()
         for (i, j), normal in (normals or {}).items():
             one, opponent = self.movable.parts[i], self.opponents[j]
-            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            n = normal / np.linalg.norm(normal)
-            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, here, rho, n))
+            seen, n = self._against(opponent, pose), normal / np.linalg.norm(normal)
+            gaps[i, j] = max(gaps[i, j], kernels.separation(*one.packed, *opponent.part.packed, *seen, n))
         return gaps
 
     @cached_property
@@ -453,8 +463,8 @@ class Task:
         gaps = np.empty((len(self.movable.parts), len(self.opponents)))
         for columns, packed in self._groups:
             opponent = self.opponents[columns.start]
-            here, rho = self._pose_to(opponent, pose), np.array([self.target[0], opponent.scale])
-            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, here, rho, opponent.need)
+            seen = self._against(opponent, pose)
+            gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, opponent.need)
         return gaps
 
     @cached_property

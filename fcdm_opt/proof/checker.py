@@ -141,7 +141,7 @@ class Obstacle:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class TrackedCrossing:
     """What the tracked scale pair follows from: `kinds` and `given` numbers, as `conditions.crossing` takes them.
 
     Where a vertex touches an edge, `beside` are the normals of the faces beside the edge, else empty.
@@ -178,7 +178,7 @@ class _Examiner:
         return tuple(made), len(lines)
 
     @cached_property
-    def crossing(self) -> Crossing | None:
+    def crossing(self) -> TrackedCrossing | None:
         """What the tracked scale pair follows from; None for one line.
 
         Two features of a part pair that share an edge of one part and a vertex of the other meet where this vertex
@@ -198,9 +198,11 @@ class _Examiner:
                 corner = Interval(parts[1 - own].vertices[shared[1 - own][0]]) - bodies[1 - own].seed
                 points = (ends[0], corner) if own == 0 else (corner, ends[0])
                 sides = [set(shared[own]) <= set(loop) for loop in parts[own].loops]
-                return Crossing((own,), [*given, *_numbers(ends[1] - ends[0], *points)], parts[own].normals[sides])
+                return TrackedCrossing(
+                    (own,), [*given, *_numbers(ends[1] - ends[0], *points)], parts[own].normals[sides]
+                )
         given += [x for feature in (one, two) for x in _numbers(*self._feature(feature))]
-        return Crossing((one.kind, two.kind), given, np.empty((0, 3)))
+        return TrackedCrossing((one.kind, two.kind), given, np.empty((0, 3)))
 
     def _feature(self, feature: FeaturePoints) -> tuple[Interval, Interval, Interval, Interval]:
         """Return (u, w, x, y) of a feature: its direction, not of unit length, and a point of each body."""
@@ -434,7 +436,7 @@ class _Examiner:
                 margin[here] = _flat(np.maximum(low, -high), len(here))
         return margin
 
-    def _off_edge(self, poses: Poses, crossing: Crossing) -> Array:
+    def _off_edge(self, poses: Poses, crossing: TrackedCrossing) -> Array:
         """Return a margin by which the vertex that touches an edge is off its line at the target pair.
 
         Across the edge, along the normal of a face beside it or what is near that and at right angles.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
-from fcdm_opt.proof.exclusion import Cells, Scene
+from fcdm_opt.proof.exclusion import Cells, Exclusion
 from fcdm_opt.tolerances import DEFAULT
 
 Bools = NDArray[np.bool_]
@@ -173,7 +173,7 @@ def prove(
         Whether the evidence is to be what its checker knows; else clearances are proved by swollen parts.
     """
     search_ = _Search(task, upper, search)
-    scene, record = Scene(task, upper, swollen=not checked), Record()
+    scene, record = Exclusion(task, upper, swollen=not checked), Record()
     columns, total = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0), 0
     for _ in range(TURNS):
         looked = 0
@@ -242,7 +242,7 @@ class _Search:
         return True
 
 
-def _close_beyond(scene: Scene, columns: Columns, record: Record) -> None:
+def _close_beyond(scene: Exclusion, columns: Columns, record: Record) -> None:
     """Close the columns whose fronts have passed the limits: the stretch beyond may be one for which nothing does."""
     rows = np.flatnonzero(~columns.closed & (columns.front > 0.0))
     if not len(rows):
@@ -254,7 +254,7 @@ def _close_beyond(scene: Scene, columns: Columns, record: Record) -> None:
     columns.closed[rows[closing]] = True
 
 
-def _advance(scene: Scene, columns: Columns, record: Record, rows: Ints, enough: float) -> int:
+def _advance(scene: Exclusion, columns: Columns, record: Record, rows: Ints, enough: float) -> int:
     """Move the fronts of some columns outwards, or split them, or try shorter stretches next; count the cells."""
     tries, front = len(REACHES), columns.front[rows]
     last = np.full(len(rows), np.inf)

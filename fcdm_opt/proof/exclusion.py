@@ -71,7 +71,7 @@ class Cells:
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class Polyhedron:
     """A convex polyhedron as the tests take it: vertices about an origin, face normals and levels, edges."""
 
     vertices: Array
@@ -80,7 +80,7 @@ class Solid:
     edges: Ints
 
     @classmethod
-    def of(cls, part: ConvexPart, vertices: Array) -> Solid:
+    def of(cls, part: ConvexPart, vertices: Array) -> Polyhedron:
         """Return a part whose vertices have been scaled and shifted."""
         levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
         return cls(np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges))
@@ -113,7 +113,7 @@ def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
     return Body.convex(points, seed=np.zeros(3), name="swollen").parts[0]
 
 
-class Scene:
+class Exclusion:
     """A task in the terms of the tests: everything about the seeds, body 1 moving.
 
     With `swollen`, opponents that ask for a clearance are larger by as much, and nothing may overlap them: no witness
@@ -177,13 +177,13 @@ class Scene:
         return row
 
     @cached_property
-    def movable(self) -> list[Solid]:
+    def movable(self) -> list[Polyhedron]:
         """The movable parts at the scale made."""
         task = self.task
-        return [Solid.of(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
+        return [Polyhedron.of(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
 
     @cached_property
-    def opponents(self) -> list[Solid]:
+    def opponents(self) -> list[Polyhedron]:
         """The opponents as placed, about s_2."""
         made = []
         for own in self.task.opponents:
@@ -192,7 +192,7 @@ class Scene:
             if self.swollen and own.need > 0.0:
                 part = _swollen(part, placed, own.need)
                 placed = part.vertices
-            made.append(Solid.of(part, placed))
+            made.append(Polyhedron.of(part, placed))
         return made
 
     @cached_property
@@ -308,7 +308,7 @@ class Scene:
         return np.array(turns[0].centre if centre is None else centre), np.array(turns[0].direction)
 
     @property
-    def _partners(self) -> tuple[list[Solid], list[Solid]]:
+    def _partners(self) -> tuple[list[Polyhedron], list[Polyhedron]]:
         return self.movable, self.opponents[: len(self.task.static.parts)]
 
     def amounts(self, cells: Cells, T: Array) -> Array:
@@ -398,7 +398,7 @@ class Scene:
     def pair(self) -> tuple[Array | Ints, ...]:
         """The two parts of convex bodies at scale 1, about their seeds."""
         bodies = (self.task.movable, self.task.static)
-        one, two = (Solid.of(body.parts[0], body.parts[0].vertices - body.seed).arrays for body in bodies)
+        one, two = (Polyhedron.of(body.parts[0], body.parts[0].vertices - body.seed).arrays for body in bodies)
         return (*one, *two)
 
     def _pairs(self, T: Array, codes: Ints, witness: Array) -> None:

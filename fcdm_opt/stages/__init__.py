@@ -1,15 +1,15 @@
 """How motions are found: each stage answers a task, or says that the task is not its own.
 
-models           already met; one translation; one parameter; the nonlinear program
-shift, seat      contacts brought to the target pair while nothing tilts
-translations     several translations: best first over the ways apart
+order            all stages in their order, and the rule that the first to settle a task answers it
+linear           motions in which all that is asked is linear: contacts brought to the target pair; translations
 turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`)
 ways_apart       descent over all ways in which part pairs may come apart
 direction_search tracked contacts direction by direction
 program          the nonlinear program; `relaxation` grows it by what its solutions violate, `sequential` solves it for
                  other amounts
-rays             first contact along a ray by safe steps (`steady`: of second order)
+rays             one parameter: first contact along a ray by safe steps (`steady`: of second order)
+models           the nonlinear program from many starts
 branching        branch and bound, see `proof`
 full             everything in one program: the yardstick
 another_amount   other amounts than the weighted one

@@ -12,7 +12,7 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.stages.relaxation import Found, Relaxation, choices
+from fcdm_opt.stages.relaxation import Relaxation, choices
 from fcdm_opt.tolerances import DEFAULT
 
 LEAST_SHARE = 1e-2  # of the largest weight, for parameters that an amount ignores near rest
@@ -51,27 +51,25 @@ def another_amount(task: Task, weighted: Answer) -> Answer:
         return replace(weighted, lower_bound=bound)
     if not weighted.q.any() and task.amount(task.rest) == 0.0:
         return weighted
-    best = Found(weighted.q, task.amount(weighted.q), weighted.active, weighted.modelled or {})
+    best = task.answer(weighted.q, active=weighted.active, modelled=weighted.modelled)
     least, direct = displacement_bound(task), _direct(task)
     for q in direct:
         if task.amount(q) < best.amount and task.meets(q, DEFAULT.requirement):
-            best = Found(q, task.amount(q), ("the nearest points",), weighted.modelled or {})
+            best = task.answer(q, active=("the nearest points",), modelled=weighted.modelled)
     best = _improved(task, best, [*direct, task.start], least)
     word = "displacement" if task.amount_kind == "displacement" else "the amount given"
-    status = weighted.status if not best.q.any() else Status.SOLVED
-    bound = min(least, best.amount)  # the two differ by rounding at most
-    return Answer(
-        status, best.q, f"{weighted.stage}; then 4: nonlinear program, {word}", bound, best.active, best.modelled
-    )
+    status = weighted.status if not best.motion.any() else Status.SOLVED
+    stage = f"{weighted.stage}; then 4: nonlinear program, {word}"
+    return replace(best, status=status, stage=stage, lower_bound=min(least, best.amount))  # but for rounding
 
 
-def _improved(task: Task, best: Found, starts: list[Array], least: float) -> Found:
+def _improved(task: Task, best: Answer, starts: list[Array], least: float) -> Answer:
     """Return the least motion that the nonlinear program finds with the features at the best so far, and those at rest.
 
     Parameters
     ----------
     task : Task
-    best : Found
+    best : Answer
     starts : list of (k,) arrays
         Motions to start from besides the best.
     least : float
@@ -83,16 +81,16 @@ def _improved(task: Task, best: Found, starts: list[Array], least: float) -> Fou
         for relaxation in relaxations:
             if best.amount <= least * (1.0 + DEFAULT.nominal):
                 return
-            found = relaxation.smallest([best.q, *starts], "slsqp")
+            found = relaxation.smallest([best.motion, *starts], "slsqp")
             if found is None and further:
-                found = relaxation.smallest([best.q], further)
+                found = relaxation.smallest([best.motion], further)
             if found is not None and found.amount < best.amount * (1.0 - DEFAULT.nominal):  # whole turns change nothing
                 best = found
 
-    beside = [np.clip(best.q + s * x, *task.limits.T) for x in np.diag(task.steps) for s in (1.0, -1.0)]
+    beside = [np.clip(best.motion + s * x, *task.limits.T) for x in np.diag(task.steps) for s in (1.0, -1.0)]
     for turn in range(ROUNDS):
         before = best.amount
-        tried(choices(task, best.q, near=True), starts if turn == 0 else [], "sqpmethod")
+        tried(choices(task, best.motion, near=True), starts if turn == 0 else [], "sqpmethod")
         if turn == 0:
             promising = sorted(choices(task, task.start), key=lambda choice: choice.promise)
             tried(promising[:FIRST_CHOICES], [*starts, *(beside if len(beside) <= MOST_BESIDE else [])])

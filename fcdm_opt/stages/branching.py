@@ -23,8 +23,9 @@ from fcdm_opt.proof.columns import farthest, prove
 from fcdm_opt.stages import direction_search, ways_apart
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
-from fcdm_opt.stages.relaxation import Found, choices
-from fcdm_opt.stages.translations import bound_below, translations
+from fcdm_opt.stages.linear import translations
+from fcdm_opt.stages.rays import ON_THE_WAY
+from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.turns import least_over_turns
 from fcdm_opt.tolerances import DEFAULT
 
@@ -56,8 +57,8 @@ def branch_and_bound(task: Task) -> Answer | None:
     """Find the least motion with one or two parameters, or prove that there is none; of three only the latter."""
     if len(task.weights) > MOST_PARAMETERS:
         return _denied(task)
-    if task.allows(task.rest) and task.meets(task.rest, DEFAULT.line):
-        return Answer(Status.ALREADY_SATISFIED, task.rest, STAGE, modelled=task.modelled())
+    if task.met_at_rest:
+        return task.answer(task.rest, STAGE, modelled=task.modelled(), status=Status.ALREADY_SATISFIED)
     answer = bounded(task, Answer(Status.NOT_FOUND, None, STAGE), aims=[(FINE_GAP, PROVING)])[0]
     if answer.q is not None or (answer.lower_bound < farthest(task) and not direction_search.nothing(task)):
         return answer
@@ -119,9 +120,6 @@ def proved(
         return answer, None  # without a motion; cells show it where they have shown it
     if answer.q is not None and not answer.q.any():
         return answer, None
-    if answer.q is not None and task.motion.shifts and task.weighted and not task.tracked and task.needs.max() > 0.0:
-        amount = _amount(task, answer)
-        answer = replace(answer, lower_bound=max(answer.lower_bound, min(bound_below(task, amount), amount)))
     if answer.q is not None and _closed(task, answer, FINE_GAP):
         few = len(task.weights) <= MOST_PARAMETERS or task.tested_vertices * CELLS[MOST_CHECKED] <= CONFIRMING
         if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price
@@ -179,11 +177,8 @@ def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
     for start in starts if answer.q is None else (answer.q, *starts):
         found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
         if found is not None and found.amount < best * (1.0 - GAINED) - slack:
-            bound = min(answer.lower_bound, found.amount)
-            answer, best = (
-                Answer(Status.SOLVED, found.q, STAGE_APART, bound, found.active, found.modelled),
-                found.amount,
-            )
+            best = found.amount
+            answer = replace(found, stage=STAGE_APART, lower_bound=min(answer.lower_bound, best))
     return answer
 
 
@@ -203,7 +198,7 @@ def _unturned(task: Task) -> list[Array]:
             q[~turning] = least.q
             return [q]
     found = ways_apart.descended(still, task.start, LARGE * task.size)
-    return [] if found is None else [found.q]
+    return [] if found is None else [found.motion]
 
 
 def _beside(task: Task, q: Array) -> list[Array]:
@@ -235,7 +230,7 @@ def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: f
     if found.q is not None and found.upper < amount * (1.0 - DEFAULT.nominal):
         better = near(task, found.q)
         if better is not None and better.amount < amount:
-            answer = Answer(Status.SOLVED, better.q, TURNED, found.lower, better.active, better.modelled)
+            answer = replace(better, stage=TURNED, lower_bound=found.lower)
     bound = max(found.lower, answer.lower_bound)
     answer = replace(answer, lower_bound=min(bound, _amount(task, answer)))
     return answer, _closed(task, answer, gap)
@@ -273,7 +268,7 @@ def bounded(
         As of `prove`.
     """
     known, upper = answer.q, _amount(task, answer)
-    better: Found | None = None
+    better: Answer | None = None
 
     def search(q: Array) -> Array | None:
         nonlocal better
@@ -296,7 +291,7 @@ def bounded(
     if task.weighted and bound > np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)):
         bound = np.inf  # the limits allow no motion as large
     if proof.q is not None and better is not None:
-        answer = Answer(Status.SOLVED, better.q, STAGE, 0.0, better.active, better.modelled)
+        answer = replace(better, stage=STAGE, lower_bound=0.0)
     elif answer.q is None and not np.isfinite(bound) and answer.status is Status.NOT_FOUND:
         answer = replace(answer, status=Status.INFEASIBLE, stage=STAGE)
     kept = proof.evidence if task.weighted and len(task.weights) <= MOST_CHECKED else None
@@ -309,7 +304,7 @@ def _most(task: Task, effort: float, share: float = 1.0) -> int:
     return int(np.clip(share * effort / task.tested_vertices, FEWEST, share * most))
 
 
-def near(task: Task, q: Array) -> Found | None:
+def near(task: Task, q: Array) -> Answer | None:
     """Return the least motion that a local search from a motion finds.
 
     It is to beat motions that meet the requirement exactly, so what it gains may not come from the slack.
@@ -321,10 +316,10 @@ def near(task: Task, q: Array) -> Found | None:
                 return found
         return None
     better = [relaxation.smallest([q], "sqpmethod") for relaxation in choices(task, q, near=True)]
-    done = [found for found in better if found is not None and task.meets(found.q, DEFAULT.cut)]
+    done = [found for found in better if found is not None and task.meets(found.motion, DEFAULT.cut)]
     for nudge in NUDGES:
         at = np.clip(q * (1.0 + nudge), *task.limits.T)
         if task.meets(at, DEFAULT.cut):
-            done.append(Found(at, task.amount(at), ("the nearest contact on the way",), task.modelled_by_gaps(at)))
+            done.append(task.answer(at, active=ON_THE_WAY, modelled=task.modelled_by_gaps(at)))
             break
     return min(done, key=lambda own: own.amount, default=None)

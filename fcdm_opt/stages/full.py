@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,8 +20,9 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
-from fcdm_opt.model.equations import OWNERS, FeaturePoints, Scene, intersection
+from fcdm_opt.model.equations import OWNERS, FeaturePoints, SymbolicPose, intersection
 from fcdm_opt.model.task import Answer, Parts, Task
+from fcdm_opt.model.templates import timed
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
@@ -254,7 +254,6 @@ class _Program:
         import casadi
 
         task = self.task
-        begin = perf_counter()
         nlp: dict[str, Any] = {
             "x": casadi.vertcat(*self.symbols),
             "f": self.objective,
@@ -274,8 +273,8 @@ class _Program:
             "ipopt.max_iter": 500,
             "ipopt.max_wall_time": PATIENCE,
         }
-        solver = casadi.nlpsol("everything", "ipopt", nlp, options)
-        task.seconds["build"] = task.seconds.get("build", 0.0) + perf_counter() - begin
+        with timed():
+            solver = casadi.nlpsol("everything", "ipopt", nlp, options)
         low, high = np.vstack(self.limits).T
         lower, upper = (np.concatenate([bounds[k] for bounds in self.ranges] or [np.empty(0)]) for k in (0, 1))
         result = solver(x0=np.concatenate(self.starts), lbx=low, ubx=high, lbg=lower, ubg=upper)
@@ -292,7 +291,7 @@ class _Moved(NamedTuple):
 
     z: Any
     s: Any
-    scene: Scene
+    scene: SymbolicPose
     pair: Any
     static_seed: Array
 
@@ -303,7 +302,7 @@ class _Moved(NamedTuple):
 
         z, s = casadi.SX.sym("z", len(task.weights)), casadi.SX.sym("s")
         seeds = casadi.DM(np.concatenate([task.movable.seed, task.static.seed]))
-        scene = Scene.of(task.motion, s * (task.steps * z), seeds)
+        scene = SymbolicPose.of(task.motion, s * (task.steps * z), seeds)
         lines = [scene.line(feature.kind, feature.values) for feature in task.tracked]
         pair: Any = casadi.DM(task.target)
         if len(lines) == 2:

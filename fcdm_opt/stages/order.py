@@ -3,28 +3,71 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+from fcdm_opt.errors import InputError
 from fcdm_opt.model.task import Answer, Task
-from fcdm_opt.stages import models
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages.branching import branch_and_bound, least_apart
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.stages.direction_search import least_direction
 from fcdm_opt.stages.full import full
-from fcdm_opt.stages.shift import shift
-from fcdm_opt.stages.translations import translations
+from fcdm_opt.stages.linear import shift, straight, translations
+from fcdm_opt.stages.models import nonlinear
+from fcdm_opt.stages.rays import one_parameter
 from fcdm_opt.stages.turns import turns
 
+
+def satisfied(task: Task) -> Answer | None:
+    """Stage 0: nothing to do."""
+    if not task.met_at_rest:
+        return None
+    status = Status.ALREADY_SATISFIED
+    return task.answer(task.rest, "0: met without motion", modelled=task.modelled(), status=status)
+
+
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
-    "satisfied": models.satisfied,
+    "satisfied": satisfied,
+    # linear in the motion: closed forms and least distances
     "shift": shift,
-    "straight": models.straight,
+    "straight": straight,
     "translations": translations,
-    "one parameter": models.one_parameter,
+    # marching to the first contact
+    "one parameter": one_parameter,
+    # translations exact, rotations searched
     "rotations": turns,
+    # local searches
     "descent": descent,
     "ways apart": least_apart,
     "directions": least_direction,
+    # everywhere
     "branch and bound": branch_and_bound,
-    "nlp": models.nonlinear,
+    # whatever else there is
+    "nlp": nonlinear,
     "full": full,  # the yardstick: "auto" does not take it
 }
+"""Each answers a `Task`, or returns None where the task is not its own."""
+
+
+def settled(task: Task, model: str = "auto") -> Answer:
+    """Return the answer of the first stage that settles a task, or of the one that is forced.
+
+    Where none settles it, the last that answers at all, with the best bound.
+
+    Raises
+    ------
+    InputError
+        Where the stage that is forced does not take the task.
+    """
+    last: Answer | None = None
+    for name in [name for name in STAGES if name != "full"] if model == "auto" else [model]:
+        answer = STAGES[name](task)
+        if answer is None:
+            continue
+        last = answer if last is None else replace(answer, lower_bound=max(answer.lower_bound, last.lower_bound))
+        if answer.settles:
+            return answer
+    if last is None:
+        allowed = '"auto", or "nlp" for any problem'
+        raise InputError("this stage does not settle the problem", key="model", found=model, allowed=allowed)
+    return last

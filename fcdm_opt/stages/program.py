@@ -10,17 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from time import perf_counter
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.flush import Overlap
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.model.equations import FeaturePoints, Scene, intersection
+from fcdm_opt.model.equations import FeaturePoints, SymbolicPose, intersection
 from fcdm_opt.model.seats import independent, tilts
 from fcdm_opt.model.task import Task
+from fcdm_opt.model.templates import template
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.tolerances import DEFAULT
@@ -156,16 +156,16 @@ class _Symbols:
     frames: tuple[Any, ...]
 
     @cached_property
-    def end(self) -> Scene:
+    def end(self) -> SymbolicPose:
         """The scene after the whole motion."""
-        return Scene.of(self.motion, self.q, self.seeds)
+        return SymbolicPose.of(self.motion, self.q, self.seeds)
 
     @cached_property
     def end_pair(self) -> Any:
         """The tracked scale pair after the whole motion."""
         return self.tracked_pair(self.end, 1.0)
 
-    def tracked_pair(self, scene: Scene, s: Any) -> Any:
+    def tracked_pair(self, scene: SymbolicPose, s: Any) -> Any:
         """Return the tracked scale pair: both lines' intersection, or one line's point nearest the straight path."""
         lines = [scene.line(kind, values) for kind, values in self.tracked]
         if len(lines) == 2:
@@ -208,7 +208,7 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
         point = symbols.end.scaled(symbols.target[0], values[3:6]) - symbols.seeds[3:]
         return casadi.dot(values[:3], point - values[6:])
     s, feature = values[0], values[1:14]
-    scene = Scene.of(symbols.motion, s * symbols.q, symbols.seeds)
+    scene = SymbolicPose.of(symbols.motion, s * symbols.q, symbols.seeds)
     a, b, c, n = scene.line(detail[0], feature)
     if name == "line":
         rho = symbols.tracked_pair(scene, s)
@@ -220,12 +220,12 @@ def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
     return height / values[17]
 
 
-@lru_cache(maxsize=512)
+@template
 def _compiled(
     motion: Motion,
     kinds: tuple[int, ...],
     blocks: int,
-    templates: tuple[tuple[Any, ...], ...],
+    forms: tuple[tuple[Any, ...], ...],
     sizes: tuple[int, ...],
     method: str,
     amount: str | OwnAmount = "weighted",
@@ -243,7 +243,7 @@ def _compiled(
     frames = tuple(casadi.SX.sym(f"frame_{m}", 3, 3) for m in range(blocks))
     values = [casadi.SX.sym(f"row_{m}", size) for m, size in enumerate(sizes)]
     symbols = _Symbols(motion, step * z, seeds, unit, nominal, target, tracked, planes, frames)
-    rows = [_template(symbols, template, value) for template, value in zip(templates, values, strict=True)]
+    rows = [_template(symbols, form, value) for form, value in zip(forms, values, strict=True)]
     points, largest = casadi.SX.sym("points", 3, vertices), casadi.SX.sym("largest", min(vertices, 1))
     objective = casadi.sumsqr(weight * z)
     if isinstance(amount, OwnAmount):
@@ -322,7 +322,6 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
     method : "sqpmethod" or "ipopt"
         CasADi plugin.
     """
-    start_of_build = perf_counter()
     points = task.made_vertices if task.amount_kind == "displacement" else np.empty((0, 3))
     solver = _compiled(
         task.motion,
@@ -334,7 +333,6 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
         task.amount_kind,
         len(points),
     )
-    task.seconds["build"] = task.seconds.get("build", 0.0) + perf_counter() - start_of_build
     step, weight = task.steps, task.steps * task.weights
     frames = [_frame(plane[:3]) for plane in planes]
     parameters = np.concatenate(

@@ -17,15 +17,17 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.bounds import search_rate
-from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.model.bounds import displacement_bound, search_rate
+from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.motions import Free, Step, Translation
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import steady
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
+ON_THE_WAY = ("the nearest contact on the way",)
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
 
@@ -42,6 +44,49 @@ class FirstContact(NamedTuple):
 
     amount: float
     clear_to: float
+
+
+# ------------------------------------------------------------------------------------------------------ one parameter
+
+
+def one_parameter(task: Task) -> Answer | None:
+    """Stage 2 for "touch" and "clear" along one parameter: safe steps both ways to the first contact, then its root."""
+    if task.tracked or len(task.weights) != 1:
+        return None
+    answer = _one_way(task, True) if is_steady(task, np.ones(1)) else None
+    return answer or _one_way(task, False)
+
+
+def _one_way(task: Task, steady: bool) -> Answer | None:
+    """Return the answer by steps of second order, or by plain ones; None where they prove and find nothing."""
+    if not steady and task.needs.max() > 0:
+        return None
+    stage = "2: one parameter, safe steps to the first contact"
+    ways = [sign / task.weights for sign in (1.0, -1.0)]
+    ends = [reach(task, way) for way in ways]
+    # limits may exclude rest: then one way starts at the nearer limit, and the other ends before it begins
+    starts = [max(0.0, task.weights[0] * x) for x in (task.limits[0, 0], -task.limits[0, 1])]
+    for sense, start, end in zip(ways, starts, ends, strict=True):
+        if 0 < start <= end and task.meets(start * sense, DEFAULT.line):
+            q = start * sense
+            return task.answer(q, stage, start, ("a limit",), task.modelled_by_gaps(q))
+    amount, nearer, clear = np.inf, 0, [0.0, 0.0]
+    for k in (0, 1) if not steady or leads_nearer(task, ways[0]) else (1, 0):
+        contact = first_contact(task, ways[k], min(ends[k], amount), starts[k], plain=not steady)
+        clear[k] = np.inf if contact.clear_to >= ends[k] else contact.clear_to
+        amount, nearer = min((amount, nearer), (contact.amount, k))
+    if not np.isfinite(amount):  # proved where both ways are clear to their ends
+        if min(clear) < np.inf and (task.keep_out or task.need > 0 or steady):
+            return None
+        return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
+    bound = max(min(clear), 0.0 if steady else displacement_bound(task))
+    q = amount * ways[nearer]
+    if steady and not task.meets(q, DEFAULT.requirement):
+        return None
+    near = task.pair_gaps(q) - task.needs <= DEFAULT.requirement * task.size
+    others = [parts for parts in np.ndindex(near.shape) if near[parts] and task.opponents[parts[1]].keep_out >= 0]
+    stops = tuple(dict.fromkeys(map(task.named, others)))
+    return task.answer(q, stage, bound, stops or ON_THE_WAY, task.modelled_by_gaps(q))
 
 
 # ------------------------------------------------------------------------------------------------------ first contact

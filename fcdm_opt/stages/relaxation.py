@@ -12,7 +12,7 @@ from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_rate
 from fcdm_opt.model.equations import feature_points
-from fcdm_opt.model.task import Opponent, Parts, Task
+from fcdm_opt.model.task import Answer, Opponent, Parts, Task
 from fcdm_opt.stages import program, rays, sequential
 from fcdm_opt.stages.program import Outcome, Row
 from fcdm_opt.tolerances import DEFAULT
@@ -25,16 +25,6 @@ ALTERNATIVES = 4  # directions tried for a pair that comes up on the way
 KEPT = 6  # starts of the first round that later rounds keep
 KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
 HELD = 3  # vertices of either part that a new separating plane holds at once
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """A motion that meets everything: parameters, amount, what is active, what was modelled."""
-
-    q: Array
-    amount: float
-    active: tuple[str, ...]
-    modelled: dict[str, int]
 
 
 @dataclass(eq=False)
@@ -71,7 +61,7 @@ class Relaxation:
         if self.task.tracked:
             self._rows += program.goal_rows(self.task)
 
-    def smallest(self, starts: list[Array], method: str, enough: float = np.inf) -> Found | None:
+    def smallest(self, starts: list[Array], method: str, enough: float = np.inf) -> Answer | None:
         """Return the smallest motion, adding what solutions violate; None if there is none.
 
         Parameters
@@ -99,7 +89,7 @@ class Relaxation:
         if self._incoherent or not task.meets(q, DEFAULT.requirement, normals, path=False):
             return None
         active = tuple(dict.fromkeys(self._rows[k].name for k in outcome.active))
-        return Found(q, task.amount(q), active, self._modelled)
+        return task.answer(q, active=active, modelled=self._modelled)
 
     def _solved(self, starts: list[Array], method: str) -> Outcome | None:
         """Return the least feasible outcome over the starts."""

@@ -53,7 +53,7 @@ def _own_amount(amount: OwnAmount, count: int) -> Any:
     return casadi.Function("amount", [q], [casadi.densify(casadi.horzcat(value, casadi.jacobian(value, q)))])
 
 
-class _Program:
+class _Sequence:
     """Amount and rows as SLSQP asks for them; variables z = q / steps, planes, and a bound of displacements."""
 
     def __init__(self, task: Task, rows: Sequence[Row], planes: Array) -> None:
@@ -155,7 +155,7 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array) -> Ou
     """Solve the program of `program.minimise` from one start."""
     from scipy.optimize import minimize
 
-    own, k, blocks = _Program(task, rows, planes), len(task.weights), len(planes)
+    own, k, blocks = _Sequence(task, rows, planes), len(task.weights), len(planes)
     largest = [float(own.ways(start / own.step)[0].max())] if own.displaced else []
     tilted = np.column_stack([np.zeros((blocks, 2)), planes[:, 3]]).ravel()
     x = np.concatenate([start / own.step, tilted, largest])
@@ -178,7 +178,7 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array) -> Ou
         return _outcome(own, made)
 
 
-def _outcome(own: _Program, x: Array) -> Outcome:
+def _outcome(own: _Sequence, x: Array) -> Outcome:
     """Return a solution, brought onto its rows."""
     task, k = own.task, own.count
     x = np.clip(x, np.append(task.limits[:, 0] / own.step, np.full(len(x) - k, -np.inf)),

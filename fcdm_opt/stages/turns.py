@@ -75,7 +75,7 @@ def least_over_turns(
     steps = _steps(task)
     if steps is None:
         return None
-    return _Search(task, steps).least(upper, gap, seconds, int(share * MOST_CELLS))
+    return _TurnSearch(task, steps).least(upper, gap, seconds, int(share * MOST_CELLS))
 
 
 def turns(task: Task) -> Answer | None:
@@ -83,7 +83,7 @@ def turns(task: Task) -> Answer | None:
     steps = _steps(task)
     if steps is None or len(steps.rotations) > 1:
         return None
-    search = _Search(task, steps)
+    search = _TurnSearch(task, steps)
     if not search.plain:
         return None
     bound = search.least(None, FINE, SHORT)
@@ -122,7 +122,7 @@ def _steps(task: Task) -> Steps | None:
     return Steps(places[0], places[1], directions, axes, vector)
 
 
-class _Search:
+class _TurnSearch:
     """The scene as the kernels take it, and the loop over generations of cells.
 
     `plain`: the smallest translation for fixed rotations is known exactly, so that cells give motions too.

@@ -17,9 +17,8 @@ import numpy as np
 from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.bounds import search_rate
-from fcdm_opt.model.task import Parts, Task
+from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.stages import compiled
-from fcdm_opt.stages.relaxation import Found
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 40  # linearisations, at most
@@ -72,7 +71,7 @@ def suits(task: Task) -> bool:
     return not task.tracked and task.weighted and task.goal in ("touch", "clear")
 
 
-def descended(task: Task, q: Array, radius: float) -> Found | None:
+def descended(task: Task, q: Array, radius: float) -> Answer | None:
     """Return the least motion that a descent from a motion finds; None where it finds none.
 
     Parameters
@@ -113,7 +112,7 @@ def descended(task: Task, q: Array, radius: float) -> Found | None:
     q = np.clip(best / weights, *task.limits.T)
     near = np.argwhere(task.pair_gaps(q) - task.needs <= DEFAULT.requirement * task.size).tolist()
     names = tuple(dict.fromkeys(f"{task.named((i, j))} stays apart" for i, j in near))
-    return Found(q, task.amount(q), names, task.modelled_by_gaps(q))
+    return task.answer(q, active=names, modelled=task.modelled_by_gaps(q))
 
 
 def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:

@@ -21,10 +21,11 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.judge.certificate import verify
+from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.solver import reported, solve
+from fcdm_opt.solver import solve
 from fcdm_opt.stages.full import modelled_in_full
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.method import Ask, Failure, Method, MotionAnswer, anything, one_by_one

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain, pairwise
 from time import perf_counter
@@ -19,11 +19,12 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.judge.engagement import inside_fit
+from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Status
-from fcdm_opt.solver import STAGES, reported, solve
+from fcdm_opt.solver import solve
 from fcdm_opt.stages.branching import near
+from fcdm_opt.stages.order import STAGES
 from fcdm_opt.tolerances import DEFAULT
 
 QUICK = ("satisfied", "shift", "straight", "one parameter", "rotations", "descent", "translations")  # dearest last
@@ -108,7 +109,7 @@ def _near_by(task: Task, wanted: Wanted) -> Answer | None:
         descended = near(task, np.array(hint))
         if descended is not None and descended.amount < least:
             least = descended.amount
-            best = Answer(Status.SOLVED, descended.q, CONTINUED, 0.0, descended.active, descended.modelled)
+            best = replace(descended, stage=CONTINUED)
     return best
 
 

@@ -160,7 +160,7 @@ def check_proof(
         flaw = flaw or ("" if len(low) == len(evidence.first) - 1 else "not one set of witnesses for each cell")
     checks.append(Check("proof: cells", not flaw, float(bool(flaw)), 0.0, flaw or f"{len(low)} fill the limits"))
     if not flaw:
-        judge = _Examiner(worst, evidence)
+        judge = _PoseExaminer(worst, evidence)
         slack = DEFAULT.touch * scene.size
         margin = judge.margin(low, high, lower_bound, slack, amounts)
         checks.append(Check("proof: bounds", bool(margin >= -slack), margin, -slack, "of the least sure cell"))
@@ -188,7 +188,7 @@ def _flaw(scene: Scene, own: PoseEvidence) -> str:
     return "" if among else "a witness speaks of sizes that are not among those asked about"
 
 
-class _Examiner:
+class _PoseExaminer:
     """What the witnesses of cells are worth, worked out anew."""
 
     def __init__(self, worst: Worst, evidence: PoseEvidence) -> None:

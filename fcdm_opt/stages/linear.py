@@ -1,0 +1,406 @@
+"""Stage 1: motions in which everything that is asked is linear. While nothing tilts, contact lines and separations are.
+
+"shift" is for the goals that bring tracked contacts to the target pair: a least squares problem. "straight" and
+"translations" are for "touch" and "clear". The separation of a part pair along each of its facet directions is linear
+in the parameters then, and the pair is apart where one of them is positive. Along one translation each pair overlaps in
+an interval. Along several this is a branching over half-spaces, best first, with a least distance problem in each node:
+the first node in which no pair overlaps is the smallest motion of all; where none is left, there is no motion. What a
+clearance forbids is convex too: polytopes within it grow where a motion comes too near.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import count, product
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import E1E2
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.model.seats import Bools, held
+from fcdm_opt.model.task import Answer, Parts, Task
+from fcdm_opt.motion.motions import Screw
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.stages import compiled
+from fcdm_opt.stages.rays import ON_THE_WAY
+from fcdm_opt.stages.relaxation import choices
+from fcdm_opt.tolerances import DEFAULT
+
+MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
+# Nodes looked at, and directions of one of several pairs, before the task is left to stage 4. A single pair is done
+# after one node for any number of directions: they are tried the nearest first.
+MOST_NODES, MOST_WAYS = 2000, 200
+MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
+SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
+NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
+
+
+# ----------------------------------------------------------------------------------------------------- tracked contacts
+
+
+def shift(task: Task) -> Answer | None:
+    """Stage 1 for "at" and "seat": the least motion that brings all lines to the target pair, in closed form.
+
+    Exact where each line's gap at the target pair is linear in the parameters: for translations, and for turns about
+    the one normal of all lines, which change none. The least solution is a lower bound for all motions, and the answer
+    where it meets everything else; where there is no other solution, no motion does. Nor does any where faces that must
+    stay flush cannot all lie on one another at the target pair: a motion that keeps them aligned changes each gap by
+    n . t, t the displacement of the seed, so two walls that face each other stay as far apart as they are.
+    """
+    if task.goal not in ("at", "seat"):
+        return None
+    stage, slack = "1: contact lines linear in the motion", DEFAULT.touch * task.size
+    normals, gaps = task.face_gaps
+    if len(gaps) and np.abs(normals @ _least_square(normals, gaps) - gaps).max() > slack:
+        return _impossible("1: no place fits all flush contacts at the target pair")
+    excludes_zero = (task.limits[:, 0] > 0) | (task.limits[:, 1] < 0)
+    if task.coherent and excludes_zero[held(task.seats, task.motion, task.movable, task.static)].any():
+        return _impossible("1: the limits ask for a turn that opens a flush contact")
+    normals, gaps = task.line_gaps(task.rest)
+    moving = (task.limits != 0).any(axis=1)
+    if moving.sum() > MOST_PARAMETERS or not _linear(task, normals, moving):
+        return None
+    changes = task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
+    rates = np.where(moving, normals @ (changes @ np.append(task.movable.seed, 1.0))[:, :3].T, 0.0)
+    rates[np.abs(rates) <= DEFAULT.tie] = 0.0
+    candidates = list(_candidates(task, rates, gaps, moving))
+    if min((miss for miss, _ in candidates), default=np.inf) > slack:
+        return _impossible(stage)
+    q = min((q for miss, q in candidates if miss <= DEFAULT.cut * task.size), key=task.amount, default=None)
+    if q is None:
+        return None
+    if task.meets(q, DEFAULT.requirement):
+        at_limit = bool(((q == task.limits[:, 0]) | (q == task.limits[:, 1]))[moving].any())
+        active = ("a limit",) if at_limit else ("the tracked contact at the target pair",)
+        kept = [line.parts for line in (*task.tracked, *task.besides)]
+        counts = task.modelled(kept, variables=int(moving.sum()), constraints=len(kept), features=len(kept))
+        return task.answer(q, stage, np.inf, active, counts)
+    if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
+        return None  # there are others, larger
+    left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
+    return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, stage, np.inf)
+
+
+def _linear(task: Task, normals: Array, moving: Bools) -> bool:
+    """Tell whether every line's gap is linear in the parameters that may move."""
+    steps = [step for step in task.motion.steps for _ in step.own_parameters]
+    if any(not step.bounded and some for step, some in zip(steps, moving, strict=True)):
+        return False  # of the user's own: anything
+    turning = moving & task.spins.any(axis=1)
+    along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
+    if turning.any() and not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.besides))):
+        return False
+    between = any(isinstance(step, Screw) and step.axis == "seeds" and moving[k] for k, step in enumerate(steps))
+    return not between or moving.sum() == 1  # its axis follows what the others do
+
+
+def _candidates(task: Task, rates: Array, gaps: Array, moving: Bools) -> Iterator[tuple[float, Array]]:
+    """Yield (miss, q) for the least q in each choice of parameters held at a limit, where it keeps the other limits.
+
+    The least q of all is among those with no miss: it is the least of its own choice.
+    """
+    low, high = task.limits.T
+    room = DEFAULT.line * task.size / task.weights
+    choices = [
+        [None, *(x for x in {a: None, b: None} if np.isfinite(x))] if some else [0.0]
+        for a, b, some in zip(low.tolist(), high.tolist(), moving, strict=True)
+    ]
+    for choice in sorted(product(*choices), key=lambda choice: sum(x is not None for x in choice)):
+        free = np.array([x is None for x in choice])
+        q = np.array([x or 0.0 for x in choice])
+        q[free] = _least_square(rates[:, free] / task.weights[free], gaps - rates @ q) / task.weights[free]
+        if (q >= low - room).all() and (q <= high + room).all():
+            q = np.clip(q, low, high)
+            miss = float(np.abs(rates @ q - gaps).max())
+            yield miss, q
+            if not moving[~free].any() and miss <= DEFAULT.cut * task.size:
+                return
+
+
+def _least_square(rows: Array, values: Array) -> Array:
+    """Return the smallest of the vectors that come nearest to rows . x = values."""
+    return np.asarray(np.linalg.lstsq(rows, values, rcond=DEFAULT.nominal)[0])
+
+
+def _impossible(stage: str) -> Answer:
+    return Answer(Status.INFEASIBLE, None, stage, np.inf)
+
+
+# ------------------------------------------------------------------------------------------------------ one translation
+
+
+def straight(task: Task) -> Answer | None:
+    """Stage 1 for "touch" and "clear" along one translation: exact, and smallest by construction.
+
+    Directions and supports do not change, so each part pair overlaps in an open interval of the parameter and touches
+    at its ends; one that slides by flush touches all along and never overlaps. Where a clearance forbids the motion
+    that undoes all overlaps, the task is left to others: the distance of corners is not linear.
+    """
+    if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
+        return None
+    slack, along = DEFAULT.line * task.size, _shifts(task)[0]
+    met: dict[Parts, tuple[float, float]] = {}
+    blocked: dict[Parts, tuple[float, float]] = {}
+    for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
+        _, rows, separations = task.separations(parts, task.pose(task.rest))
+        rates = rows[:, :3] @ along
+        level = np.abs(rates) <= DEFAULT.tie
+        beside, closing = separations[level].max(initial=-np.inf), rates[~level]
+        at = separations[~level] / closing
+        low, high = at[closing > 0].max(initial=-np.inf), at[closing < 0].min(initial=np.inf)
+        if beside <= slack and low <= high + slack:
+            met[parts] = low, high
+            if beside < -slack and low < high - slack:
+                blocked[parts] = low, high
+    others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
+    places = np.clip([0.0, *(end for ends in met.values() for end in ends)], *task.limits[0]).tolist()
+    if task.must_touch:
+        touching = [met[parts] for parts in met.keys() - others]
+        places = [x for x in places if any(a - slack <= x <= b + slack for a, b in touching)]
+    stage, stop = "1: one translation, intervals of overlap", set[Parts]()
+    for least in sorted(places, key=abs):
+        in_the_way = {parts for parts, (a, b) in blocked.items() if a + slack < least < b - slack}
+        if not in_the_way:
+            break
+        stop |= in_the_way if in_the_way <= others else set()
+    else:
+        return _impossible(stage)
+    q = np.array([least])
+    if task.needs.max() > 0 and not task.meets(q, DEFAULT.line):
+        return None
+    stop |= {parts for parts in others if np.abs(np.array(met[parts]) - least).min() <= slack}
+    names = tuple(dict.fromkeys(task.named(parts) for parts in sorted(stop)))
+    near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
+    return task.answer(q, stage, np.inf, names or ON_THE_WAY, task.modelled_by_gaps(q, near))
+
+
+# ------------------------------------------------------------------------------------------------- several translations
+
+
+class Wall(NamedTuple):
+    """Half-spaces normals . x <= levels of the scaled parameters x, in each of which a part pair is apart as asked.
+
+    `lengths` are their distances from zero, increasing.
+    """
+
+    normals: Array
+    levels: Array
+    lengths: Array
+
+    @classmethod
+    def of(cls, normals: Array, levels: Array) -> Wall:
+        """Return half-spaces with the nearest first."""
+        lengths = np.maximum(-levels / np.sqrt(np.einsum("ij,ij->i", normals, normals)), 0.0)
+        order = np.argsort(lengths, kind="stable")
+        return cls(normals[order], levels[order], lengths[order])
+
+
+class Fork(NamedTuple):
+    """The half-spaces of a wall from `first` on, `many` to be tried next among the x with G x >= h."""
+
+    G: Array
+    h: Array
+    wall: Wall
+    pairs: tuple[Parts, ...]
+    first: int = 0
+    many: int = 1
+
+
+def translations(task: Task) -> Answer | None:
+    """Find the smallest shift that undoes all overlaps, keeps clearances, and touches where that is asked; exact.
+
+    The shifts that bring two parts nearer than a clearance fill their Minkowski difference and what is nearer to it:
+    a convex set. A polytope within it forbids no more than it does, the difference itself to begin with. Where the
+    least shift outside all polytopes still brings parts too near, the point of the set's border ahead of it joins the
+    polytope, and it is sought anew.
+    """
+    if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
+        return None
+    walls, closings, shifts = _walls(task), _closings(task), _shifts(task)
+    if task.part_pairs > 1 and max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
+        return None
+    stage, polytopes, curved = "1: translations, best first over the ways apart", dict[Parts, Array](), False
+    for _ in range(SHARPENED):
+        least = _least(task, walls, closings)
+        if least is None:
+            return None
+        x, pairs, rows = least
+        if x is None:
+            return _impossible(stage)
+        q = x * task.size / task.weights
+        ahead = _too_near(task, q, shifts)
+        curved = curved or bool(ahead.keys() & polytopes)  # not at a facet moved out, where all is exact
+        for parts, place in ahead.items():
+            points = _nearer(task, parts) if parts not in polytopes else polytopes[parts]
+            wall = None if points is None else _outside(task, np.vstack([points, place]), shifts)
+            if points is None or wall is None:
+                return None
+            polytopes[parts], walls[parts] = np.vstack([points, place]), wall
+        if not ahead:
+            break
+    q = np.clip(q, *task.limits.T)
+    if not task.meets(q, DEFAULT.requirement):
+        return None
+    names = tuple(dict.fromkeys(task.named(parts) for parts in pairs))
+    closing = {parts: len(levels) for parts, _, levels in closings if parts is not None}
+    ways = [max(len(walls[parts].levels) if parts in walls else 0, closing.get(parts, 0)) for parts in pairs]
+    counts = task.modelled(pairs, variables=len(q), constraints=rows, features=sum(ways))
+    best = task.answer(q, stage, np.inf, names, counts)
+    for relaxation in choices(task, q, near=True) if curved else ():  # the amount is exact; where it is, not as much
+        polished = relaxation.smallest([q], "sqpmethod")
+        if polished is not None and polished.amount <= best.lower_bound * (1.0 + DEFAULT.nominal):
+            amount = polished.amount
+            best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))
+    return best
+
+
+def _too_near(task: Task, q: Array, shifts: Array) -> dict[Parts, Array]:
+    """Return for each part pair that is nearer than its clearance the shift ahead at which it is not."""
+    gaps, ahead = task.pair_gaps(q), dict[Parts, Array]()
+    slack = min(DEFAULT.nominal * task.unit, DEFAULT.cut * task.size)
+    for i, j in np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist():
+        if (gap := gaps[i, j]) > 0.0:
+            way = task.way_between((i, j), q)
+            gap = task.pair_gaps(q, {(i, j): way})[i, j]
+        else:
+            _, rows, separations = task.separations((i, j), task.pose(q))
+            way = rows[separations.argmax(), :3]
+        if (miss := task.needs[j] - gap) > slack:
+            ahead[i, j] = q @ shifts - miss * way / np.linalg.norm(way)
+    return ahead
+
+
+def _nearer(task: Task, parts: Parts) -> Array | None:
+    """Return shifts that bring two parts just as near as they may be: facets and corners moved out, (n, 3).
+
+    None where the parts are too large.
+    """
+    from scipy.spatial import ConvexHull
+
+    one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
+    if len(one.vertices) * len(opponent.part.vertices) > MOST_DIFFERENCES:
+        return None
+    moved = task.movable.seed + task.target[0] * (one.vertices - task.movable.seed)
+    other = opponent.part.seed + opponent.scale * (opponent.part.vertices - opponent.part.seed)
+    differences = (other[:, None] - moved[None]).reshape(-1, 3)
+    hull = ConvexHull(differences)
+    outward, middles = hull.equations[:, :3], np.zeros_like(differences)
+    np.add.at(middles, hull.simplices, outward[:, None])  # within a corner's normal cone
+    middles[hull.vertices] /= np.linalg.norm(middles[hull.vertices], axis=1)[:, None]
+    facets = differences[hull.simplices] + opponent.need * outward[:, None]
+    return np.vstack([facets.reshape(-1, 3), (differences + opponent.need * middles)[hull.vertices]])
+
+
+def _outside(task: Task, points: Array, shifts: Array) -> Wall | None:
+    """Return the half-spaces outside the hull of points, (n, 3); None where no shift of the task crosses it."""
+    from scipy.spatial import ConvexHull
+
+    planes = ConvexHull(points).equations
+    lines = -planes[:, :3] @ shifts.T / task.weights
+    flat = np.linalg.norm(lines, axis=1) <= DEFAULT.tie
+    if (planes[flat, 3] >= -DEFAULT.cut * task.size).any():
+        return None
+    return Wall.of(lines[~flat], planes[~flat, 3] / task.size)
+
+
+def _walls(task: Task) -> dict[Parts, Wall]:
+    """Return the ways apart, clearances left out, of each part pair that some motion brings in each other's way."""
+    walls = {}
+    for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
+        if np.isfinite(task.needs[parts[1]]):
+            normals, separations = _lines(task, parts)
+            flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
+            if not (separations[flat] >= -DEFAULT.cut).any():
+                walls[parts] = Wall.of(normals[~flat], separations[~flat])
+    return walls
+
+
+def _closings(task: Task) -> list[tuple[Parts | None, Array, Array]]:
+    """Return for each pair that may be the one to touch the half-spaces G x >= h in which it does not stay apart.
+
+    A single pair that overlaps at rest touches as soon as it is not overlapping: it needs none.
+    """
+    if not task.must_touch:
+        return [(None, np.empty((0, len(task.weights))), np.empty(0))]
+    closings: list[tuple[Parts | None, Array, Array]] = []
+    for parts in np.ndindex(len(task.movable.parts), len(task.static.parts)):
+        normals, separations = _lines(task, parts)
+        flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
+        if task.part_pairs == 1 and separations.max() <= 0.0 and task.allows(task.rest):
+            closings.append((parts, normals[:0], separations[:0]))
+        elif (separations[flat] <= DEFAULT.cut).all():
+            closings.append((parts, normals[~flat], separations[~flat]))
+    return closings
+
+
+def _lines(task: Task, parts: Parts) -> tuple[Array, Array]:
+    """Return a pair's directions as rows over the scaled parameters, and separations at rest, in sizes.
+
+    Where there are several pairs each direction once: all ways of one pair are combined with those of the others.
+    """
+    _, rows, separations = task.separations(parts, task.pose(task.rest))
+    lines = np.column_stack([rows[:, :3] @ _shifts(task).T / task.weights, separations / task.size])
+    if task.part_pairs == 1:
+        return lines[:, :-1], lines[:, -1]
+    _, first = np.unique(np.round(lines / DEFAULT.tie), axis=0, return_index=True)
+    return lines[first, :-1], lines[first, -1]
+
+
+def _shifts(task: Task) -> Array:
+    """Return what each parameter shifts, (k, 3)."""
+    return np.array([(task.transform(step) - task.transform(task.rest))[:3, 3] for step in np.eye(len(task.weights))])
+
+
+def _least(
+    task: Task, walls: dict[Parts, Wall], closings: list[tuple[Parts | None, Array, Array]]
+) -> tuple[Array | None, list[Parts], int] | None:
+    """Return the least x that no wall forbids, or None; the pairs that decide, and the rows besides the limits.
+
+    None alone where too many nodes were looked at.
+    """
+    box = _limits(task)
+    number = count()
+    heap: list[tuple[float, int, Fork | tuple[Array, Fork, Array, float]]] = []
+
+    def push(fork: Fork, least: float) -> None:
+        """Add what is left of a fork, all of it at least that far off."""
+        if fork.first < len(fork.wall.lengths):
+            least = max(least, float(fork.wall.lengths[fork.first]))
+            heapq.heappush(heap, (least, next(number), fork))
+
+    everywhere = Wall.of(np.eye(1, len(task.weights)), np.array([1.0 / NOWHERE]))
+    for closing, G, h in closings:
+        sides = np.vstack([box[0], G]), np.concatenate([box[1], h])
+        push(Fork(*sides, everywhere, () if closing is None else (closing,)), 0.0)
+    nodes = 0
+    while heap and nodes < MOST_NODES:
+        length, _, item = heapq.heappop(heap)
+        if isinstance(item, Fork):  # the next half-spaces of a wall
+            some = slice(item.first, item.first + item.many)
+            normals, levels = item.wall.normals[some], item.wall.levels[some]
+            nearest = compiled.least_distance(item.G, item.h, normals, levels)
+            lengths = np.linalg.norm(nearest, axis=1).tolist()
+            for x, far, normal, level in zip(nearest, lengths, normals, levels, strict=True):
+                if far < 1.0 / NOWHERE:  # nan where there is none
+                    heapq.heappush(heap, (far, next(number), (x, item, normal, level)))
+            push(item._replace(first=some.stop, many=2 * item.many), length)
+            continue
+        nodes += 1
+        x, fork, normal, level = item
+        G, h = np.vstack([fork.G, -normal]), np.append(fork.h, -level)
+        gaps = {parts: float((wall.levels - wall.normals @ x).max()) for parts, wall in walls.items()}
+        worst = min(gaps, key=gaps.__getitem__, default=None)
+        if worst is None or gaps[worst] >= -DEFAULT.cut:
+            return x, sorted(set(fork.pairs)), len(h) - len(box[1]) - 1  # of which one forbids nothing
+        push(Fork(G, h, walls[worst], (*fork.pairs, worst)), length)
+    return None if heap else (None, [], 0)
+
+
+def _limits(task: Task) -> tuple[Array, Array]:
+    """Return the limits as half-spaces G x >= h."""
+    G = np.vstack([np.eye(len(task.weights)), -np.eye(len(task.weights))])
+    h = np.concatenate([task.limits[:, 0], -task.limits[:, 1]]) * np.tile(task.weights, 2) / task.size
+    return G[np.isfinite(h)], h[np.isfinite(h)]
