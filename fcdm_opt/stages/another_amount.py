@@ -78,21 +78,19 @@ def _improved(task: Task, best: Found, starts: list[Array], least: float) -> Fou
         Amount that no motion stays below.
     """
 
-    def tried(relaxations: Iterable[Relaxation], starts: list[Array], further: str = "") -> None:
+    def tried(relaxations: Iterable[Relaxation], starts: list[Array]) -> None:
         nonlocal best
         for relaxation in relaxations:
             if best.amount <= least * (1.0 + DEFAULT.nominal):
                 return
-            found = relaxation.smallest([best.q, *starts], "slsqp")
-            if found is None and further:
-                found = relaxation.smallest([best.q], further)
+            found = relaxation.smallest([best.q, *starts], "sqpmethod") or relaxation.smallest([best.q], "ipopt")
             if found is not None and found.amount < best.amount * (1.0 - DEFAULT.nominal):  # whole turns change nothing
                 best = found
 
     beside = [np.clip(best.q + s * x, *task.limits.T) for x in np.diag(task.steps) for s in (1.0, -1.0)]
     for turn in range(ROUNDS):
         before = best.amount
-        tried(choices(task, best.q, near=True), starts if turn == 0 else [], "sqpmethod")
+        tried(choices(task, best.q, near=True), starts if turn == 0 else [])
         if turn == 0:
             promising = sorted(choices(task, task.start), key=lambda choice: choice.promise)
             tried(promising[:FIRST_CHOICES], [*starts, *(beside if len(beside) <= MOST_BESIDE else [])])

@@ -151,7 +151,7 @@ def nonlinear(task: Task) -> Answer:
     best = Found(answer.q, task.amount(answer.q), answer.active, answer.modelled or {})
     starts = [answer.q, *(answer.q + sign * x for x in np.diag(task.steps)[turning] for sign in (1.0, -1.0))]
     for relaxation in choices(task, answer.q, near=True):
-        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "slsqp")) or best
+        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "sqpmethod")) or best
     bound = min(displacement_bound(task), best.amount)
     return Answer(Status.SOLVED, best.q, answer.stage, bound, best.active, best.modelled)
 

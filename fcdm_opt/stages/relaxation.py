@@ -13,7 +13,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_rate
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Opponent, Parts, Task
-from fcdm_opt.stages import program, rays, sequential
+from fcdm_opt.stages import program, rays
 from fcdm_opt.stages.program import Outcome, Row
 from fcdm_opt.tolerances import DEFAULT
 
@@ -78,8 +78,8 @@ class Relaxation:
         ----------
         starts : list of (k,) arrays
             Where each round starts; in later rounds the first few, and the latest solution.
-        method : "sqpmethod", "ipopt" or "slsqp"
-            CasADi plugin, or `sequential`.
+        method : "sqpmethod" or "ipopt"
+            CasADi plugin.
         enough : float
             Give up once the amount is no smaller: more constraints only add to it.
         """
@@ -104,7 +104,8 @@ class Relaxation:
     def _solved(self, starts: list[Array], method: str) -> Outcome | None:
         """Return the least feasible outcome over the starts."""
         planes = np.array(list(self._planes.values())).reshape(-1, 4)
-        outcomes = [self._minimised(start, planes, method) for start in starts]
+        task = self.task
+        outcomes = [program.minimise(task, self._rows, start, planes, method) for start in starts]
         stuck = self.task.tracked and not any(outcome.feasible for outcome in outcomes)
         cornered = any(self.task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
         if self._planes and (stuck or cornered):  # where SQP may find nothing, or stop short of the least
@@ -119,16 +120,11 @@ class Relaxation:
             levels = [self._heights(parts, best.q, normal)[0].max() for parts, normal in pairs]
             lengths = np.linalg.norm(best.normals, axis=1)[:, None]
             planes = np.column_stack([best.normals, np.array(levels) / self.task.unit]) / lengths
-            again = self._minimised(best.q, planes, method)
+            again = program.minimise(task, self._rows, best.q, planes, method)
             if not again.feasible or self.task.amount(again.q) >= self.task.amount(best.q) * (1.0 - DEFAULT.nominal):
                 break
             best = again
         return best
-
-    def _minimised(self, start: Array, planes: Array, method: str) -> Outcome:
-        if method == "slsqp":
-            return sequential.minimise(self.task, self._rows, start, planes)
-        return program.minimise(self.task, self._rows, start, planes, method)
 
     def _grown(self, q: Array, normals: dict[Parts, Array]) -> bool:
         """Add the constraints that a motion violates; tell whether any is new."""
