@@ -159,62 +159,57 @@ def _turn(M, at, x0, x1, x2):
 
 @kernel
 def _line(parts1, parts2, site, sign, flat, out):
-    """Fill `out`, (k + 1, 6), with a feature's (n, a, b, c) and their derivatives; nan where edges are parallel."""
+    """Fill `out`, (k + 1, 6), with a feature's (n, a, b, c) and their derivatives; nan where edges are parallel.
+
+    The direction n is R m, of a face of body 1, c, of one of body 2, or R e x f of edges over its length.
+    """
     kind, i, j = site[0], site[1], site[2]
     reals1, ints1 = _part(parts1, site[3])
     reals2, ints2 = _part(parts2, site[4])
-    count = len(out)
+    m0 = m1 = m2 = e0 = e1 = e2 = f0 = f1 = f2 = c0 = c1 = c2 = 0.0
     if kind == E1E2:
         h, g = ints1[3] + 8 * i, ints2[3] + 8 * j
         v, v2, w, w2 = ints1[h], ints1[h + 1], ints2[g], ints2[g + 1]
+        e0, e1, e2 = reals1[v2, 0] - reals1[v, 0], reals1[v2, 1] - reals1[v, 1], reals1[v2, 2] - reals1[v, 2]
+        f0, f1, f2 = reals2[w2, 0] - reals2[w, 0], reals2[w2, 1] - reals2[w, 1], reals2[w2, 2] - reals2[w, 2]
+        e0, e1, e2 = sign * e0, sign * e1, sign * e2
     elif kind == F1V2:
-        v, w = ints1[ints1[3] + 4 * ints1[ints1[5] + i]], j
-        v2, w2 = v, w
+        v, w, f = ints1[ints1[3] + 4 * ints1[ints1[5] + i]], j, ints1[0] + i
+        m0, m1, m2 = reals1[f, 0], reals1[f, 1], reals1[f, 2]
     else:
-        v, w = i, ints2[ints2[3] + 4 * ints2[ints2[5] + j]]
-        v2, w2 = v, w
-    x0, x1, x2 = reals1[v, 0], reals1[v, 1], reals1[v, 2]
+        v, w, f = i, ints2[ints2[3] + 4 * ints2[ints2[5] + j]], ints2[0] + j
+        c0, c1, c2 = -reals2[f, 0], -reals2[f, 1], -reals2[f, 2]
     w0, w1, z2 = reals2[w, 0], reals2[w, 1], reals2[w, 2]
     d0, d1, d2 = flat[9], flat[10], flat[11]
-    r0, r1, r2 = _turn(flat, 0, x0, x1, x2)
+    r0, r1, r2 = _turn(flat, 0, reals1[v, 0], reals1[v, 1], reals1[v, 2])
+    n0 = n1 = n2 = 0.0
     steep = 1.0
-    if kind == F1V2:
-        f = ints1[0] + i
-        m0, m1, m2 = reals1[f, 0], reals1[f, 1], reals1[f, 2]
-        n0, n1, n2 = _turn(flat, 0, m0, m1, m2)
-        t0 = t1 = t2 = 0.0
-    elif kind == E1E2:
-        m0, m1, m2 = reals1[v2, 0] - x0, reals1[v2, 1] - x1, reals1[v2, 2] - x2
-        t0, t1, t2 = reals2[w2, 0] - w0, reals2[w2, 1] - w1, reals2[w2, 2] - z2
-        e0, e1, e2 = _turn(flat, 0, m0, m1, m2)
-        n0, n1, n2 = sign * (e1 * t2 - e2 * t1), sign * (e2 * t0 - e0 * t2), sign * (e0 * t1 - e1 * t0)
-        steep = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-        n0, n1, n2 = n0 / steep, n1 / steep, n2 / steep
-    else:
-        f = ints2[0] + j
-        n0, n1, n2 = -reals2[f, 0], -reals2[f, 1], -reals2[f, 2]
-        m0 = m1 = m2 = t0 = t1 = t2 = 0.0
-    out[0, 0], out[0, 1], out[0, 2] = n0, n1, n2
-    out[0, 3] = n0 * r0 + n1 * r1 + n2 * r2
-    out[0, 4] = -(n0 * w0 + n1 * w1 + n2 * z2)
-    out[0, 5] = n0 * d0 + n1 * d1 + n2 * d2
-    for m in range(1, count):
+    for m in range(len(out)):
         at = 12 * m
-        s0, s1, s2 = _turn(flat, at, x0, x1, x2)
-        u0 = u1 = u2 = 0.0
-        if kind == F1V2:
+        if kind == E1E2:
+            g0, g1, g2 = _turn(flat, at, e0, e1, e2)
+            u0, u1, u2 = (g1 * f2 - g2 * f1) / steep, (g2 * f0 - g0 * f2) / steep, (g0 * f1 - g1 * f0) / steep
+            if m == 0:
+                steep = math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
+                u0, u1, u2 = u0 / steep, u1 / steep, u2 / steep
+            else:
+                along = n0 * u0 + n1 * u1 + n2 * u2
+                u0, u1, u2 = u0 - along * n0, u1 - along * n1, u2 - along * n2
+        elif m == 0 or kind == F1V2:
             u0, u1, u2 = _turn(flat, at, m0, m1, m2)
-        elif kind == E1E2:
-            e0, e1, e2 = _turn(flat, at, m0, m1, m2)
-            u0 = sign * (e1 * t2 - e2 * t1) / steep
-            u1 = sign * (e2 * t0 - e0 * t2) / steep
-            u2 = sign * (e0 * t1 - e1 * t0) / steep
-            along = n0 * u0 + n1 * u1 + n2 * u2
-            u0, u1, u2 = u0 - along * n0, u1 - along * n1, u2 - along * n2
+            u0, u1, u2 = u0 + c0, u1 + c1, u2 + c2
+        else:
+            u0 = u1 = u2 = 0.0
         out[m, 0], out[m, 1], out[m, 2] = u0, u1, u2
-        out[m, 3] = u0 * r0 + u1 * r1 + u2 * r2 + n0 * s0 + n1 * s1 + n2 * s2
+        out[m, 3] = u0 * r0 + u1 * r1 + u2 * r2
         out[m, 4] = -(u0 * w0 + u1 * w1 + u2 * z2)
-        out[m, 5] = u0 * d0 + u1 * d1 + u2 * d2 + n0 * flat[at + 9] + n1 * flat[at + 10] + n2 * flat[at + 11]
+        out[m, 5] = u0 * d0 + u1 * d1 + u2 * d2
+        if m == 0:
+            n0, n1, n2 = u0, u1, u2
+        else:
+            s0, s1, s2 = _turn(flat, at, reals1[v, 0], reals1[v, 1], reals1[v, 2])
+            out[m, 3] += n0 * s0 + n1 * s1 + n2 * s2
+            out[m, 5] += n0 * flat[at + 9] + n1 * flat[at + 10] + n2 * flat[at + 11]
 
 
 @kernel
