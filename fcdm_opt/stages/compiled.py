@@ -260,15 +260,15 @@ def evaluate(scene, rows, count, only, z, g, G):
     k, target = len(z), pairs[1]
     flat, q = np.empty(12 * (k + 1)), np.empty(k)
     lines, own, rho = np.empty((2, k + 1, 6)), np.empty((k + 1, 6)), np.empty((k + 1, 2))
-    level, way, here = np.empty(k + 1), np.empty(3), -1.0
+    way, here = np.empty(3), -1.0
     for r in range(count):
         if only[r] <= 0.0:
             continue
         kind, s, hand = ints[r, TYPE], reals[r, POSITION], reals[r, HAND]
         if kind == BOUND:
-            G[r] = 0.0
-            m = ints[r, V]
-            g[r], G[r, m] = hand * (z[m] - reals[r, SIGN]), hand
+            for m in range(k):
+                G[r, m] = hand if m == ints[r, V] else 0.0
+            g[r] = hand * (z[ints[r, V]] - reals[r, SIGN])
             continue
         if s != here:
             _place(motion, z, s, q, flat, True)
@@ -278,38 +278,40 @@ def evaluate(scene, rows, count, only, z, g, G):
         n, body, x, y, e = lines[0], ints[r, BODY], 0.0, 0.0, 0.0
         v, w = ints[r, V], ints[r, W]
         one, two = _part(parts1, ints[r, P1])[0], _part(parts2, ints[r, P2])[0]
-        if kind == REACH:
-            level[:] = rho[:, body]
-            level[0] -= target[body]
-        elif kind == ON:
-            level[:] = n[:, 3] * target[0] + n[:, 4] * target[1] - n[:, 5]
-        elif kind == BEHIND:
+        if kind == BEHIND:
             n = lines[ints[r, ONE]]
-            level[:] = n[:, 2 + body]
             if body == 1:
                 x, w = 1.0, 0
             else:
                 y, w, v = 1.0, v, 0
-        else:
+        elif kind in (SIDE, GAP):
             _line(parts1, parts2, ints[r, KIND : P2 + 1], reals[r, SIGN], flat, own)
-            n, level[:] = own, 0.0
-            if kind == SIDE:
-                for m in range(k + 1):
-                    level[m] = own[m, 5] - own[m, 3] * rho[0, 0] - own[m, 4] * rho[0, 1]
-                    if m > 0:
-                        level[m] -= own[0, 3] * rho[m, 0] + own[0, 4] * rho[m, 1]
+            n = own
+            if kind == GAP:
+                x, y, e = target[0], target[1], 1.0
+        for m in range(k + 1):
+            value = 0.0
+            if kind == REACH:
+                value = rho[m, body] - (target[body] if m == 0 else 0.0)
+            elif kind == ON:
+                value = n[m, 3] * target[0] + n[m, 4] * target[1] - n[m, 5]
+            elif kind == SIDE:
+                value = n[m, 5] - n[m, 3] * rho[0, 0] - n[m, 4] * rho[0, 1]
+                value -= n[0, 3] * rho[m, 0] + n[0, 4] * rho[m, 1] if m > 0 else 0.0
             else:
-                level[0], x, y, e = -pairs[2, 0], target[0], target[1], 1.0
-        g[r], G[r] = hand * level[0], hand * level[1:]
-        if kind in (BEHIND, GAP):
-            u = _turn(flat, 0, one[v, 0], one[v, 1], one[v, 2])
-            for c in range(3):
-                way[c] = e * flat[9 + c] - x * u[c] + y * two[w, c]
-                g[r] += hand * n[0, c] * way[c]
-            for m in range(1, k + 1):
+                value = n[m, 2 + body] if kind == BEHIND else -pairs[2, 0] if m == 0 else 0.0
                 u = _turn(flat, 12 * m, one[v, 0], one[v, 1], one[v, 2])
                 for c in range(3):
-                    G[r, m - 1] += hand * (n[m, c] * way[c] + n[0, c] * (e * flat[12 * m + 9 + c] - x * u[c]))
+                    moved = e * flat[12 * m + 9 + c] - x * u[c]
+                    if m == 0:
+                        way[c] = moved + y * two[w, c]
+                    else:
+                        value += n[0, c] * moved
+                    value += n[m, c] * way[c]
+            if m == 0:
+                g[r] = hand * value
+            else:
+                G[r, m - 1] = hand * value
     return True
 
 
@@ -589,6 +591,15 @@ def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
 
 
 @kernel
+def _blend(H, share):
+    """Replace H by a share of it, the rest the unit matrix."""
+    for m in range(len(H)):
+        for n in range(len(H)):
+            H[m, n] = share * H[m, n] if share > 0.0 else 0.0
+        H[m, m] += 1.0 - share
+
+
+@kernel
 def descend(scene, rows, count, steepest, z, duals, enough):
     """Move z to the least vector that keeps the rows, from where it is; return how it ended.
 
@@ -601,7 +612,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
     all_rows, equal = np.ones(count), np.empty(count, np.bool_)
     for c in range(count):
         equal[c] = rows[0][c, EQUAL] > 0
-    H, step, trial = np.empty((k, k)), np.empty(k), np.empty(k)
+    H, step, trial = np.zeros((k, k)), np.empty(k), np.empty(k)
     duals[:count] = 0.0
     if not normalised(scene, rows, count, all_rows, z, g, G, lengths):
         return BROKEN
@@ -610,9 +621,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
         total, most = _violation(g, equal, count)
         idle = 0 if most < 0.8 * least else idle + 1
         least = min(least, most)
-        H[:] = 0.0
-        for m in range(k):
-            H[m, m] = 1.0
+        _blend(H, 0.0)
         curved = turn > 0 and _norm(duals[:count]) > 0.0
         if curved and not _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
             return BROKEN
@@ -620,9 +629,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
         for _ in range(4 if turn > 0 else 0):
             if done:
                 break
-            H *= 0.3  # towards the plain least distance problem
-            for m in range(k):
-                H[m, m] += 0.7
+            _blend(H, 0.3)  # towards the plain least distance problem
             done = newton(H, G, g, equal, count, z, step, duals)
         if not done:
             if idle >= PATIENCE:
