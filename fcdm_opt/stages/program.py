@@ -198,14 +198,14 @@ class _Symbols:
 
     def tracked_pair(self, scene: Scene, s: Any) -> Any:
         """Return the tracked scale pair: both lines' intersection, or one line's point nearest the straight path."""
+        import casadi
+
         lines = [scene.line(kind, values) for kind, values in self.tracked]
         if len(lines) == 2:
             return intersection(*lines)[0]
         a, b, c, _ = lines[0]
         path = self.nominal + s * (self.target - self.nominal)
         excess = (c - a * path[0] - b * path[1]) / (a * a + b * b)
-        import casadi
-
         return path + excess * casadi.vertcat(a, b)
 
 
@@ -217,20 +217,19 @@ def _value(symbols: _Symbols, template: tuple[Any, ...]) -> Any:
     if name.startswith("plane"):
         (body,), tilt, level = detail, symbols.block[:2], symbols.block[2]
         n = casadi.reshape(values[:9], 3, 3) @ casadi.vertcat(1.0, tilt)
-        scene, rho, point, need = symbols.end, target, values[9:12], values[12]
+        scene, rho, point, room = symbols.end, target, values[9:12], values[12] * casadi.sqrt(1.0 + casadi.sumsqr(tilt))
         if name == "plane on the way":
-            scene = Scene.of(symbols.motion, need * symbols.q, symbols.seeds)
-            rho, need = symbols.tracked_pair(scene, need), 0.0
+            scene = Scene.of(symbols.motion, values[12] * symbols.q, symbols.seeds)
+            rho, room = symbols.tracked_pair(scene, values[12]), casadi.SX(0)
             point = point if body == 1 else rho[1] * point
         if body == 1:
             return level - casadi.dot(n, scene.scaled(rho[0], point) - symbols.seeds[3:]) / symbols.unit
-        return casadi.dot(n, point) / symbols.unit - level - need * casadi.sqrt(1.0 + casadi.dot(tilt, tilt))
+        return casadi.dot(n, point) / symbols.unit - level - room
     if name == "common":
-        way = values[12:15] - symbols.unit * symbols.block
+        n, point = values[9:12], values[12:15]
         if detail[0] == 1:
-            way = symbols.end.scaled(target[0], values[12:15]) - symbols.seeds[3:] - symbols.unit * symbols.block
-            return casadi.dot(symbols.end.transform[:3, :3] @ values[9:12], way) / symbols.unit
-        return casadi.dot(values[9:12], way) / symbols.unit
+            n, point = symbols.end.transform[:3, :3] @ n, symbols.end.scaled(target[0], point) - symbols.seeds[3:]
+        return casadi.dot(n, point / symbols.unit - symbols.block)
     if name == "tracked":
         return (symbols.end_pair[detail[0]] - target[detail[0]]) * values[0]
     if name == "on":
@@ -239,6 +238,8 @@ def _value(symbols: _Symbols, template: tuple[Any, ...]) -> Any:
     if name == "target":
         a, b, c, _ = symbols.end.line(detail[0], values)
         return (c - a * target[0] - b * target[1]) / values[13]
+    if name == "displaced":  # the square of a vertex's displacement
+        return casadi.sumsqr((symbols.end.moved(values) - values) / symbols.unit)
     if name == "turned":
         return casadi.dot(values, symbols.q)
     if name == "aligned":
@@ -280,15 +281,7 @@ def _function(motion: Motion, kinds: tuple[int, ...], template: tuple[Any, ...],
 
     symbols = _Symbols(motion, kinds, size)
     given = [symbols.z, symbols.block, symbols.shared, symbols.values]
-    value = _displaced(symbols) if template == ("displaced",) else _value(symbols, template)
-    return casadi.Function("row", given, [value], {"cse": True})
-
-
-def _displaced(symbols: _Symbols) -> Any:
-    """Return the square of a vertex's displacement, in units."""
-    import casadi
-
-    return casadi.sumsqr((symbols.end.moved(symbols.values) - symbols.values) / symbols.unit)
+    return casadi.Function("row", given, [_value(symbols, template)], {"cse": True})
 
 
 @lru_cache(maxsize=512)
@@ -343,6 +336,7 @@ def _compiled(
 
 
 _QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
+_IPOPT = {**_QUIET, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.bound_relax_factor": 0.0}
 _OPTIONS: dict[str, dict[str, Any]] = {
     "sqpmethod": {
         **_QUIET,
@@ -363,20 +357,10 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         "min_step_size": 1e-14,
         "convexify_strategy": "eigen-clip",
     },
-    "ipopt": {
-        **_QUIET,
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
-        "ipopt.acceptable_iter": 0,
-        "ipopt.bound_relax_factor": 0.0,
-        "ipopt.max_iter": 300,
-    },
+    "ipopt": {**_IPOPT, "ipopt.acceptable_iter": 0, "ipopt.max_iter": 300},
     "full": {
-        **_QUIET,
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
+        **_IPOPT,
         "ipopt.acceptable_tol": DEFAULT.requirement,
-        "ipopt.bound_relax_factor": 0.0,
         "ipopt.mu_strategy": "adaptive",  # many rows are tight at once where all vertices move alike
         "ipopt.max_iter": 500,
         "ipopt.max_wall_time": PATIENCE,
