@@ -6,8 +6,7 @@ turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`)
 ways_apart       descent over all ways in which part pairs may come apart
 direction_search tracked contacts direction by direction
-program          the nonlinear program; `relaxation` grows it by what its solutions violate, `sequential` solves it for
-                 other amounts
+program          the nonlinear program; `relaxation` grows it by what its solutions violate
 rays             one parameter: first contact along a ray by safe steps (`steady`: of second order)
 models           the nonlinear program from many starts
 branching        branch and bound, see `proof`

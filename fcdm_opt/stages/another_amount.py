@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.arrays import frozen
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.stages.relaxation import Relaxation, choices
+from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.tolerances import DEFAULT
 
 LEAST_SHARE = 1e-2  # of the largest weight, for parameters that an amount ignores near rest
-MOST_ASIDE = 0.1  # of the shortest shift, that a motion may miss
-FIRST_CHOICES = 4  # of features at rest, tried from several starts
-MOST_BESIDE = 6  # starts on all sides of the best known motion
+FIRST_CHOICES = 4  # of features at rest, tried from two starts
 ROUNDS = 5  # of choosing features anew at the best motion so far
 
 
@@ -52,74 +49,29 @@ def another_amount(task: Task, weighted: Answer) -> Answer:
     if not weighted.q.any() and task.amount(task.rest) == 0.0:
         return weighted
     best = task.answer(weighted.q, active=weighted.active, modelled=weighted.modelled)
-    least, direct = displacement_bound(task), _direct(task)
-    for q in direct:
-        if task.amount(q) < best.amount and task.meets(q, DEFAULT.requirement):
-            best = task.answer(q, active=("the nearest points",), modelled=weighted.modelled)
-    best = _improved(task, best, [*direct, task.start], least)
+    least = displacement_bound(task)
+    best = _improved(task, best, least)
     word = "displacement" if task.amount_kind == "displacement" else "the amount given"
     status = weighted.status if not best.motion.any() else Status.SOLVED
     stage = f"{weighted.stage}; then 4: nonlinear program, {word}"
     return replace(best, status=status, stage=stage, lower_bound=min(least, best.amount))  # but for rounding
 
 
-def _improved(task: Task, best: Answer, starts: list[Array], least: float) -> Answer:
+def _improved(task: Task, best: Answer, least: float) -> Answer:
     """Return the least motion that the nonlinear program finds with the features at the best so far, and those at rest.
 
-    Parameters
-    ----------
-    task : Task
-    best : Answer
-    starts : list of (k,) arrays
-        Motions to start from besides the best.
-    least : float
-        Amount that no motion stays below.
+    No motion stays below the amount `least`.
     """
-
-    def tried(relaxations: Iterable[Relaxation], starts: list[Array], further: str = "") -> None:
-        nonlocal best
-        for relaxation in relaxations:
+    for turn in range(ROUNDS):
+        before, first = best.amount, turn == 0
+        promising = sorted(choices(task, task.start), key=lambda choice: choice.promise) if first else []
+        for relaxation in (*choices(task, best.motion, near=True), *promising[:FIRST_CHOICES]):
             if best.amount <= least * (1.0 + DEFAULT.nominal):
-                return
-            found = relaxation.smallest([best.motion, *starts], "slsqp")
-            if found is None and further:
-                found = relaxation.smallest([best.motion], further)
+                return best
+            starts = [best.motion, task.start] if first else [best.motion]
+            found = relaxation.smallest(starts, "sqpmethod") or relaxation.smallest(starts[:1], "ipopt")
             if found is not None and found.amount < best.amount * (1.0 - DEFAULT.nominal):  # whole turns change nothing
                 best = found
-
-    beside = [np.clip(best.motion + s * x, *task.limits.T) for x in np.diag(task.steps) for s in (1.0, -1.0)]
-    for turn in range(ROUNDS):
-        before = best.amount
-        tried(choices(task, best.motion, near=True), starts if turn == 0 else [], "sqpmethod")
-        if turn == 0:
-            promising = sorted(choices(task, task.start), key=lambda choice: choice.promise)
-            tried(promising[:FIRST_CHOICES], [*starts, *(beside if len(beside) <= MOST_BESIDE else [])])
         if best.amount >= before * (1.0 - DEFAULT.nominal):
             break
     return best
-
-
-def _direct(task: Task) -> list[Array]:
-    """Return the motion that, to first order, shifts body 1 the shortest way to the gap that the nearest pair needs.
-
-    None where the goal asks for no gap, or the motion cannot shift that way.
-    """
-    if not np.isfinite(task.needs).any():
-        return []
-    gaps = task.pair_gaps(task.rest)
-    i, j = np.unravel_index(int((gaps - task.needs).argmin()), gaps.shape)
-    parts = int(i), int(j)
-    _, rows, separations = task.separations(parts, task.pose(task.rest))
-    way, gap = rows[separations.argmax(), :3], float(separations.max())
-    if gap > 0:
-        way = task.way_between(parts, task.rest)
-        way, gap = way / np.linalg.norm(way), float(task.pair_gaps(task.rest, {parts: way})[parts])
-    rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
-    shifts = rates[:, :3, :3] @ task.movable.seed + rates[:, :3, 3]
-    turns = task.size * np.array([[W[2, 1], W[0, 2], W[1, 0]] for W in rates])
-    wanted = np.concatenate([(gap - max(task.needs[j], 0.0)) * way, np.zeros(3)])
-    effects = np.hstack([shifts, turns]).T
-    q = np.linalg.lstsq(effects, wanted, rcond=DEFAULT.nominal)[0]
-    if np.linalg.norm(effects @ q - wanted) > MOST_ASIDE * np.linalg.norm(wanted):
-        return []
-    return [np.asarray(np.clip(q, *task.limits.T))]

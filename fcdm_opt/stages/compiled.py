@@ -2,9 +2,12 @@
 
 The kernels of the descent share:
 
-    motion      its pose and rates as the instructions of a CasADi function, see `motion.instructions`
-    parts       (reals, ints, places) of the parts of body 1, and of body 2, packed together
-    rows        the constraints, one a row of `ROW` integers and three numbers, see below
+    scene       what does not change: the motion's pose and rates as the instructions of a CasADi function, see
+                `motion.instructions`; (reals, ints, places) of the parts of body 1, and of body 2, packed together;
+                sites of the tracked features, (n, 5), and their orientations; nominal pair, target pair, and what the
+                target pair's gap is to be; and how the path is looked at: positions, whether all are or the end alone,
+                radians between two, most radians, slack, then for each parameter whether it turns
+    rows        the constraints: `ROW` integers and three numbers of each, see below
 
 Variables are z = weights * q / unit, so that the amount is unit |z| and every step of order one. A row says that its
 value is not negative, or zero where it is an equality:
@@ -31,8 +34,8 @@ REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
 ROW = 10  # integers of a row; its numbers are the path position s, the side, and the level or edges' orientation
 POSITION, HAND, SIGN = range(3)
-FOUND, NOWHERE, STUCK, BROKEN = range(4)  # how a descent ended
-STEPS, HALVINGS, PATIENCE, ROUNDS = 40, 8, 4, 30
+FOUND, NOWHERE, STUCK, BROKEN, GOES_ON = range(5)  # how a descent ended
+STEPS, HALVINGS, PATIENCE = 40, 8, 4
 STEEPEST = 0.6  # radians, or share of the bodies' size: longest step
 EXACT = 1e-13  # of the unit: steps and violations that are rounding
 NEAR_EXACT = 1e-10  # where rounding stops a descent
@@ -155,62 +158,58 @@ def _turn(M, at, x0, x1, x2):
 
 
 @kernel
-def _line(parts1, parts2, kind, i, j, p1, p2, sign, flat, out):
-    """Fill `out`, (k + 1, 6), with a feature's (n, a, b, c) and their derivatives; nan where edges are parallel."""
-    reals1, ints1 = _part(parts1, p1)
-    reals2, ints2 = _part(parts2, p2)
-    count = len(out)
+def _line(parts1, parts2, site, sign, flat, out):
+    """Fill `out`, (k + 1, 6), with a feature's (n, a, b, c) and their derivatives; nan where edges are parallel.
+
+    The direction n is R m, of a face of body 1, c, of one of body 2, or R e x f of edges over its length.
+    """
+    kind, i, j = site[0], site[1], site[2]
+    reals1, ints1 = _part(parts1, site[3])
+    reals2, ints2 = _part(parts2, site[4])
+    m0 = m1 = m2 = e0 = e1 = e2 = f0 = f1 = f2 = c0 = c1 = c2 = 0.0
     if kind == E1E2:
         h, g = ints1[3] + 8 * i, ints2[3] + 8 * j
         v, v2, w, w2 = ints1[h], ints1[h + 1], ints2[g], ints2[g + 1]
+        e0, e1, e2 = reals1[v2, 0] - reals1[v, 0], reals1[v2, 1] - reals1[v, 1], reals1[v2, 2] - reals1[v, 2]
+        f0, f1, f2 = reals2[w2, 0] - reals2[w, 0], reals2[w2, 1] - reals2[w, 1], reals2[w2, 2] - reals2[w, 2]
+        e0, e1, e2 = sign * e0, sign * e1, sign * e2
     elif kind == F1V2:
-        v, w = ints1[ints1[3] + 4 * ints1[ints1[5] + i]], j
-        v2, w2 = v, w
+        v, w, f = ints1[ints1[3] + 4 * ints1[ints1[5] + i]], j, ints1[0] + i
+        m0, m1, m2 = reals1[f, 0], reals1[f, 1], reals1[f, 2]
     else:
-        v, w = i, ints2[ints2[3] + 4 * ints2[ints2[5] + j]]
-        v2, w2 = v, w
-    x0, x1, x2 = reals1[v, 0], reals1[v, 1], reals1[v, 2]
+        v, w, f = i, ints2[ints2[3] + 4 * ints2[ints2[5] + j]], ints2[0] + j
+        c0, c1, c2 = -reals2[f, 0], -reals2[f, 1], -reals2[f, 2]
     w0, w1, z2 = reals2[w, 0], reals2[w, 1], reals2[w, 2]
     d0, d1, d2 = flat[9], flat[10], flat[11]
-    r0, r1, r2 = _turn(flat, 0, x0, x1, x2)
+    r0, r1, r2 = _turn(flat, 0, reals1[v, 0], reals1[v, 1], reals1[v, 2])
+    n0 = n1 = n2 = 0.0
     steep = 1.0
-    if kind == F1V2:
-        f = ints1[0] + i
-        m0, m1, m2 = reals1[f, 0], reals1[f, 1], reals1[f, 2]
-        n0, n1, n2 = _turn(flat, 0, m0, m1, m2)
-        t0 = t1 = t2 = 0.0
-    elif kind == E1E2:
-        m0, m1, m2 = reals1[v2, 0] - x0, reals1[v2, 1] - x1, reals1[v2, 2] - x2
-        t0, t1, t2 = reals2[w2, 0] - w0, reals2[w2, 1] - w1, reals2[w2, 2] - z2
-        e0, e1, e2 = _turn(flat, 0, m0, m1, m2)
-        n0, n1, n2 = sign * (e1 * t2 - e2 * t1), sign * (e2 * t0 - e0 * t2), sign * (e0 * t1 - e1 * t0)
-        steep = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-        n0, n1, n2 = n0 / steep, n1 / steep, n2 / steep
-    else:
-        f = ints2[0] + j
-        n0, n1, n2 = -reals2[f, 0], -reals2[f, 1], -reals2[f, 2]
-        m0 = m1 = m2 = t0 = t1 = t2 = 0.0
-    out[0, 0], out[0, 1], out[0, 2] = n0, n1, n2
-    out[0, 3] = n0 * r0 + n1 * r1 + n2 * r2
-    out[0, 4] = -(n0 * w0 + n1 * w1 + n2 * z2)
-    out[0, 5] = n0 * d0 + n1 * d1 + n2 * d2
-    for m in range(1, count):
+    for m in range(len(out)):
         at = 12 * m
-        s0, s1, s2 = _turn(flat, at, x0, x1, x2)
-        u0 = u1 = u2 = 0.0
-        if kind == F1V2:
+        if kind == E1E2:
+            g0, g1, g2 = _turn(flat, at, e0, e1, e2)
+            u0, u1, u2 = (g1 * f2 - g2 * f1) / steep, (g2 * f0 - g0 * f2) / steep, (g0 * f1 - g1 * f0) / steep
+            if m == 0:
+                steep = math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
+                u0, u1, u2 = u0 / steep, u1 / steep, u2 / steep
+            else:
+                along = n0 * u0 + n1 * u1 + n2 * u2
+                u0, u1, u2 = u0 - along * n0, u1 - along * n1, u2 - along * n2
+        elif m == 0 or kind == F1V2:
             u0, u1, u2 = _turn(flat, at, m0, m1, m2)
-        elif kind == E1E2:
-            e0, e1, e2 = _turn(flat, at, m0, m1, m2)
-            u0 = sign * (e1 * t2 - e2 * t1) / steep
-            u1 = sign * (e2 * t0 - e0 * t2) / steep
-            u2 = sign * (e0 * t1 - e1 * t0) / steep
-            along = n0 * u0 + n1 * u1 + n2 * u2
-            u0, u1, u2 = u0 - along * n0, u1 - along * n1, u2 - along * n2
+            u0, u1, u2 = u0 + c0, u1 + c1, u2 + c2
+        else:
+            u0 = u1 = u2 = 0.0
         out[m, 0], out[m, 1], out[m, 2] = u0, u1, u2
-        out[m, 3] = u0 * r0 + u1 * r1 + u2 * r2 + n0 * s0 + n1 * s1 + n2 * s2
+        out[m, 3] = u0 * r0 + u1 * r1 + u2 * r2
         out[m, 4] = -(u0 * w0 + u1 * w1 + u2 * z2)
-        out[m, 5] = u0 * d0 + u1 * d1 + u2 * d2 + n0 * flat[at + 9] + n1 * flat[at + 10] + n2 * flat[at + 11]
+        out[m, 5] = u0 * d0 + u1 * d1 + u2 * d2
+        if m == 0:
+            n0, n1, n2 = u0, u1, u2
+        else:
+            s0, s1, s2 = _turn(flat, at, reals1[v, 0], reals1[v, 1], reals1[v, 2])
+            out[m, 3] += n0 * s0 + n1 * s1 + n2 * s2
+            out[m, 5] += n0 * flat[at + 9] + n1 * flat[at + 10] + n2 * flat[at + 11]
 
 
 @kernel
@@ -242,117 +241,89 @@ def _pair(lines, count, nominal, target, s, rho):
 
 
 @kernel
-def evaluate(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, only, z, g, G):
-    """Fill values g and gradients G of the rows (of those with `only` positive); tell if all exist."""
-    k = len(z)
-    nominal, target = pairs[0], pairs[1]
+def _tracked(scene, flat, s, lines, rho):
+    """Fill the lines of the tracked features at a pose and, at path position s, their pair; tell if it exists."""
+    _, parts1, parts2, tracked, signs, pairs, _ = scene
+    for t in range(len(tracked)):
+        _line(parts1, parts2, tracked[t], signs[t], flat, lines[t])
+    return len(tracked) == 0 or _pair(lines, len(tracked), pairs[0], pairs[1], s, rho)
+
+
+@kernel
+def evaluate(scene, rows, count, only, z, g, G):
+    """Fill values g and gradients G of the rows (of those with `only` positive); tell if all exist.
+
+    Rows of features say that level + n . (d - x R v + y w) is not negative, n being the feature's direction.
+    """
+    motion, parts1, parts2, _, _, pairs, _ = scene
+    ints, reals = rows
+    k, target = len(z), pairs[1]
     flat, q = np.empty(12 * (k + 1)), np.empty(k)
     lines, own, rho = np.empty((2, k + 1, 6)), np.empty((k + 1, 6)), np.empty((k + 1, 2))
-    here = -1.0
+    way, here = np.empty(3), -1.0
     for r in range(count):
         if only[r] <= 0.0:
             continue
         kind, s, hand = ints[r, TYPE], reals[r, POSITION], reals[r, HAND]
         if kind == BOUND:
             for m in range(k):
-                G[r, m] = 0.0
-            m = ints[r, V]
-            g[r], G[r, m] = hand * (z[m] - reals[r, SIGN]), hand
+                G[r, m] = hand if m == ints[r, V] else 0.0
+            g[r] = hand * (z[ints[r, V]] - reals[r, SIGN])
             continue
         if s != here:
             _place(motion, z, s, q, flat, True)
             here = s
-            for t in range(len(tracked)):
-                _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
-            if len(tracked) and not _pair(lines, len(tracked), nominal, target, s, rho):
+            if not _tracked(scene, flat, s, lines, rho):
                 return False
-        if kind == REACH:
-            c = ints[r, BODY]
-            g[r] = hand * (rho[0, c] - target[c])
-            for m in range(k):
-                G[r, m] = hand * rho[m + 1, c]
-        elif kind == ON:
-            for m in range(-1, k):
-                value = lines[0, m + 1, 3] * target[0] + lines[0, m + 1, 4] * target[1] - lines[0, m + 1, 5]
-                if m < 0:
-                    g[r] = value
-                else:
-                    G[r, m] = value
-        elif kind == SIDE:
-            _line(
-                parts1,
-                parts2,
-                ints[r, KIND],
-                ints[r, ONE],
-                ints[r, TWO],
-                ints[r, P1],
-                ints[r, P2],
-                reals[r, SIGN],
-                flat,
-                own,
-            )
-            x, y = rho[0, 0], rho[0, 1]
-            g[r] = hand * (own[0, 5] - own[0, 3] * x - own[0, 4] * y)
-            for m in range(1, k + 1):
-                slope = own[m, 5] - own[m, 3] * x - own[m, 4] * y
-                G[r, m - 1] = hand * (slope - own[0, 3] * rho[m, 0] - own[0, 4] * rho[m, 1])
-        elif kind == BEHIND:
-            t = ints[r, ONE]
-            line, body, v = lines[t], ints[r, BODY], ints[r, V]
+        n, body, x, y, e = lines[0], ints[r, BODY], 0.0, 0.0, 0.0
+        v, w = ints[r, V], ints[r, W]
+        one, two = _part(parts1, ints[r, P1])[0], _part(parts2, ints[r, P2])[0]
+        if kind == BEHIND:
+            n = lines[ints[r, ONE]]
             if body == 1:
-                x = _part(parts1, tracked[t, 3])[0][v]
-                for m in range(k + 1):
-                    u0, u1, u2 = _turn(flat, 0, x[0], x[1], x[2])
-                    value = line[m, 3] - line[m, 0] * u0 - line[m, 1] * u1 - line[m, 2] * u2
-                    if m == 0:
-                        g[r] = value
-                    else:
-                        u0, u1, u2 = _turn(flat, 12 * m, x[0], x[1], x[2])
-                        G[r, m - 1] = value - line[0, 0] * u0 - line[0, 1] * u1 - line[0, 2] * u2
+                x, w = 1.0, 0
             else:
-                x = _part(parts2, tracked[t, 4])[0][v]
-                for m in range(k + 1):
-                    value = line[m, 4] + line[m, 0] * x[0] + line[m, 1] * x[1] + line[m, 2] * x[2]
+                y, w, v = 1.0, v, 0
+        elif kind in (SIDE, GAP):
+            _line(parts1, parts2, ints[r, KIND : P2 + 1], reals[r, SIGN], flat, own)
+            n = own
+            if kind == GAP:
+                x, y, e = target[0], target[1], 1.0
+        for m in range(k + 1):
+            value = 0.0
+            if kind == REACH:
+                value = rho[m, body] - (target[body] if m == 0 else 0.0)
+            elif kind == ON:
+                value = n[m, 3] * target[0] + n[m, 4] * target[1] - n[m, 5]
+            elif kind == SIDE:
+                value = n[m, 5] - n[m, 3] * rho[0, 0] - n[m, 4] * rho[0, 1]
+                value -= n[0, 3] * rho[m, 0] + n[0, 4] * rho[m, 1] if m > 0 else 0.0
+            else:
+                value = n[m, 2 + body] if kind == BEHIND else -pairs[2, 0] if m == 0 else 0.0
+                u = _turn(flat, 12 * m, one[v, 0], one[v, 1], one[v, 2])
+                for c in range(3):
+                    moved = e * flat[12 * m + 9 + c] - x * u[c]
                     if m == 0:
-                        g[r] = value
+                        way[c] = moved + y * two[w, c]
                     else:
-                        G[r, m - 1] = value
-        else:
-            _line(
-                parts1,
-                parts2,
-                ints[r, KIND],
-                ints[r, ONE],
-                ints[r, TWO],
-                ints[r, P1],
-                ints[r, P2],
-                reals[r, SIGN],
-                flat,
-                own,
-            )
-            x, w = _part(parts1, ints[r, P1])[0][ints[r, V]], _part(parts2, ints[r, P2])[0][ints[r, W]]
-            u0, u1, u2 = _turn(flat, 0, x[0], x[1], x[2])
-            way0 = flat[9] - target[0] * u0 + target[1] * w[0]
-            way1 = flat[10] - target[0] * u1 + target[1] * w[1]
-            way2 = flat[11] - target[0] * u2 + target[1] * w[2]
-            g[r] = hand * (own[0, 0] * way0 + own[0, 1] * way1 + own[0, 2] * way2 - pairs[2, 0])
-            for m in range(1, k + 1):
-                at = 12 * m
-                u0, u1, u2 = _turn(flat, at, x[0], x[1], x[2])
-                slope = own[m, 0] * way0 + own[m, 1] * way1 + own[m, 2] * way2
-                slope += own[0, 0] * (flat[at + 9] - target[0] * u0)
-                slope += own[0, 1] * (flat[at + 10] - target[0] * u1)
-                slope += own[0, 2] * (flat[at + 11] - target[0] * u2)
-                G[r, m - 1] = hand * slope
+                        value += n[0, c] * moved
+                    value += n[m, c] * way[c]
+            if m == 0:
+                g[r] = hand * value
+            else:
+                G[r, m - 1] = hand * value
     return True
 
 
-@kernel
-def _five(site):
-    return site[0], site[1], site[2], site[3], site[4]
-
-
 # ------------------------------------------------------------------------------------------------------- active set
+
+
+@kernel
+def _norm(z):
+    square = 0.0
+    for m in range(len(z)):
+        square += z[m] * z[m]
+    return math.sqrt(square)
 
 
 @kernel
@@ -488,51 +459,66 @@ def least_distance(G, h, walls, levels):
 
 
 @kernel
-def _newton(H, G, h, equal, count, z, step, duals):
-    """Fill `step` with the least of p'Hp / 2 + z'p that keeps h + G p >= 0, or = 0; tell if there is one."""
-    k = len(z)
-    L = np.zeros((k, k))
-    for a in range(k):
+def _factored(H, L, least):
+    """Fill L with the Cholesky factor of H; tell if all squares of its diagonal are above `least`."""
+    for a in range(len(H)):
         for b in range(a + 1):
             total = H[a, b]
             for m in range(b):
                 total -= L[a, m] * L[b, m]
-            if a == b:
-                if not total > LEAST_CURVE:
-                    return False
+            if a > b:
+                L[a, b] = total / L[b, b]
+            elif total > least:
                 L[a, a] = math.sqrt(total)
             else:
-                L[a, b] = total / L[b, b]
-    low = np.empty(k)
-    for a in range(k):
-        total = z[a]
+                return False
+    return True
+
+
+@kernel
+def _forward(L, b, x):
+    """Fill x with the solution of L x = b."""
+    for a in range(len(b)):
+        x[a] = b[a]
         for m in range(a):
-            total -= L[a, m] * low[m]
-        low[a] = total / L[a, a]
+            x[a] -= L[a, m] * x[m]
+        x[a] /= L[a, a]
+
+
+@kernel
+def _backward(L, x):
+    """Replace x by the solution of L' y = x."""
+    for a in range(len(x) - 1, -1, -1):
+        for m in range(a + 1, len(x)):
+            x[a] -= L[m, a] * x[m]
+        x[a] /= L[a, a]
+
+
+@kernel
+def newton(H, G, h, equal, count, z, step, duals):
+    """Fill `step` with the least of p'Hp / 2 + z'p that keeps h + G p >= 0, or = 0; tell if there is one."""
+    k = len(z)
+    L, low = np.zeros((k, k)), np.empty(k)
+    if not _factored(H, L, LEAST_CURVE):
+        return False
+    _forward(L, z, low)
     turned, levels, lengths = np.empty((count, k)), np.empty(count), np.empty(count)
     for c in range(count):
-        square, level = 0.0, -h[c]
+        _forward(L, G[c], turned[c])
+        level = -h[c]
         for a in range(k):
-            total = G[c, a]
-            for m in range(a):
-                total -= L[a, m] * turned[c, m]
-            turned[c, a] = total / L[a, a]
-            square += turned[c, a] * turned[c, a]
             level += turned[c, a] * low[a]
-        lengths[c] = max(math.sqrt(square), _TINY)
+        lengths[c] = max(_norm(turned[c]), _TINY)
+        levels[c] = level / lengths[c]
         for a in range(k):
             turned[c, a] /= lengths[c]
-        levels[c] = level / lengths[c]
-    x = np.empty(k)
-    if not nearest(turned, levels, equal, count, x, duals):
+    if not nearest(turned, levels, equal, count, step, duals):
         return False
     for c in range(count):
         duals[c] /= lengths[c]
-    for a in range(k - 1, -1, -1):
-        total = x[a] - low[a]
-        for m in range(a + 1, k):
-            total -= L[m, a] * step[m]
-        step[a] = total / L[a, a]
+    for a in range(k):
+        step[a] -= low[a]
+    _backward(L, step)
     return True
 
 
@@ -540,21 +526,37 @@ def _newton(H, G, h, equal, count, z, step, duals):
 def _relaxed(G, h, equal, count, z, step):
     """Fill `step` with one that violates linearised rows as little as possible, in squares, where none keeps them."""
     k = len(z)
-    A = np.zeros((k, k))
-    b = np.zeros(k)
+    A, L, b = np.zeros((k, k)), np.zeros((k, k)), np.empty(k)
     for m in range(k):
-        A[m, m] = 1e-6
-        b[m] = -1e-6 * z[m]
+        A[m, m], b[m] = 1e-6, -1e-6 * z[m]
     for c in range(count):
         if equal[c] or h[c] < 0.0:
             for m in range(k):
                 b[m] -= h[c] * G[c, m]
                 for n in range(k):
                     A[m, n] += G[c, m] * G[c, n]
-    step[:] = np.linalg.solve(A, b)
+    _factored(A, L, 0.0)
+    _forward(L, b, step)
+    _backward(L, step)
 
 
 # ---------------------------------------------------------------------------------------------------------- descent
+
+
+@kernel
+def normalised(scene, rows, count, all_rows, z, g, G, lengths):
+    """Fill values and gradients of all rows at z, over the gradients' lengths; tell if they are finite."""
+    if not evaluate(scene, rows, count, all_rows, z, g, G):
+        return False
+    finite = True
+    for c in range(count):
+        length = _norm(G[c])
+        finite = finite and length < np.inf and abs(g[c]) < np.inf
+        lengths[c] = max(length, 1e-9)
+        g[c] /= lengths[c]
+        for m in range(len(z)):
+            G[c, m] /= lengths[c]
+    return finite
 
 
 @kernel
@@ -567,123 +569,103 @@ def _violation(g, equal, count):
 
 
 @kernel
-def descend(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, steepest, z, duals, enough):
+def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
+    """Subtract from H the second differences of the rows that count, by their multipliers; tell if there are any."""
+    k, ints, only, beside = len(z), rows[0], np.zeros(count), np.empty(len(z))
+    for c in range(count):
+        only[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != BOUND else 0.0
+    for m in range(k):
+        beside[:] = z
+        beside[m] += SPREAD
+        if not evaluate(scene, rows, count, only, beside, g2, G2):
+            return False
+        for c in range(count):
+            if only[c] > 0.0:
+                for other in range(k):
+                    H[m, other] -= duals[c] * (G2[c, other] / lengths[c] - G[c, other]) / SPREAD
+    for m in range(k):
+        for other in range(m):
+            H[m, other] = 0.5 * (H[m, other] + H[other, m])
+            H[other, m] = H[m, other]
+    return True
+
+
+@kernel
+def _blend(H, share):
+    """Replace H by a share of it, the rest the unit matrix."""
+    for m in range(len(H)):
+        for n in range(len(H)):
+            H[m, n] = share * H[m, n] if share > 0.0 else 0.0
+        H[m, m] += 1.0 - share
+
+
+@kernel
+def descend(scene, rows, count, steepest, z, duals, enough):
     """Move z to the least vector that keeps the rows, from where it is; return how it ended.
 
     Each step solves the least distance problem of the linearised rows, from the second on with the Lagrangian's
     Hessian by differences of gradients; a step is shortened until violation or amount fall.
     """
     k = len(z)
-    g, G, lengths = np.empty(count), np.zeros((count, k)), np.ones(count)
-    g2, G2 = np.empty(count), np.zeros((count, k))
+    g, G, lengths = np.empty(count), np.empty((count, k)), np.empty(count)
+    g2, G2, lengths2 = np.empty(count), np.empty((count, k)), np.empty(count)
     all_rows, equal = np.ones(count), np.empty(count, np.bool_)
     for c in range(count):
-        equal[c] = ints[c, EQUAL] > 0
-    H, step, trial, slope, beside = np.eye(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+        equal[c] = rows[0][c, EQUAL] > 0
+    H, step, trial = np.zeros((k, k)), np.empty(k), np.empty(k)
     duals[:count] = 0.0
-    price = 0.0
-    if not evaluate(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, all_rows, z, g, G):
+    if not normalised(scene, rows, count, all_rows, z, g, G, lengths):
         return BROKEN
-    last, idle, least = np.inf, 0, np.inf
+    last, idle, least, price = np.inf, 0, np.inf, 0.0
     for turn in range(STEPS):
-        for c in range(count):
-            square = 0.0
-            for m in range(k):
-                square += G[c, m] * G[c, m]
-            lengths[c] = max(math.sqrt(square), 1e-9)
-            g[c] /= lengths[c]
-            for m in range(k):
-                G[c, m] /= lengths[c]
-        if not np.isfinite(g).all() or not np.isfinite(G).all():
-            return BROKEN
         total, most = _violation(g, equal, count)
         idle = 0 if most < 0.8 * least else idle + 1
         least = min(least, most)
-        H[:] = 0.0
-        for m in range(k):
-            H[m, m] = 1.0
-        if turn > 0 and duals[:count].any():
-            for c in range(count):
-                all_rows[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != BOUND else 0.0
-            for m in range(k):
-                for other in range(k):
-                    slope[other] = 0.0
-                beside[:] = z
-                beside[m] += SPREAD
-                if not evaluate(
-                    motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, all_rows, beside, g2, G2
-                ):
-                    return BROKEN
-                for c in range(count):
-                    if all_rows[c] > 0.0:
-                        for other in range(k):
-                            slope[other] += duals[c] * (G2[c, other] / lengths[c] - G[c, other])
-                for other in range(k):
-                    H[m, other] -= slope[other] / SPREAD
-            all_rows[:] = 1.0
-            for m in range(k):
-                for other in range(m):
-                    H[m, other] = H[other, m] = 0.5 * (H[m, other] + H[other, m])
-        done = False
-        for _ in range(5):
-            if _newton(H, G, g, equal, count, z, step, duals):
-                done = True
+        _blend(H, 0.0)
+        curved = turn > 0 and _norm(duals[:count]) > 0.0
+        if curved and not _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
+            return BROKEN
+        done = newton(H, G, g, equal, count, z, step, duals)
+        for _ in range(4 if turn > 0 else 0):
+            if done:
                 break
-            for m in range(k):  # towards the plain least distance problem
-                for other in range(k):
-                    H[m, other] *= 0.3 if turn > 0 else 0.0
-                H[m, m] += 0.7 if turn > 0 else 1.0
-            if turn == 0:
-                break
+            _blend(H, 0.3)  # towards the plain least distance problem
+            done = newton(H, G, g, equal, count, z, step, duals)
         if not done:
             if idle >= PATIENCE:
                 return NOWHERE
             duals[:count] = 0.0
             _relaxed(G, g, equal, count, z, step)
-        longest, far = 0.0, 0.0
+        longest, far, size = 0.0, 0.0, 0.0
         for m in range(k):
-            longest = max(longest, abs(step[m]) / steepest[m])
-            far = max(far, abs(step[m]))
-        if not np.isfinite(far):
+            longest, far = max(longest, abs(step[m]) / steepest[m]), max(far, abs(step[m]))
+            size = max(size, abs(z[m]))
+        if not far < np.inf:
             return BROKEN
-        if done and far <= EXACT * (1.0 + np.abs(z).max()) * 10.0 and most <= EXACT * 100.0:
+        if done and far <= EXACT * (1.0 + size) * 10.0 and most <= EXACT * 100.0:
             return FOUND
         if longest > 1.0:
             for m in range(k):
                 step[m] /= longest
         for c in range(count):
             price = max(price, 2.0 * abs(duals[c]))
-        amount = 0.0
-        for m in range(k):
-            amount += 0.5 * z[m] * z[m]
-        here, t = amount + price * total, 1.0
-        accepted = False
+        here, t, accepted = 0.5 * _norm(z) ** 2 + price * total, 1.0, False
+        amount = now = peak = 0.0
         for _ in range(HALVINGS):
-            amount = 0.0
             for m in range(k):
                 trial[m] = z[m] + t * step[m]
-                amount += 0.5 * trial[m] * trial[m]
-            good = evaluate(motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, all_rows, trial, g2, G2)
-            if good:
-                for c in range(count):
-                    square = 0.0
-                    for m in range(k):
-                        square += G2[c, m] * G2[c, m]
-                    g[c] = g2[c] / max(math.sqrt(square), 1e-9)
-                now, peak = _violation(g, equal, count)
-                if (
-                    amount + price * now <= here - 1e-4 * t * max(here - amount, 0.0)
-                    or peak <= 0.5 * most
-                    or (far * t <= 1e-3 and peak <= max(most, 1e-4))
-                ):
-                    accepted = True
+            amount = 0.5 * _norm(trial) ** 2
+            if normalised(scene, rows, count, all_rows, trial, g2, G2, lengths2):
+                now, peak = _violation(g2, equal, count)
+                accepted = amount + price * now <= here - 1e-4 * t * max(here - amount, 0.0) or peak <= 0.5 * most
+                accepted = accepted or (far * t <= 1e-3 and peak <= max(most, 1e-4))
+                if accepted:
                     break
             t *= 0.4
         if not accepted:
             return FOUND if done and far <= NEAR_EXACT and most <= NEAR_EXACT else STUCK
         z[:] = trial
-        g[:] = g2
-        G[:] = G2
+        g, g2, G, G2, lengths, lengths2 = g2, g, G2, G, lengths2, lengths
         if done and far <= NEAR_EXACT and far >= 0.3 * last and peak <= NEAR_EXACT:
             return FOUND  # rounding
         last = far
@@ -758,8 +740,9 @@ def _orientation(parts1, parts2, site, p1, p2, flat, n):
 
 
 @kernel
-def _note(ints, reals, excess, count, kind, s, hand, sign, site, p1, p2, body, v, amount):
+def _note(faults, count, kind, s, hand, sign, site, p1, p2, body, v, amount):
     """Note a fault, or a worse one of the same kind; return how many are known."""
+    ints, reals, excess = faults
     at = count
     for r in range(count):
         same = ints[r, TYPE] == kind and ints[r, P1] == p1 and ints[r, P2] == p2 and reals[r, HAND] == hand
@@ -778,147 +761,102 @@ def _note(ints, reals, excess, count, kind, s, hand, sign, site, p1, p2, body, v
 
 
 @kernel
-def path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, first, ints, reals, excess):
-    """Fill rows that forbid what is wrong with the tracked contact along the path; return how many.
+def path_faults(scene, z, first, faults):
+    """Fill `faults`, rows that forbid what is wrong with the tracked contact along the path; return how many.
 
     The worst fault of each kind, as `Task.path_faults`; -1 where the tracked pair does not exist. With `first` what is
-    met first. `path` is (positions, whether all are looked at or the end alone, radians between two, most radians,
-    slack, then for each parameter whether it turns).
+    met first.
     """
-    k, count = len(z), 0
-    turned, slack = 0.0, path[4]
+    motion, parts1, parts2, tracked, _, _, path = scene
+    k, count, turned, slack = len(z), 0, 0.0, path[4]
     for m in range(k):
         turned += abs(z[m] * motion[3][m]) * path[5 + m]
     points = max(int(path[0]), int(np.ceil(min(turned, path[3]) / path[2])))
-    most = points if path[1] > 0.0 else 1
-    flat, q = np.empty(12 * (k + 1)), np.empty(k)
-    lines, rho, pair = np.empty((2, 1, 6)), np.empty((1, 2)), np.empty(2)
-    many = len(parts1[2]) * len(parts2[2]) > 4
+    flat, q, lines, rho = np.empty(12 * (k + 1)), np.empty(k), np.empty((2, 1, 6)), np.empty((1, 2))
     level = np.empty(3)
-    for point in range(most):
+    for point in range(points if path[1] > 0.0 else 1):
         s = 1.0 - point / points
         _place(motion, z, s, q, flat, False)
-        for t in range(len(tracked)):
-            _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
-        if not _pair(lines, len(tracked), pairs[0], pairs[1], s, rho):
+        if not _tracked(scene, flat, s, lines, rho):
             return -1
         x, y = rho[0, 0], rho[0, 1]
         if not (x > 0.0 and y > 0.0 and x < np.inf and y < np.inf):
             return -1
         for t in range(len(tracked)):
-            p1, p2 = tracked[t, 3], tracked[t, 4]
-            line = lines[t, 0]
-            reals1, ints1 = _part(parts1, p1)
-            reals2, ints2 = _part(parts2, p2)
+            line, p1, p2 = lines[t, 0], tracked[t, 3], tracked[t, 4]
             for c in range(3):
                 level[c] = flat[c] * line[0] + flat[3 + c] * line[1] + flat[6 + c] * line[2]
-            high, vertex = -np.inf, 0
-            for v in range(ints1[0]):
-                height = reals1[v, 0] * level[0] + reals1[v, 1] * level[1] + reals1[v, 2] * level[2]
-                if height > high:
-                    high, vertex = height, v
-            over = (high - line[3]) * x
-            if not over <= slack:
-                site = (tracked[t, 0], t, tracked[t, 2])
-                count = _note(ints, reals, excess, count, BEHIND, s, 1.0, 0.0, site, p1, p2, 1, vertex, over)
-            high = -np.inf
-            for w in range(ints2[0]):
-                height = -reals2[w, 0] * line[0] - reals2[w, 1] * line[1] - reals2[w, 2] * line[2]
-                if height > high:
-                    high, vertex = height, w
-            over = (high - line[4]) * y
-            if not over <= slack:
-                site = (tracked[t, 0], t, tracked[t, 2])
-                count = _note(ints, reals, excess, count, BEHIND, s, 1.0, 0.0, site, p1, p2, 2, vertex, over)
-        pair[0], pair[1] = x, y
-        if not many:
-            met = False
+            v, high = _highest(_part(parts1, p1), level, 1.0)
+            w, low = _highest(_part(parts2, p2), line, -1.0)
+            site = (tracked[t, 0], t, tracked[t, 2])
+            for body in (1, 2):
+                vertex, over = (v, (high - line[3]) * x) if body == 1 else (w, (low - line[4]) * y)
+                if not over <= slack:
+                    count = _note(faults, count, BEHIND, s, 1.0, 0.0, site, p1, p2, body, vertex, over)
+        met = False
+        if len(parts1[2]) * len(parts2[2]) <= 4:
             for t in range(len(tracked)):
                 met = met or _shared(parts1, parts2, tracked[t], flat, x, y, 0.01 * slack)
-            if not met:
-                count = _apart(
-                    parts1,
-                    parts2,
-                    tracked,
-                    lines,
-                    flat,
-                    pair,
-                    s,
-                    slack,
-                    np.zeros((0, 3)),
-                    0,
-                    ints,
-                    reals,
-                    excess,
-                    count,
-                )
-        else:
-            count = _scene(parts1, parts2, tracked, lines, flat, pair, s, slack, ints, reals, excess, count)
+        if not met:
+            count = _others(scene, lines, flat, x, y, s, faults, count)
         if first and count:
             return count
     return count
 
 
 @kernel
-def _apart(parts1, parts2, tracked, lines, flat, rho, s, slack, flats, known, ints, reals, excess, count):
-    """Note the tracked part pairs that are apart, unless the contact has moved over a seam in the same plane."""
-    for t in range(len(tracked)):
-        p1, p2 = tracked[t, 3], tracked[t, 4]
-        if t == 1 and p1 == tracked[0, 3] and p2 == tracked[0, 4]:
-            continue
-        sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), flat[:12])
-        best, widest = 0, -np.inf
-        for r in range(len(rows)):
-            wide = rows[r, 5] - rows[r, 3] * rho[0] - rows[r, 4] * rho[1]
-            if wide > widest:
-                best, widest = r, wide
-        if widest <= slack:
-            continue
-        excused = known > 0
-        for u in range(len(tracked)):
-            if tracked[u, 3] == p1 and tracked[u, 4] == p2:
-                same = False
-                for m in range(known):
-                    line = lines[u, 0]
-                    same = same or (line[0] * flats[m, 0] + line[1] * flats[m, 1] + line[2] * flats[m, 2] > 1.0 - 1e-9)
-                excused = excused and same
-        if not excused:
-            sign = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
-            site = (sites[best, 0], sites[best, 1], sites[best, 2])
-            count = _note(ints, reals, excess, count, SIDE, s, -1.0, sign, site, p1, p2, 0, 0, widest)
-    return count
+def _highest(part, n, side):
+    """Return the vertex of a part that reaches furthest along side * n, and its height."""
+    reals, ints = part
+    high, vertex = -np.inf, 0
+    for v in range(ints[0]):
+        height = side * (reals[v, 0] * n[0] + reals[v, 1] * n[1] + reals[v, 2] * n[2])
+        if height > high:
+            high, vertex = height, v
+    return vertex, high
 
 
 @kernel
-def _scene(parts1, parts2, tracked, lines, flat, rho, s, slack, ints, reals, excess, count):
-    """Note other part pairs that overlap, and tracked ones that are apart."""
-    pose = flat[:12].copy()
-    bounds = pair_bounds(*parts1, *parts2, pose, rho)
+def _others(scene, lines, flat, x, y, s, faults, count):
+    """Note other part pairs that overlap, and tracked ones that are apart.
+
+    The latter not where the contact has moved over a seam in the same plane.
+    """
+    _, parts1, parts2, tracked, _, _, path = scene
+    pose, slack = flat[:12].copy(), path[4]
     flats, known = np.empty((64, 3)), 0
-    for p1 in range(bounds.shape[0]):
-        for p2 in range(bounds.shape[1]):
-            touching = False
-            for t in range(len(tracked)):
-                touching = touching or (tracked[t, 3] == p1 and tracked[t, 4] == p2)
-            if touching or not bounds[p1, p2] <= slack:
-                continue
-            sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
-            best, widest = 0, -np.inf
-            for r in range(len(rows)):
-                wide = rows[r, 5] - rows[r, 3] * rho[0] - rows[r, 4] * rho[1]
-                if wide > widest:
-                    best, widest = r, wide
-            if not -widest <= slack:
-                sign = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
-                site = (sites[best, 0], sites[best, 1], sites[best, 2])
-                count = _note(ints, reals, excess, count, SIDE, s, 1.0, sign, site, p1, p2, 0, 0, -widest)
-            elif widest <= slack:
-                for r in range(len(rows)):
-                    wide = rows[r, 5] - rows[r, 3] * rho[0] - rows[r, 4] * rho[1]
-                    if wide >= -slack and known < len(flats):
-                        flats[known, 0], flats[known, 1], flats[known, 2] = rows[r, 0], rows[r, 1], rows[r, 2]
-                        known += 1
-    return _apart(parts1, parts2, tracked, lines, flat, rho, s, slack, flats, known, ints, reals, excess, count)
+    bounds = pair_bounds(*parts1, *parts2, pose, np.array([x, y]))
+    for turn in range(2):  # first all others, which tell of seams
+        for p1 in range(bounds.shape[0]):
+            for p2 in range(bounds.shape[1]):
+                touching = False
+                for t in range(len(tracked)):
+                    touching = touching or (tracked[t, 3] == p1 and tracked[t, 4] == p2)
+                if touching != (turn == 1) or not (touching or bounds[p1, p2] <= slack):
+                    continue
+                sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
+                best, widest = _widest(rows, x, y)
+                hand, wrong = (-1.0, widest > slack) if touching else (1.0, not -widest <= slack)
+                if touching and wrong and known > 0:
+                    excused = True
+                    for t in range(len(tracked)):
+                        if tracked[t, 3] == p1 and tracked[t, 4] == p2:
+                            same = False
+                            for m in range(known):
+                                n, f = lines[t, 0], flats[m]
+                                same = same or n[0] * f[0] + n[1] * f[1] + n[2] * f[2] > 1.0 - 1e-9
+                            excused = excused and same
+                    wrong = not excused
+                if wrong:
+                    sign = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
+                    site = (sites[best, 0], sites[best, 1], sites[best, 2])
+                    count = _note(faults, count, SIDE, s, hand, sign, site, p1, p2, 0, 0, abs(widest))
+                elif not touching and widest <= slack:
+                    for r in range(len(rows)):
+                        if rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y >= -slack and known < len(flats):
+                            flats[known] = rows[r, :3]
+                            known += 1
+    return count
 
 
 # ------------------------------------------------------------------------------------------------- touch and clear
@@ -936,9 +874,10 @@ def _own_vertices(parts1, parts2, site, p1, p2):
 
 
 @kernel
-def ways(motion, parts1, parts2, tracked, signs, pairs, path, z, p1, p2):
+def ways(scene, z, p1, p2):
     """Return the sites of a part pair at z, edges' orientations, normals, separations, and slopes by z."""
-    k = len(z)
+    motion, parts1, parts2, _, _, pairs, _ = scene
+    k, site = len(z), np.array([0, 0, 0, p1, p2])
     flat, q, line = np.empty(12 * (k + 1)), np.empty(k), np.empty((k + 1, 6))
     _place(motion, z, 1.0, q, flat, True)
     sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), flat[:12])
@@ -947,7 +886,8 @@ def ways(motion, parts1, parts2, tracked, signs, pairs, path, z, p1, p2):
     for r in range(len(sites)):
         hands[r] = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
         gaps[r] = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
-        _line(parts1, parts2, sites[r, 0], sites[r, 1], sites[r, 2], p1, p2, hands[r], flat, line)
+        site[:3] = sites[r]
+        _line(parts1, parts2, site, hands[r], flat, line)
         square = 0.0
         for m in range(1, k + 1):
             slope = line[m, 5] - line[m, 3] * x - line[m, 4] * y
@@ -957,186 +897,130 @@ def ways(motion, parts1, parts2, tracked, signs, pairs, path, z, p1, p2):
 
 
 @kernel
-def _add(ints, reals, count, hand, site, sign, p1, p2, v, w):
+def _add(rows, count, hand, site, sign, p1, p2, v, w):
     """Add a row that two vertices are apart, or not, along a site's normal; return how many rows there are."""
+    ints, reals = rows
     if count == len(ints):
         return count
-    for r in range(count):
-        same = ints[r, TYPE] == GAP and reals[r, HAND] == hand and ints[r, P1] == p1 and ints[r, P2] == p2
-        same = same and ints[r, KIND] == site[0] and ints[r, ONE] == site[1] and ints[r, TWO] == site[2]
-        if same and ints[r, V] == v and ints[r, W] == w and reals[r, SIGN] == sign:
-            return count
     ints[count] = 0
     ints[count, TYPE], ints[count, KIND], ints[count, ONE], ints[count, TWO] = GAP, site[0], site[1], site[2]
     ints[count, P1], ints[count, P2], ints[count, V], ints[count, W] = p1, p2, v, w
     reals[count, POSITION], reals[count, HAND], reals[count, SIGN] = 1.0, hand, sign
-    return count + 1
+    return count if _is_known(rows, count, ints[count], reals[count]) else count + 1
+
+
+@kernel
+def _is_known(rows, count, ints, reals):
+    """Tell whether a row is among the first ones."""
+    for r in range(count):
+        same = True
+        for c in range(ROW):
+            same = same and rows[0][r, c] == ints[c]
+        for c in range(3):
+            same = same and rows[1][r, c] == reals[c]
+        if same:
+            return True
+    return False
 
 
 @kernel
 def _foremost(parts1, parts2, p1, p2, flat, x, y, n):
     """Return the vertices of a part pair that reach furthest along n, and the separation there."""
-    reals1, ints1 = _part(parts1, p1)
-    reals2, ints2 = _part(parts2, p2)
-    u0 = flat[0] * n[0] + flat[3] * n[1] + flat[6] * n[2]
-    u1 = flat[1] * n[0] + flat[4] * n[1] + flat[7] * n[2]
-    u2 = flat[2] * n[0] + flat[5] * n[1] + flat[8] * n[2]
-    first, v, second, w = -np.inf, 0, np.inf, 0
-    for r in range(ints1[0]):
-        height = u0 * reals1[r, 0] + u1 * reals1[r, 1] + u2 * reals1[r, 2]
-        if height > first:
-            first, v = height, r
-    for r in range(ints2[0]):
-        height = n[0] * reals2[r, 0] + n[1] * reals2[r, 1] + n[2] * reals2[r, 2]
-        if height < second:
-            second, w = height, r
-    return v, w, n[0] * flat[9] + n[1] * flat[10] + n[2] * flat[11] - x * first + y * second
+    u = np.empty(3)
+    for c in range(3):
+        u[c] = flat[c] * n[0] + flat[3 + c] * n[1] + flat[6 + c] * n[2]
+    v, first = _highest(_part(parts1, p1), u, 1.0)
+    w, second = _highest(_part(parts2, p2), n, -1.0)
+    return v, w, n[0] * flat[9] + n[1] * flat[10] + n[2] * flat[11] - x * first - y * second
 
 
 @kernel
-def _forbid(ints, reals, count, fault_ints, fault_reals, faults):
-    """Add rows that are not known yet; return how many rows there are."""
-    for f in range(faults):
-        known = count == len(ints)
-        for r in range(count):
-            same = reals[r, POSITION] == fault_reals[f, POSITION] and reals[r, HAND] == fault_reals[f, HAND]
-            for c in range(ROW):
-                same = same and ints[r, c] == fault_ints[f, c]
-            known = known or same
-        if not known:
-            ints[count], reals[count] = fault_ints[f], fault_reals[f]
-            count += 1
-    return count
+def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins):
+    """Add rows for what z violates; return (how it went on, rows, chosen sites).
 
+    Each of the first `made` sites is to keep its part pair apart; pairs that come up are kept apart along the best of
+    theirs. Rows that let `closing` meet and no longer bound its separation are dropped.
 
-@kernel
-def settle(
-    motion,
-    parts1,
-    parts2,
-    tracked,
-    signs,
-    pairs,
-    path,
-    ints,
-    reals,
-    count,
-    chosen,
-    hands,
-    made,
-    closing,
-    steepest,
-    z,
-    slack,
-    enough,
-    duals,
-):
-    """Descend to the least z that keeps the rows; return (how it ended, rows, chosen sites).
-
-    Besides, the tracked contact stays real, the first `made` chosen sites keep their pairs apart, and `closing` meets.
-    Rows are added for what solutions violate; pairs that come up are kept apart along the best of their sites.
+    Parameters
+    ----------
+    sites : two arrays
+        Sites, (n, 5), and their orientations, (n,).
+    begins : bool
+        Whether rows of chosen sites and of `closing` are to be added first.
     """
-    k = len(z)
+    motion, parts1, parts2, tracked, _, pairs, _ = scene
+    (ints, reals), (chosen, hands), k = rows, sites, len(z)
     flat, q, line = np.empty(12 * (k + 1)), np.empty(k), np.empty((1, 6))
-    fault_ints, fault_reals, excess = np.zeros((32, ROW), np.int64), np.zeros((32, 3)), np.zeros(32)
     x, y, need = pairs[1, 0], pairs[1, 1], pairs[2, 0]
-    base = count
-    for turn in range(ROUNDS):
-        if turn > 0 or (made == 0 and closing[0] < 0):
-            ended = descend(
-                motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, steepest, z, duals, enough
-            )
-            if ended != FOUND:
-                return ended, count, made
-            if _norm(z) >= enough:
-                return STUCK, count, made
-        changed = turn == 0 and (made > 0 or closing[0] >= 0)
-        faulty = False
-        if len(tracked) and not changed:
-            faults = path_faults(
-                motion, parts1, parts2, tracked, signs, pairs, z, path, False, fault_ints, fault_reals, excess
-            )
-            if faults < 0:
-                return BROKEN, count, made
-            before = count
-            count = _forbid(ints, reals, count, fault_ints, fault_reals, faults)
-            duals[before:count] = 0.0
-            changed, faulty = count > before, faults > 0
-        if not need > -np.inf:
-            if not changed:
-                return (NOWHERE if faulty else FOUND), count, made
-            continue
+    pose, changed, faulty = flat[:12], begins, False
+    if len(tracked) and not begins:
+        wrong = (np.zeros((32, ROW), np.int64), np.zeros((32, 3)), np.zeros(32))
+        faults = path_faults(scene, z, False, wrong)
+        if faults < 0:
+            return BROKEN, count, made
+        faulty = faults > 0
+        for f in range(faults):
+            if count < len(ints) and not _is_known(rows, count, wrong[0][f], wrong[1][f]):
+                ints[count], reals[count], duals[count] = wrong[0][f], wrong[1][f], 0.0
+                count += 1
+                changed = True
+    if need > -np.inf:
         _place(motion, z, 1.0, q, flat, False)
-        pose = flat[:12]
         for c in range(made):
             p1, p2 = chosen[c, 3], chosen[c, 4]
-            _line(parts1, parts2, *_five(chosen[c]), hands[c], pose, line)
+            _line(parts1, parts2, chosen[c], hands[c], pose, line)
             v, w, gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])
-            if gap < need - slack or turn == 0:
+            if gap < need - slack or begins:
                 before = count
-                count = _add(ints, reals, count, 1.0, chosen[c], hands[c], p1, p2, v, w)
+                count = _add(rows, count, 1.0, chosen[c], hands[c], p1, p2, v, w)
                 changed = changed or count > before
         bounds = pair_bounds(*parts1, *parts2, pose, pairs[1])
-        for p1 in range(bounds.shape[0] if turn > 0 else 0):
+        for p1 in range(0 if begins else bounds.shape[0]):
             for p2 in range(bounds.shape[1]):
                 known = bounds[p1, p2] >= need
                 for c in range(made):
                     known = known or (chosen[c, 3] == p1 and chosen[c, 4] == p2)
                 if known or made == len(chosen):
                     continue
-                sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
-                best, widest = _widest(rows, x, y)
+                facets, lines = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
+                best, widest = _widest(lines, x, y)
                 if widest < need - slack:
-                    for e in range(3):
-                        chosen[made, e] = sites[best, e]
+                    chosen[made, :3] = facets[best]
                     chosen[made, 3], chosen[made, 4] = p1, p2
-                    hands[made] = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
-                    n = (rows[best, 0], rows[best, 1], rows[best, 2])
-                    v, w, _ = _foremost(parts1, parts2, p1, p2, flat, x, y, n)
-                    count = _add(ints, reals, count, 1.0, chosen[made], hands[made], p1, p2, v, w)
+                    hands[made] = _orientation(parts1, parts2, facets[best], p1, p2, flat, lines[best])
+                    v, w, _ = _foremost(parts1, parts2, p1, p2, flat, x, y, lines[best])
+                    count = _add(rows, count, 1.0, chosen[made], hands[made], p1, p2, v, w)
                     made += 1
                     changed = True
-        if closing[0] >= 0:
-            p1, p2 = closing[0], closing[1]
-            kept = base
-            for r in range(base, count):  # what no longer bounds the separation is dropped
-                stale = False
-                if ints[r, TYPE] == GAP and reals[r, HAND] < 0.0:
-                    _line(parts1, parts2, ints[r, KIND], ints[r, ONE], ints[r, TWO], p1, p2, reals[r, SIGN], pose, line)
-                    v, w, gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])
-                    left, right = _part(parts1, p1)[0][ints[r, V]], _part(parts2, p2)[0][ints[r, W]]
-                    a0, a1, a2 = _turn(flat, 0, left[0], left[1], left[2])
-                    value = (
-                        line[0, 0] * (flat[9] - x * a0 + y * right[0])
-                        + line[0, 1] * (flat[10] - x * a1 + y * right[1])
-                        + line[0, 2] * (flat[11] - x * a2 + y * right[2])
-                    )
-                    stale = not value <= gap + slack
-                    changed = changed or (stale and duals[r] > 0.0)
-                if not stale:
-                    ints[kept], reals[kept], duals[kept] = ints[r], reals[r], duals[r]
-                    kept += 1
-            count = kept
-            sites, rows = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
-            widest = _widest(rows, x, y)[1]
-            for r in range(len(rows)):
-                wide = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
-                if wide > slack and wide >= 0.5 * widest:
-                    v, w = _own_vertices(parts1, parts2, sites[r], p1, p2)
-                    sign = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
-                    count = _add(ints, reals, count, -1.0, sites[r], sign, p1, p2, v, w)
-            changed = changed or widest > slack
-        if not changed:
-            return (NOWHERE if faulty else FOUND), count, made
-    return STUCK, count, made
-
-
-@kernel
-def _norm(z):
-    square = 0.0
-    for m in range(len(z)):
-        square += z[m] * z[m]
-    return math.sqrt(square)
+    if closing[0] >= 0:
+        p1, p2 = closing[0], closing[1]
+        kept = base
+        for r in range(base, count):
+            stale = False
+            if ints[r, TYPE] == GAP and reals[r, HAND] < 0.0:
+                _line(parts1, parts2, ints[r, KIND : P2 + 1], reals[r, SIGN], pose, line)
+                n = line[0]
+                gap = _foremost(parts1, parts2, p1, p2, flat, x, y, n)[2]
+                one, two = _part(parts1, p1)[0][ints[r, V]], _part(parts2, p2)[0][ints[r, W]]
+                u, value = _turn(flat, 0, one[0], one[1], one[2]), 0.0
+                for c in range(3):
+                    value += n[c] * (flat[9 + c] - x * u[c] + y * two[c])
+                stale = not value <= gap + slack
+                changed = changed or (stale and duals[r] > 0.0)
+            if not stale:
+                ints[kept], reals[kept], duals[kept] = ints[r], reals[r], duals[r]
+                kept += 1
+        count = kept
+        facets, lines = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
+        widest = _widest(lines, x, y)[1]
+        for r in range(len(lines)):
+            wide = lines[r, 5] - lines[r, 3] * x - lines[r, 4] * y
+            if wide > slack and wide >= 0.5 * widest:
+                v, w = _own_vertices(parts1, parts2, facets[r], p1, p2)
+                sign = _orientation(parts1, parts2, facets[r], p1, p2, flat, lines[r])
+                count = _add(rows, count, -1.0, facets[r], sign, p1, p2, v, w)
+        changed = changed or widest > slack
+    return (GOES_ON if changed else NOWHERE if faulty else FOUND), count, made
 
 
 @kernel
@@ -1150,127 +1034,6 @@ def _widest(rows, x, y):
     return best, widest
 
 
-@kernel
-def settle_all(
-    motion,
-    parts1,
-    parts2,
-    tracked,
-    signs,
-    pairs,
-    path,
-    ints,
-    reals,
-    count,
-    chosen,
-    hands,
-    made,
-    closing,
-    steepest,
-    starts,
-    slack,
-    enough,
-    duals,
-):
-    """Settle from several starts; return (how the best ended, its rows, its sites), and its z in the first start.
-
-    All but the best leave no trace.
-    """
-    best, rows, sites = NOWHERE, count, made
-    own_ints, own_reals, own_duals = ints.copy(), reals.copy(), np.zeros(len(duals))
-    own_chosen, own_hands, z = chosen.copy(), hands.copy(), np.empty(starts.shape[1])
-    first = starts[0].copy()
-    for r in range(len(starts)):
-        z[:] = starts[r]
-        own_ints[:count], own_reals[:count] = ints[:count], reals[:count]
-        own_chosen[:made], own_hands[:made] = chosen[:made], hands[:made]
-        ended, own_count, own_made = settle(
-            motion,
-            parts1,
-            parts2,
-            tracked,
-            signs,
-            pairs,
-            path,
-            own_ints,
-            own_reals,
-            count,
-            own_chosen,
-            own_hands,
-            made,
-            closing,
-            steepest,
-            z,
-            slack,
-            enough,
-            own_duals,
-        )
-        if ended == FOUND and _norm(z) < enough:
-            best, rows, sites, enough = ended, own_count, own_made, _norm(z) * (1.0 - 1e-9)
-            first[:] = z
-            ints[count:rows], reals[count:rows] = own_ints[count:rows], own_reals[count:rows]
-            duals[:rows] = own_duals[:rows]
-            chosen[made:sites], hands[made:sites] = own_chosen[made:sites], own_hands[made:sites]
-    starts[0] = first
-    return best, rows, sites
-
-
-@kernel
-def settle_jointly(motion, parts1, parts2, tracked, signs, pairs, path, ints, reals, count, steepest, starts, duals):
-    """Settle with rows that all starts share, each round from the least of their solutions; its z in the first start.
-
-    Rows added for one start alone may shut it up in a corner that others never enter.
-    """
-    fault_ints, fault_reals, excess = np.zeros((32, ROW), np.int64), np.zeros((32, 3)), np.zeros(32)
-    k = starts.shape[1]
-    z, best, own_duals = np.empty(k), np.full(k, np.nan), np.zeros(len(duals))
-    for turn in range(ROUNDS):
-        enough, latest = np.inf, best.copy()
-        for r in range(-1 if turn > 0 else 0, len(starts)):
-            z[:] = latest if r < 0 else starts[r]
-            own_duals[:] = 0.0
-            ended = descend(
-                motion, parts1, parts2, tracked, signs, pairs, ints, reals, count, steepest, z, own_duals, enough
-            )
-            if ended == FOUND and _norm(z) < enough:
-                enough, best[:], duals[:] = _norm(z), z, own_duals
-        if enough == np.inf:
-            return NOWHERE, count
-        faults = path_faults(
-            motion, parts1, parts2, tracked, signs, pairs, best, path, False, fault_ints, fault_reals, excess
-        )
-        if faults == 0:
-            starts[0] = best
-            return FOUND, count
-        before = count
-        count = _forbid(ints, reals, count, fault_ints, fault_reals, max(faults, 0))
-        duals[before:count] = 0.0
-        if count == before:
-            return NOWHERE, count
-    return STUCK, count
-
-
-@kernel
-def first_beyond(motion, parts1, parts2, tracked, signs, pairs, path, trials, hands, miss):
-    """Return the first of several z that bring the tracked pair beyond its target, real all along; -1 for none."""
-    k = trials.shape[1]
-    flat, q = np.empty(12 * (k + 1)), np.empty(k)
-    lines, rho = np.empty((2, 1, 6)), np.empty((1, 2))
-    ints, reals, excess = np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4)
-    for r in range(len(trials)):
-        z = trials[r]
-        _place(motion, z, 1.0, q, flat, False)
-        for t in range(len(tracked)):
-            _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
-        if not _pair(lines, len(tracked), pairs[0], pairs[1], 1.0, rho):
-            continue
-        if hands[0] * (rho[0, 0] - pairs[1, 0]) < miss or hands[1] * (rho[0, 1] - pairs[1, 1]) < miss:
-            continue
-        if path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess) == 0:
-            return r
-    return -1
-
-
 # ------------------------------------------------------------------------------------------------- direction search
 # A path is the straight ray to its motion, so that motions with two parameters are a fan of rays: each direction, an
 # angle in weighted coordinates, has the least amount at which the requirement is met before coherence ends. What is
@@ -1280,19 +1043,20 @@ def first_beyond(motion, parts1, parts2, tracked, signs, pairs, path, trials, ha
 
 
 @kernel
-def _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho):
+def beyond(scene, hands, z, room):
     """Return by how much the tracked pair is beyond its target, relative; -inf where there is none.
 
     Of one tracked feature, which meets its target exactly, the target's height over its line.
     """
-    _place(motion, z, 1.0, q, flat, False)
-    for t in range(len(tracked)):
-        _line(parts1, parts2, *_five(tracked[t]), signs[t], flat, lines[t])
+    tracked, pairs = scene[3], scene[5]
+    q, flat, lines, rho, _ = room  # so that nothing is allocated
+    _place(scene[0], z, 1.0, q, flat, False)
+    exists = _tracked(scene, flat, 1.0, lines, rho)
     if len(tracked) == 1:
         return lines[0, 0, 3] * pairs[1, 0] + lines[0, 0, 4] * pairs[1, 1] - lines[0, 0, 5]
     a, b, d, e = lines[0, 0, 3], lines[0, 0, 4], lines[1, 0, 3], lines[1, 0, 4]
     parallel = not abs(a * e - b * d) > CROSSING * math.sqrt((a * a + b * b) * (d * d + e * e))
-    if parallel or not _pair(lines, 2, pairs[0], pairs[1], 1.0, rho):
+    if parallel or not exists:
         return -np.inf
     least = np.inf
     noise = ROUNDING * math.sqrt((a * a + b * b) * (d * d + e * e)) / abs(a * e - b * d)
@@ -1303,16 +1067,33 @@ def _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lin
 
 
 @kernel
-def _lost(motion, parts1, parts2, tracked, signs, pairs, path, hands, z, work):
+def _lost(scene, path, hands, z, room):
     """Tell whether the contact is not real at a motion, or its two lines all but parallel."""
-    q, flat, lines, rho, ints, reals, excess = work  # room, so that nothing is allocated
-    if path_faults(motion, parts1, parts2, tracked, signs, pairs, z, path, True, ints, reals, excess):
+    motion, parts1, parts2, tracked, signs, pairs, _ = scene
+    if path_faults((motion, parts1, parts2, tracked, signs, pairs, path), z, True, room[4]):
         return True
-    return _value(motion, parts1, parts2, tracked, signs, pairs, hands, z, q, flat, lines, rho) == -np.inf
+    return beyond(scene, hands, z, room) == -np.inf
 
 
 @kernel
-def merits(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, steps, angles, cap, halvings):
+def _room(k):
+    """Return room for what is asked of a motion: parameters, pose and rates, lines, tracked pair, faults."""
+    faults = (np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
+    return np.empty(k), np.empty(12 * (k + 1)), np.empty((2, 1, 6)), np.empty((1, 2)), faults
+
+
+@kernel
+def first_beyond(scene, trials, hands, miss):
+    """Return the first of several z that bring the tracked pair beyond its target, real all along; -1 for none."""
+    room = _room(trials.shape[1])
+    for r in range(len(trials)):
+        if beyond(scene, hands, trials[r], room) >= miss and not _lost(scene, scene[6], hands, trials[r], room):
+            return r
+    return -1
+
+
+@kernel
+def merits(scene, hands, limits, steps, angles, cap, halvings):
     """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
 
     Parameters
@@ -1328,11 +1109,9 @@ def merits(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, s
     halvings : int
         Of a stretch at whose end the contact is lost.
     """
-    scene = (motion, parts1, parts2, tracked, signs, pairs)
-    merits, crossed = np.full(len(angles), 2.0 * FAR), len(tracked) == 1
-    way, z, q, flat = np.empty(2), np.empty(2), np.empty(2), np.empty(36)
-    lines, rho = np.empty((2, 1, 6)), np.empty((1, 2))
-    work = (q, flat, lines, rho, np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
+    path = scene[6]
+    merits, crossed = np.full(len(angles), 2.0 * FAR), len(scene[3]) == 1
+    way, z, room = np.empty(2), np.empty(2), _room(2)
     looks = np.empty((3, len(path)))
     looks[:] = path
     looks[0, 1] = 0.0  # the end of a path alone; then all of it, and more of it
@@ -1348,27 +1127,27 @@ def merits(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, s
             elif limits[k, 0] > 0.0 or limits[k, 1] < 0.0:
                 end = -np.inf
         z[:] = 0.0
-        was = _value(*scene, hands, z, q, flat, lines, rho)
+        was = beyond(scene, hands, z, room)
         before, best, lost = 0.0, -np.inf, not start <= end
         while before < end and not lost:
             ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
             if before < start < ahead:
                 ahead = start
             z[:] = ahead * way
-            lost = not crossed and _lost(*scene, looks[0], hands, z, work)
+            lost = not crossed and _lost(scene, looks[0], hands, z, room)
             low, high = before, ahead
             for _ in range(halvings if lost else 0):
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
                 z[:] = middle * way
-                if _lost(*scene, looks[0], hands, z, work):
+                if _lost(scene, looks[0], hands, z, room):
                     high = middle
                 else:
                     low = middle
             ahead = low if lost else ahead
             z[:] = ahead * way
-            value = _value(*scene, hands, z, q, flat, lines, rho)
+            value = beyond(scene, hands, z, room)
             if ahead >= start and ahead > 0.0:
                 best = max(best, -abs(value) if crossed else value)
                 if was * value <= 0.0 if crossed else value >= 0.0:
@@ -1378,13 +1157,13 @@ def merits(motion, parts1, parts2, tracked, signs, pairs, path, hands, limits, s
                         if not low < middle < high:
                             break
                         z[:] = middle * way
-                        there = _value(*scene, hands, z, q, flat, lines, rho)
+                        there = beyond(scene, hands, z, room)
                         if was * there <= 0.0 if crossed else there >= 0.0:
                             high = middle
                         else:
                             low = middle
                     z[:] = high * way
-                    if not (_lost(*scene, looks[1], hands, z, work) or _lost(*scene, looks[2], hands, z, work)):
+                    if not (_lost(scene, looks[1], hands, z, room) or _lost(scene, looks[2], hands, z, room)):
                         merits[n], lost = high, True
                         cap = min(cap, high)
                     lost = lost or not crossed

@@ -22,6 +22,7 @@ from fcdm_opt.stages import compiled, rays
 from fcdm_opt.tolerances import DEFAULT
 
 ROOM = 160  # rows of one descent
+ROUNDS = 30  # of adding rows
 REACH, WIDE = 3.0, (50.0, 15.0, 5.0)  # starts away from rest, in typical amounts, and where those find nothing
 PROBES, FRACTIONS = 5, (0.98, 0.7, 0.4)  # improvements by probing, at most, and where
 CHOICES, MOST_APART = 12, 24  # ways apart of a pair that are tried, and pairs kept apart
@@ -126,7 +127,7 @@ class Descent:
     def settle(
         self, starts: Array, enough: float, chosen: Sequence[Way] = (), closing: Parts | None = None
     ) -> Settled | None:
-        """Return the least motion found from several starts, (n, k).
+        """Return the least motion found from several starts, (n, k), each on its own.
 
         Parameters
         ----------
@@ -138,39 +139,48 @@ class Descent:
         closing : (i, j), optional
             The part pair that must not stay apart.
         """
-        ints, reals, count = self.rows[0].copy(), self.rows[1].copy(), self.rows[2]
-        sites, hands = np.zeros((MOST_APART, 5), dtype=np.int64), np.zeros(MOST_APART)
-        for k, way in enumerate(chosen):
-            sites[k], hands[k] = way
-        starts, duals = starts.copy(), np.zeros(ROOM)
-        ended, count, made = compiled.settle_all(
-            *self.scene,
-            ints,
-            reals,
-            count,
-            sites,
-            hands,
-            len(chosen),
-            np.array((-1, -1) if closing is None else closing),
-            self.steepest,
-            starts,
-            0.1 * DEFAULT.cut * self.task.unit,
-            enough,
-            duals,
-        )
-        if ended != compiled.FOUND:
-            return None
-        ways = [Way(tuple(site), hand) for site, hand in zip(sites[:made].tolist(), hands[:made].tolist(), strict=True)]
-        return self._settled(starts[0], ints[:count], reals[:count, compiled.HAND], duals, ways, closing)
+        best: Settled | None = None
+        for start in starts:
+            best = self.settle_jointly(start[None], min(enough, self._below(best)), chosen, closing) or best
+        return best
 
-    def settle_jointly(self, starts: Array) -> Settled | None:
-        """Return the least motion found that keeps the tracked contact, with rows that several starts share."""
-        ints, reals, count = self.rows[0].copy(), self.rows[1].copy(), self.rows[2]
-        starts, duals = starts.copy(), np.zeros(ROOM)
-        ended, count = compiled.settle_jointly(*self.scene, ints, reals, count, self.steepest, starts, duals)
-        if ended != compiled.FOUND:
-            return None
-        return self._settled(starts[0], ints[:count], reals[:count, compiled.HAND], duals, [], None)
+    def settle_jointly(
+        self, starts: Array, enough: float = np.inf, chosen: Sequence[Way] = (), closing: Parts | None = None
+    ) -> Settled | None:
+        """Return the same with rows that all starts share, each round from the least of their solutions.
+
+        Rows added for one start alone may shut it up in a corner that others never enter.
+        """
+        rows, base = (self.rows[0].copy(), self.rows[1].copy()), self.rows[2]
+        count, made = base, len(chosen)
+        sites = np.zeros((MOST_APART, 5), dtype=np.int64), np.zeros(MOST_APART)
+        for k, way in enumerate(chosen):
+            sites[0][k], sites[1][k] = way
+        pair, slack = np.array((-1, -1) if closing is None else closing), 0.1 * DEFAULT.cut * self.task.unit
+        duals, latest = np.zeros(ROOM), starts[:1]
+        for turn in range(ROUNDS):
+            begins = turn == 0 and (made > 0 or closing is not None)
+            if not begins:
+                again = starts if turn == 0 else latest if len(starts) == 1 else np.vstack([latest, starts])
+                least, found = enough, None
+                for start in again:
+                    z, own = start.copy(), np.zeros(ROOM)
+                    ended = compiled.descend(self.scene, rows, count, self.steepest, z, own, least)
+                    if ended == compiled.FOUND and (length := float(np.linalg.norm(z))) < least:
+                        least, found, duals = length, z, own
+                if found is None:
+                    return None
+                latest = found[None]
+            went, count, made = compiled.grow(
+                self.scene, rows, base, count, sites, made, pair, latest[0], slack, duals, begins
+            )
+            if went == compiled.FOUND:
+                sited = zip(sites[0][:made].tolist(), sites[1][:made].tolist(), strict=True)
+                ways = [Way(tuple(site), hand) for site, hand in sited]
+                return self._settled(latest[0], rows[0][:count], rows[1][:count, compiled.HAND], duals, ways, closing)
+            if went != compiled.GOES_ON:
+                return None
+        return None
 
     def _settled(
         self, z: Array, ints: Ints, hands: Array, duals: Array, ways: list[Way], closing: Parts | None
@@ -238,7 +248,7 @@ class Descent:
         for _ in range(PROBES):
             trials = np.vstack([fraction * best.amount * self.directions for fraction in FRACTIONS])
             trials = trials[((trials >= low) & (trials <= high)).all(axis=1)]
-            k = compiled.first_beyond(*self.scene, trials, self.task.signs, DEFAULT.line)
+            k = compiled.first_beyond(self.scene, trials, self.task.signs.astype(np.float64), DEFAULT.line)
             better = None if k < 0 else self.settle(trials[k : k + 1], best.amount * (1.0 - DEFAULT.nominal))
             if better is None:
                 break
@@ -261,7 +271,7 @@ class Descent:
 
     def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way, float]]:
         """Return (amount to first order, site, separation) of the ways in which a part pair can come apart."""
-        sites, hands, normals, gaps, steep = compiled.ways(*self.scene, z, *parts)
+        sites, hands, normals, gaps, steep = compiled.ways(self.scene, z, *parts)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             amounts = np.nan_to_num((self.task.need - gaps) / steep, nan=np.inf)
         found: list[tuple[float, Way, float]] = []

@@ -41,7 +41,7 @@ def nonlinear(task: Task) -> Answer:
     best = answer
     starts = [answer.q, *(answer.q + sign * x for x in np.diag(task.steps)[turning] for sign in (1.0, -1.0))]
     for relaxation in choices(task, answer.q, near=True):
-        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "slsqp")) or best
+        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "sqpmethod")) or best
     return replace(best, stage=answer.stage, lower_bound=min(displacement_bound(task), best.amount))
 
 

@@ -1,22 +1,24 @@
 """The nonlinear program: smallest motion under rows that are instances of the contact equations.
 
-A program's layout (which templates, in which order) is compiled once and cached; its numbers are parameters.
-Variables: z = q / steps (`Task.steps`), so that everything is of order one whatever the weights, and for each
-pair that a free separating plane keeps apart that plane: the tilt of its normal against a
-fixed one, in a frame given as a parameter, and its level / unit.
+A template is compiled once, and serves all its rows; a program's layout (how many rows of which templates) is put
+together once and cached; its numbers are parameters. Variables: z = q / steps (`Task.steps`), so that everything is of
+order one whatever the weights, and blocks of three: for each pair that a free separating plane keeps apart that plane,
+the tilt of its normal against a fixed one, in a frame given with the row, and its level / unit; or a point that two
+parts have in common, in units.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.flush import Overlap
+from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.equations import FeaturePoints, SymbolicPose, intersection
 from fcdm_opt.model.seats import independent, tilts
 from fcdm_opt.model.task import Task
@@ -26,16 +28,19 @@ from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.tolerances import DEFAULT
 
 INF = float("inf")
+FARTHEST = 1e5  # a tilt or level there: of planes that are nearly free, which would wander off
+PATIENCE = 10.0  # seconds of a program with everything in it
 
 
 class Row(NamedTuple):
-    """One constraint lower <= template(values) <= upper; `name` says what it keeps."""
+    """One constraint lower <= template(values) <= upper; `name` says what it keeps, `block` whose variables it has."""
 
     template: tuple[Any, ...]
     values: Array
     lower: float
     upper: float
     name: str
+    block: int = -1
 
 
 class Outcome(NamedTuple):
@@ -138,22 +143,48 @@ def plane_row(task: Task, block: int, body: int, vertex: Array, need: float, nam
 
     Of body 1 as drawn, to be scaled and moved; of body 2 or a keep-out, which stay, as scaled and relative to s_2.
     """
-    return Row(("plane", block, body), np.append(vertex, need / task.unit), 0.0, INF, name)
+    return Row(("plane", body), np.append(vertex, need / task.unit), 0.0, INF, name, block)
 
 
-@dataclass(frozen=True, eq=False)
+def plane_row_on_the_way(block: int, s: float, body: int, vertex: Array) -> Row:
+    """Keep a vertex on its body's side of plane `block` at path position s and the tracked pair, see `plane_row`."""
+    return Row(("plane on the way", body), np.append(vertex, s), 0.0, INF, "", block)
+
+
+def common_rows(task: Task, block: int, one: ConvexPart, two: ConvexPart) -> list[Row]:
+    """Let two parts of the scales made have the point `block` in common, which starts at the seed of part 2."""
+    sites = [(1, m, one.vertices[loop[0]]) for m, loop in zip(one.normals, one.loops, strict=True)]
+    offsets = task.target[1] * (two.vertices - two.seed)
+    sites += [(2, m, offsets[loop[0]]) for m, loop in zip(two.normals, two.loops, strict=True)]
+    return [Row(("common", body), np.concatenate([m, v]), 0.0, INF, "", block) for body, m, v in sites]
+
+
+def element_rows(s: float, feature: FeaturePoints, one: ConvexPart, two: ConvexPart, scale: float) -> list[Row]:
+    """Keep the tracked contact point within the elements of its feature at path position s."""
+    values, (_, i, j) = np.append(s, feature.values), feature.site
+    if feature.kind == E1E2:
+        return [Row(("along", body), values, 0.0, 1.0, "") for body in (1, 2)]
+    corners = one.vertices[list(one.loops[i])] if feature.kind == F1V2 else two.vertices[list(two.loops[j])]
+    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    return [
+        Row(("inside", feature.kind), np.concatenate([values, p, q, [scale * np.linalg.norm(q - p)]]), 0.0, INF, "")
+        for p, q in sides
+    ]
+
+
 class _Symbols:
-    """Symbols that the templates of one program share."""
+    """Symbols that the templates of one program share, and a row's own: its block and its values."""
 
-    motion: Motion
-    q: Any
-    seeds: Any
-    unit: Any
-    nominal: Any
-    target: Any
-    tracked: tuple[tuple[int, Any], ...]
-    planes: Any
-    frames: tuple[Any, ...]
+    def __init__(self, motion: Motion, kinds: tuple[int, ...], size: int) -> None:
+        import casadi
+
+        k = len(motion.parameters)
+        self.motion, self.z, self.block = motion, casadi.SX.sym("z", k), casadi.SX.sym("block", 3)
+        self.shared, self.values = casadi.SX.sym("shared", k + 11 + 13 * len(kinds)), casadi.SX.sym("values", size)
+        step, self.unit, self.seeds, self.nominal, self.target, *tracked = casadi.vertsplit(
+            self.shared, [0, k, k + 1, k + 7, k + 9, *(k + 11 + 13 * m for m in range(len(kinds) + 1))]
+        )
+        self.q, self.tracked = step * self.z, tuple(zip(kinds, tracked, strict=False))
 
     @cached_property
     def end(self) -> SymbolicPose:
@@ -167,57 +198,90 @@ class _Symbols:
 
     def tracked_pair(self, scene: SymbolicPose, s: Any) -> Any:
         """Return the tracked scale pair: both lines' intersection, or one line's point nearest the straight path."""
+        import casadi
+
         lines = [scene.line(kind, values) for kind, values in self.tracked]
         if len(lines) == 2:
             return intersection(*lines)[0]
         a, b, c, _ = lines[0]
         path = self.nominal + s * (self.target - self.nominal)
         excess = (c - a * path[0] - b * path[1]) / (a * a + b * b)
-        import casadi
-
         return path + excess * casadi.vertcat(a, b)
 
 
-def _template(symbols: _Symbols, template: tuple[Any, ...], values: Any) -> Any:
+def _value(symbols: _Symbols, template: tuple[Any, ...]) -> Any:
     """Return the expression of a row."""
     import casadi
 
-    name, *detail = template
-    if name == "plane":
-        block, body = detail
-        tilt, level = symbols.planes[:2, block], symbols.planes[2, block]
-        n = symbols.frames[block] @ casadi.vertcat(1.0, tilt)
-        point = values[:3]
+    (name, *detail), values, target = template, symbols.values, symbols.target
+    if name.startswith("plane"):
+        (body,), tilt, level = detail, symbols.block[:2], symbols.block[2]
+        n = casadi.reshape(values[:9], 3, 3) @ casadi.vertcat(1.0, tilt)
+        scene, rho, point, room = symbols.end, target, values[9:12], values[12] * casadi.sqrt(1.0 + casadi.sumsqr(tilt))
+        if name == "plane on the way":
+            scene = SymbolicPose.of(symbols.motion, values[12] * symbols.q, symbols.seeds)
+            rho, room = symbols.tracked_pair(scene, values[12]), casadi.SX(0)
+            point = point if body == 1 else rho[1] * point
         if body == 1:
-            point = symbols.end.scaled(symbols.target[0], point) - symbols.seeds[3:]
-        height = casadi.dot(n, point) / symbols.unit
-        return level - height if body == 1 else height - level - values[3] * casadi.sqrt(1.0 + casadi.dot(tilt, tilt))
+            return level - casadi.dot(n, scene.scaled(rho[0], point) - symbols.seeds[3:]) / symbols.unit
+        return casadi.dot(n, point) / symbols.unit - level - room
+    if name == "common":
+        n, point = values[9:12], values[12:15]
+        if detail[0] == 1:
+            n, point = symbols.end.transform[:3, :3] @ n, symbols.end.scaled(target[0], point) - symbols.seeds[3:]
+        return casadi.dot(n, point / symbols.unit - symbols.block)
     if name == "tracked":
-        return (symbols.end_pair[detail[0]] - symbols.target[detail[0]]) * values[0]
+        return (symbols.end_pair[detail[0]] - target[detail[0]]) * values[0]
     if name == "on":
         a, b, c, n = symbols.end.line(*symbols.tracked[0])
-        return (a * symbols.target[0] + b * symbols.target[1] - c) / (casadi.norm_2(n) * symbols.unit)
+        return (a * target[0] + b * target[1] - c) / (casadi.norm_2(n) * symbols.unit)
     if name == "target":
         a, b, c, _ = symbols.end.line(detail[0], values)
-        return (c - a * symbols.target[0] - b * symbols.target[1]) / values[13]
+        return (c - a * target[0] - b * target[1]) / values[13]
+    if name == "displaced":  # the square of a vertex's displacement
+        return casadi.sumsqr((symbols.end.moved(values) - values) / symbols.unit)
     if name == "turned":
         return casadi.dot(values, symbols.q)
     if name == "aligned":
         return casadi.dot(values[:3], symbols.end.transform[:3, :3] @ values[3:])
     if name == "over":
-        point = symbols.end.scaled(symbols.target[0], values[3:6]) - symbols.seeds[3:]
+        point = symbols.end.scaled(target[0], values[3:6]) - symbols.seeds[3:]
         return casadi.dot(values[:3], point - values[6:])
     s, feature = values[0], values[1:14]
     scene = SymbolicPose.of(symbols.motion, s * symbols.q, symbols.seeds)
-    a, b, c, n = scene.line(detail[0], feature)
+    a, b, c, n = scene.line(E1E2 if name == "along" else detail[0], feature)
+    if name == "support":
+        body, vertex = detail[1], values[14:17]
+        own = feature[:3] if body == 1 else feature[9:12]  # the first point is of body 1, the last of body 2
+        height = casadi.dot(n, scene.moved(vertex) - scene.moved(own)) if body == 1 else casadi.dot(n, own - vertex)
+        return height / values[17]
+    rho = symbols.tracked_pair(scene, s)
     if name == "line":
-        rho = symbols.tracked_pair(scene, s)
         return (c - a * rho[0] - b * rho[1]) / values[14]
-    body = detail[1]
-    own = feature[:3] if body == 1 else feature[9:12]  # the first point is of body 1, the last of body 2
-    vertex = values[14:17]
-    height = casadi.dot(n, scene.moved(vertex) - scene.moved(own)) if body == 1 else casadi.dot(n, own - vertex)
-    return height / values[17]
+
+    def placed(body: int, point: Any) -> Any:
+        seed = symbols.seeds[3:]
+        return scene.scaled(rho[0], point) if body == 1 else seed + rho[1] * (point - seed)
+
+    if name == "along":
+        p, q, r, t = (placed(body, feature[3 * k : 3 * k + 3]) for k, body in enumerate((1, 1, 2, 2)))
+        normal = casadi.cross(q - p, t - r)
+        across = casadi.cross(r - p, t - r if detail[0] == 1 else q - p)
+        return casadi.dot(across, normal) / casadi.sumsqr(normal)
+    body = 1 if detail[0] == F1V2 else 2  # whose face it is
+    p, q = placed(body, values[14:17]), placed(body, values[17:20])
+    point = placed(2, feature[9:12]) if body == 1 else placed(1, feature[:3])
+    return casadi.dot(casadi.cross(n if body == 1 else -n, q - p), point - p) / values[20]
+
+
+@template
+def _function(motion: Motion, kinds: tuple[int, ...], form: tuple[Any, ...], size: int) -> Any:
+    """Return a template's function (z, block, shared, values) -> value."""
+    import casadi
+
+    symbols = _Symbols(motion, kinds, size)
+    given = [symbols.z, symbols.block, symbols.shared, symbols.values]
+    return casadi.Function("row", given, [_value(symbols, form)], {"cse": True})
 
 
 @template
@@ -225,56 +289,54 @@ def _compiled(
     motion: Motion,
     kinds: tuple[int, ...],
     blocks: int,
-    forms: tuple[tuple[Any, ...], ...],
-    sizes: tuple[int, ...],
+    layout: tuple[tuple[tuple[Any, ...], int, tuple[int, ...]], ...],
     method: str,
+    tolerance: float,
     amount: str | OwnAmount = "weighted",
     vertices: int = 0,
 ) -> Any:
-    """Build the NLP solver of a layout; `vertices` is the number of those whose displacement counts."""
+    """Build the NLP solver of a layout: for each template the size of its values, and the blocks of its rows.
+
+    `vertices` is the number of those whose displacement counts.
+    """
     import casadi
 
     k = len(motion.parameters)
-    z, planes = casadi.SX.sym("z", k), casadi.SX.sym("planes", 3, blocks)
-    step, unit = casadi.SX.sym("step", k), casadi.SX.sym("unit")
-    weight = casadi.SX.sym("weight", k)
-    seeds, nominal, target = casadi.SX.sym("seeds", 6), casadi.SX.sym("nominal", 2), casadi.SX.sym("target", 2)
-    tracked = tuple((kind, casadi.SX.sym(f"tracked_{m}", 13)) for m, kind in enumerate(kinds))
-    frames = tuple(casadi.SX.sym(f"frame_{m}", 3, 3) for m in range(blocks))
-    values = [casadi.SX.sym(f"row_{m}", size) for m, size in enumerate(sizes)]
-    symbols = _Symbols(motion, step * z, seeds, unit, nominal, target, tracked, planes, frames)
-    rows = [_template(symbols, form, value) for form, value in zip(forms, values, strict=True)]
-    points, largest = casadi.SX.sym("points", 3, vertices), casadi.SX.sym("largest", min(vertices, 1))
+    z, planes = casadi.MX.sym("z", k), casadi.MX.sym("planes", 3, blocks)
+    weight, shared = casadi.MX.sym("weight", k), casadi.MX.sym("shared", k + 11 + 13 * len(kinds))
+    values = [casadi.MX.sym("values", size, len(which)) for _, size, which in layout]
+    points, largest = casadi.MX.sym("points", 3, vertices), casadi.MX.sym("largest", min(vertices, 1))
+
+    def mapped(template: tuple[Any, ...], own: Any, which: tuple[int, ...]) -> Any:
+        count = own.shape[1]
+        of_blocks = planes[:, list(which)] if which[0] >= 0 else casadi.MX.zeros(3, count)
+        function = _function(motion, kinds, template, own.shape[0])
+        function = function if count == 1 else function.map(count)
+        return function(casadi.repmat(z, 1, count), of_blocks, casadi.repmat(shared, 1, count), own).T
+
+    rows = [mapped(template, own, which) for (template, _, which), own in zip(layout, values, strict=True)]
     objective = casadi.sumsqr(weight * z)
     if isinstance(amount, OwnAmount):
-        objective = amount.function(symbols.q)
+        objective = amount.function(shared[:k] * z)
         objective = objective if amount.is_smooth_at_rest else objective**2
     elif amount == "displacement":
         # the largest of several is not smooth: a variable that no square of a displacement exceeds
-        ways = [symbols.end.moved(points[:, m]) - points[:, m] for m in range(vertices)]
-        rows += [casadi.sumsqr(way / unit) - largest for way in ways]
+        rows.append(mapped(("displaced",), points, (-1,)) - largest)
         objective = largest
     nlp = {
         "x": casadi.vertcat(z, casadi.vec(planes), largest),
-        "p": casadi.vertcat(
-            step,
-            weight,
-            unit,
-            seeds,
-            nominal,
-            target,
-            *(value for _, value in tracked),
-            *(casadi.vec(frame) for frame in frames),
-            *values,
-            casadi.vec(points),
-        ),
+        "p": casadi.vertcat(weight, shared, *map(casadi.vec, values), casadi.vec(points)),
         "f": objective,
         "g": casadi.vertcat(*rows),
     }
-    return casadi.nlpsol("smallest_motion", method, nlp, _OPTIONS[method])
+    options = dict(_OPTIONS[method])
+    if method != "sqpmethod":
+        options |= {"ipopt.tol": tolerance, "ipopt.constr_viol_tol": tolerance}
+    return casadi.nlpsol("smallest_motion", "sqpmethod" if method == "sqpmethod" else "ipopt", nlp, options)
 
 
 _QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
+_IPOPT = {**_QUIET, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.bound_relax_factor": 0.0}
 _OPTIONS: dict[str, dict[str, Any]] = {
     "sqpmethod": {
         **_QUIET,
@@ -295,20 +357,39 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         "min_step_size": 1e-14,
         "convexify_strategy": "eigen-clip",
     },
-    "ipopt": {
-        **_QUIET,
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
-        "ipopt.tol": DEFAULT.solver,
-        "ipopt.constr_viol_tol": DEFAULT.solver,
-        "ipopt.acceptable_iter": 0,
-        "ipopt.bound_relax_factor": 0.0,
-        "ipopt.max_iter": 300,
+    "ipopt": {**_IPOPT, "ipopt.acceptable_iter": 0, "ipopt.max_iter": 300},
+    "full": {
+        **_IPOPT,
+        "ipopt.acceptable_tol": DEFAULT.requirement,
+        "ipopt.mu_strategy": "adaptive",  # many rows are tight at once where all vertices move alike
+        "ipopt.max_iter": 500,
+        "ipopt.max_wall_time": PATIENCE,
     },
 }
 
 
-def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, method: str = "sqpmethod") -> Outcome:
+def _shared(task: Task) -> Array:
+    """Return the numbers that all templates take, see `_Symbols`."""
+    tracked = [feature.values for feature in task.tracked]
+    seeds = task.movable.seed, task.static.seed
+    return np.concatenate([task.steps, [task.unit], *seeds, task.nominal, task.target, *tracked])
+
+
+def value(task: Task, row: Row, z: Array) -> float:
+    """Return the value of a row without variables of its own."""
+    kinds = tuple(feature.kind for feature in task.tracked)
+    function = _function(task.motion, kinds, row.template, len(row.values))
+    return float(function(z, np.zeros(3), _shared(task), row.values))
+
+
+def minimise(
+    task: Task,
+    rows: Sequence[Row],
+    start: Array,
+    planes: Array,
+    method: str = "sqpmethod",
+    tolerance: float = DEFAULT.solver,
+) -> Outcome:
     """Solve the program from one start.
 
     Parameters
@@ -318,56 +399,48 @@ def minimise(task: Task, rows: Sequence[Row], start: Array, planes: Array, metho
     start : (k,) array
         Motion parameters to start from.
     planes : (blocks, 4) array
-        Separating planes to start from, unit normal and level / unit, one for each block that a "plane" row names.
-    method : "sqpmethod" or "ipopt"
-        CasADi plugin.
+        Separating planes to start from, unit normal and level / unit, one for each block that a row names; of a common
+        point what starts it at nothing.
+    method : "sqpmethod", "ipopt" or "full"
+        CasADi plugin; the last is IPOPT with patience.
+    tolerance : float
+        Of IPOPT, scaled rows and stationarity.
     """
     points = task.made_vertices if task.amount_kind == "displacement" else np.empty((0, 3))
-    solver = _compiled(
-        task.motion,
-        tuple(feature.kind for feature in task.tracked),
-        len(planes),
-        tuple(row.template for row in rows),
-        tuple(len(row.values) for row in rows),
-        method,
-        task.amount_kind,
-        len(points),
-    )
-    step, weight = task.steps, task.steps * task.weights
+    templates = list(dict.fromkeys((row.template, len(row.values)) for row in rows))
+    groups = [[m for m, row in enumerate(rows) if (row.template, len(row.values)) == own] for own in templates]
+    order = [m for group in groups for m in group]
     frames = [_frame(plane[:3]) for plane in planes]
-    parameters = np.concatenate(
-        [
-            step,
-            weight / weight.max(),
-            [task.unit],
-            task.movable.seed,
-            task.static.seed,
-            task.nominal,
-            task.target,
-            *(feature.values for feature in task.tracked),
-            *(frame.ravel(order="F") for frame in frames),
-            *(row.values for row in rows),
-            points.ravel(),
-        ]
+    layout = tuple(
+        (template, size + (9 if rows[group[0]].block >= 0 else 0), tuple(rows[m].block for m in group))
+        for (template, size), group in zip(templates, groups, strict=True)
     )
-    free = np.full(3 * len(planes) + min(len(points), 1), INF)
+    kinds = tuple(feature.kind for feature in task.tracked)
+    solver = _compiled(task.motion, kinds, len(planes), layout, method, tolerance, task.amount_kind, len(points))
+    step, weight = task.steps, task.steps * task.weights
+    parameters = [weight / weight.max(), _shared(task)]
+    for m in order:
+        parameters += [frames[rows[m].block].ravel(order="F")] if rows[m].block >= 0 else []
+        parameters.append(rows[m].values)
+    free = np.full(3 * len(planes) + min(len(points), 1), INF if method != "full" else FARTHEST)
     largest = np.array([(task.amount(start) / task.unit) ** 2] if len(points) else [])
+    lower, upper = np.array([(rows[m].lower, rows[m].upper) for m in order]).reshape(-1, 2).T
     result = solver(
         x0=np.concatenate([start / step, np.column_stack([np.zeros((len(planes), 2)), planes[:, 3]]).ravel(), largest]),
-        p=parameters,
+        p=np.concatenate([*parameters, points.ravel()]),
         lbx=np.concatenate([task.limits[:, 0] / step, -free]),
         ubx=np.concatenate([task.limits[:, 1] / step, free]),
-        lbg=[*(row.lower for row in rows), *(-INF for _ in points)],
-        ubg=[*(row.upper for row in rows), *(0.0 for _ in points)],
+        lbg=np.append(lower, np.full(len(points), -INF)),
+        ubg=np.append(upper, np.zeros(len(points))),
     )
     x, g = result["x"].full().ravel(), result["g"].full().ravel()[: len(rows)]
     k = len(step)
     q = np.clip(x[:k] * step, task.limits[:, 0], task.limits[:, 1])
-    lower, upper = np.array([row.lower for row in rows]), np.array([row.upper for row in rows])
     with np.errstate(invalid="ignore"):  # where a row is not finite the outcome is no feasible one
         excess = np.maximum(lower - g, g - upper)
-    feasible = bool(np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= DEFAULT.cut)
-    active = tuple(int(m) for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper)))
+    feasible = np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= max(DEFAULT.cut, tolerance)
+    feasible = bool(feasible) and (method != "full" or solver.stats()["success"])
+    active = tuple(sorted(order[m] for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper))))
     tilts = x[k : k + 3 * len(planes)].reshape(-1, 3)
     normals = [frame @ [1.0, *tilt[:2]] for frame, tilt in zip(frames, tilts, strict=True)]
     return Outcome(q, np.array(normals).reshape(-1, 3), feasible, active)

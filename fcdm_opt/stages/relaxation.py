@@ -13,7 +13,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_rate
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Answer, Opponent, Parts, Task
-from fcdm_opt.stages import program, rays, sequential
+from fcdm_opt.stages import program, rays
 from fcdm_opt.stages.program import Outcome, Row
 from fcdm_opt.tolerances import DEFAULT
 
@@ -68,8 +68,8 @@ class Relaxation:
         ----------
         starts : list of (k,) arrays
             Where each round starts; in later rounds the first few, and the latest solution.
-        method : "sqpmethod", "ipopt" or "slsqp"
-            CasADi plugin, or `sequential`.
+        method : "sqpmethod" or "ipopt"
+            CasADi plugin.
         enough : float
             Give up once the amount is no smaller: more constraints only add to it.
         """
@@ -94,7 +94,8 @@ class Relaxation:
     def _solved(self, starts: list[Array], method: str) -> Outcome | None:
         """Return the least feasible outcome over the starts."""
         planes = np.array(list(self._planes.values())).reshape(-1, 4)
-        outcomes = [self._minimised(start, planes, method) for start in starts]
+        task = self.task
+        outcomes = [program.minimise(task, self._rows, start, planes, method) for start in starts]
         stuck = self.task.tracked and not any(outcome.feasible for outcome in outcomes)
         cornered = any(self.task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
         if self._planes and (stuck or cornered):  # where SQP may find nothing, or stop short of the least
@@ -109,16 +110,11 @@ class Relaxation:
             levels = [self._heights(parts, best.q, normal)[0].max() for parts, normal in pairs]
             lengths = np.linalg.norm(best.normals, axis=1)[:, None]
             planes = np.column_stack([best.normals, np.array(levels) / self.task.unit]) / lengths
-            again = self._minimised(best.q, planes, method)
+            again = program.minimise(task, self._rows, best.q, planes, method)
             if not again.feasible or self.task.amount(again.q) >= self.task.amount(best.q) * (1.0 - DEFAULT.nominal):
                 break
             best = again
         return best
-
-    def _minimised(self, start: Array, planes: Array, method: str) -> Outcome:
-        if method == "slsqp":
-            return sequential.minimise(self.task, self._rows, start, planes)
-        return program.minimise(self.task, self._rows, start, planes, method)
 
     def _grown(self, q: Array, normals: dict[Parts, Array]) -> bool:
         """Add the constraints that a motion violates; tell whether any is new."""
@@ -134,7 +130,10 @@ class Relaxation:
                 if parts in normals:
                     added.append(self._hold_foremost(parts, q, normals[parts]))
                 else:
-                    added.append(self._keep_apart_as_near(parts, q))
+                    _, rows, separations = task.separations(parts, task.pose(q))
+                    self._add_plane(parts, q, rows[int(np.argmax(separations)), :3])
+                    self.came_up[parts] = q
+                    added.append(True)
         if self.closing is not None:
             added.append(self.close(q, DEFAULT.cut * task.unit))
         return any(added)
@@ -177,10 +176,10 @@ class Relaxation:
             name = f"a vertex of body {fault.body}, part {fault.parts[fault.body - 1] + 1}, behind the tracked feature"
             vertex = part.vertices[fault.vertex]
             self._rows.append(program.support_row(task, s, feature, scale, fault.body, vertex, name))
-        elif fault.kind == "overlapping":
-            self._rows.append(program.line_row(task, s, feature, scale, True, f"{pair} stays apart on the way"))
         else:
-            self._rows.append(program.line_row(task, s, feature, scale, False, f"{pair} stays in contact on the way"))
+            apart = fault.kind == "overlapping"
+            name = f"{pair} stays {'apart' if apart else 'in contact'} on the way"
+            self._rows.append(program.line_row(task, s, feature, scale, apart, name))
         return True
 
     def _keep_flush(self, s: float, pose: Array) -> bool:
@@ -242,12 +241,6 @@ class Relaxation:
         for body, order in ((1, np.argsort(-heights[0], kind="stable")), (2, np.argsort(heights[1], kind="stable"))):
             for vertex in order[:HELD]:
                 self._hold(parts, body, int(vertex))
-
-    def _keep_apart_as_near(self, parts: Parts, q: Array) -> bool:
-        _, rows, separations = self.task.separations(parts, self.task.pose(q))
-        self._add_plane(parts, q, rows[int(np.argmax(separations)), :3])
-        self.came_up[parts] = q
-        return True
 
     def _hold_foremost(self, parts: Parts, q: Array, normal: Array) -> bool:
         """Hold the vertices that reach furthest along a pair's separating direction."""
@@ -354,11 +347,10 @@ def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]
     seed, vertices = task.movable.seed, task.movable.parts[parts[0]].vertices
     scaled = seed + task.target[0] * (vertices - seed)
     foremost = scaled[np.argmax(rows[:, :3] @ pose[:9].reshape(3, 3) @ (scaled - seed).T, axis=1)]
-    rates = np.zeros((len(rows), len(q)))
-    for k, step in enumerate(np.diag(DEFAULT.least_unit * task.size / task.weights)):
-        velocity = (task.transform(q + step) - task.transform(q - step)) / 2.0
-        rates[:, k] = ((foremost @ velocity[:3, :3].T + velocity[:3, 3]) * rows[:, :3]).sum(axis=1) / step[k]
-    steepness = np.linalg.norm(rates / task.weights, axis=1)
+    speeds = task.motion.kinematics(seed, task.static.seed).rates(q)[1] / task.weights[:, None, None]
+    steepness = np.linalg.norm(
+        ((foremost @ speeds[:, :3, :3].mT + speeds[:, None, :3, 3]) * rows[:, :3]).sum(axis=2), axis=0
+    )
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         amounts = np.nan_to_num((task.needs[parts[1]] - separations) / steepness, nan=np.inf)
     found: list[tuple[float, Array]] = []
