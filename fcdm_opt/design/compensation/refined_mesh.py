@@ -14,7 +14,7 @@ import numpy as np
 from fcdm_opt.design.compensation.active_sets import MOTIONLESS, REJECTED, ActiveSet
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import Asking, Sample, Sampler
-from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values, area
+from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -28,7 +28,6 @@ STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed 
 INSIDE = 0.05  # least barycentric coordinate of a point that splits a triangle in three
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
-CHECKED = 24  # triangles in whose centres least motions are proved
 
 
 class RefinedMesh(SizeMesh):
@@ -50,12 +49,14 @@ class RefinedMesh(SizeMesh):
         problem = sampler.problem
         self._task = Task.of(problem)
         self._arms = problem.movable.vertices - problem.movable.seed
-        self._seed = problem.movable.seed
+        self._seed, self._walls = problem.movable.seed, problem.limits
         self._rounding = DEFAULT.touch * problem.size
         places = [np.array([x, y]) for y in GRID for x in GRID]
-        samples = sampler.samples(places, proved=True)
+        samples = sampler.samples(places)
         vertices = [MeshVertex(place, dict([sample])) for place, sample in zip(places, samples, strict=True)]
         super().__init__(vertices, len(GRID))
+        held = [sample.held for sample in samples]  # once only: may hold on a boundary alone
+        self._run([self._fill(vertex) for vertex, one in zip(vertices, held, strict=True) if held.count(one) == 1])
         largest = max((float(sample.values[0]) for sample in samples if np.isfinite(sample.values[0])), default=0.0)
         self.error = max(SHARE * largest, self._rounding) if error is None else error
 
@@ -70,11 +71,6 @@ class RefinedMesh(SizeMesh):
             fresh = [one.split for one in self.triangles if one.split is not None and not one.finished]
             self._run([self._fill(vertex) for vertex in fresh])
             self.subdivide()
-
-    def checked(self) -> list[Array]:
-        """Return centres of the largest triangles: places where to prove what is known from around."""
-        order = sorted(self.triangles, key=lambda one: (-area(self.places(one)), one.corners))
-        return [self.places(one).mean(axis=0) for one in order[:CHECKED]]
 
     def _run(self, searches: Sequence[Asking[None]]) -> None:
         """Run searches side by side: what they ask for is solved in one go."""
@@ -137,7 +133,7 @@ class RefinedMesh(SizeMesh):
         if min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
             return
         samples = [Sample(*list(vertex.values.items())[-1]) for vertex in (p, q)]
-        change = yield from self._change(p.place, q.place, samples)
+        change = yield from changeover(p.place, q.place, samples, self._walls)
         length = float(np.linalg.norm(q.place - p.place))
         for off, vertex, side in ((change.at, p, 1), (1.0 - change.at, q, 0)):
             if off * length <= SHORTEST / 4 and change.sets[side] not in vertex.values:
@@ -146,10 +142,6 @@ class RefinedMesh(SizeMesh):
                 return
         place = p.place + change.at * (q.place - p.place)
         edge.split, edge.must = MeshVertex(place, dict(zip(change.sets, change.values, strict=True))), True
-
-    def _change(self, start: Array, end: Array, samples: Sequence[Sample]) -> Asking[Changeover]:
-        """Find where the active set changes on a line, given the samples at its ends."""
-        return (yield from changeover(start, end, list(enumerate(samples)), self.sampler.problem.limits))
 
     def _across_both(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex) -> Asking[bool]:
         """Split an edge along a boundary where others cross that: they are looked for on both sides of it."""
@@ -160,7 +152,7 @@ class RefinedMesh(SizeMesh):
             start, end = p.place + shift, q.place + shift
             samples = yield [start, end]
             if samples[0].held != samples[1].held:
-                change = yield from self._change(start, end, samples)
+                change = yield from changeover(start, end, samples, self._walls)
                 places.append(start + change.at * (end - start) - shift)
                 values.update(zip(change.sets, change.values, strict=True))
         if len(places) < 2 or np.linalg.norm(places[0] - places[1]) > SHORTEST:
@@ -201,7 +193,7 @@ class RefinedMesh(SizeMesh):
             start, end = place - reach * normal, place + reach * normal
             samples = yield [start, end]
             if {sample.held for sample in samples} == set(sets):
-                change = yield from self._change(start, end, samples)
+                change = yield from changeover(start, end, samples, self._walls)
                 return (end - start, change) if set(change.sets) == set(sets) else None
             reach *= WIDER
         return None
@@ -314,7 +306,7 @@ class RefinedMesh(SizeMesh):
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
         """Give a vertex its values."""
         (sample,) = yield [vertex.place]
-        vertex.values.update((yield from self._beside(vertex.place, sample, list(np.eye(2)))))
+        vertex.values = dict((yield from self._beside(vertex.place, sample, list(np.eye(2)))))
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
         """Return by what two motions differ: in amount, and in the largest displacement of a vertex of body 1."""
