@@ -183,10 +183,11 @@ class ClashSearch:
         longer = 1.0 + self.problem.size / self.problem.length if constraint.parameter else 1.0
         fuzz, best, best_by = 2.0 * constraint.slack * longer, common.solution, math.inf
         low, high = 0.0, excesses(self.problem, best)[constraint.name]
-        high = min(high, self._nearest(constraint, high))
+        nearest = self._nearest(constraint, high)
+        high = min(high, nearest)
         impossible = 0.0 if self._asked[self.names].status is Status.INFEASIBLE else math.nan
-        first = step = near = max(fuzz, DEFAULT.requirement * high)
-        unsure = False
+        first = near = max(fuzz if math.isfinite(nearest) else fuzz / 2.0, DEFAULT.requirement * high)
+        step, unsure = near if high < constraint.most else math.inf, False
         for _ in range(MOST_ROUNDS):
             while high - low > ENOUGH * near:
                 by = max(high - step, (low + high) / 2.0)
@@ -218,7 +219,7 @@ class ClashSearch:
                 if solution.verified:
                     best, high = solution, by
                     break
-        coarse = near > first and high > low
+        coarse = near > max(first, fuzz) and high > low
         note = f"to within {(high - low) / high:.1g} of it: nearer there is no proof" if coarse else ""
         value = constraint.value + constraint.outward * high
         return replace(common, by=high, value=value, failing=low, impossible=impossible, solution=best, note=note)
