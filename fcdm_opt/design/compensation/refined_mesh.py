@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.design.compensation.active_sets import MOTIONLESS, REJECTED, ActiveSet
+from fcdm_opt.design.compensation.active_sets import REJECTED, ActiveSet
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import Asking, Sample, Sampler
 from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
@@ -25,7 +25,6 @@ SAFETY = 2.0  # times the errors at the four points that fix a cubic's part beyo
 SHORTEST = 2.0**-14  # of the box: edges are not split further
 ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
-INSIDE = 0.05  # least barycentric coordinate of a point that splits a triangle in three
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
 
@@ -223,7 +222,7 @@ class RefinedMesh(SizeMesh):
         least = self.size(triangle) <= SHORTEST
         if sample.held not in sets:
             if not self._mixed(triangle, sample, last or least):
-                triangle.split = MeshVertex(self._within(triangle, centre), {})
+                triangle.split = MeshVertex(centre, {})
             return
         held = triangle.held = sample.held
         missing = [edge for edge in edges if held not in edge.middle]
@@ -271,37 +270,6 @@ class RefinedMesh(SizeMesh):
         triangle.held, triangle.errors, triangle.finished = sample.held, errors, True
         triangle.values = np.tile(sample.values, (6, 1))
         return True
-
-    def _within(self, triangle: Triangle, centre: Array) -> Array:
-        """Return where a triangle in which regions meet is split: where they should, else in its centre."""
-        places = self.places(triangle)
-        size = float(np.ptp(places, axis=0).max())
-        corners = [self.vertices[k].values for k in triangle.corners]
-        sets = dict.fromkeys(one for values in corners for one in values if one.kind not in MOTIONLESS)
-        planes = {one: plane for one in sets if (plane := self._plane(one, centre, size)) is not None}
-        rows = []
-        for one, two in combinations(planes, 2):
-            change = planes[one] - planes[two]
-            for values in corners:
-                if one in values and two in values:
-                    near = np.abs(values[one] - values[two]) <= 1e-2 * size * np.linalg.norm(change[1:], axis=0)
-                    rows += list(change[:, near].T)
-        if len(rows) < 2:
-            return centre
-        matrix = np.array(rows)
-        place = centre + np.linalg.lstsq(matrix[:, 1:], -matrix[:, 0], rcond=1e-6)[0]
-        shares = np.linalg.solve(np.vstack([places.T, np.ones(3)]), np.append(place, 1.0))
-        return place if shares.min() > INSIDE else centre
-
-    def _plane(self, held: ActiveSet, centre: Array, size: float) -> Array | None:
-        """Return constant and slopes, (3, 1 + k), of a region's values about a place, from the vertices around."""
-        near = [one for one in self.vertices if held in one.values and np.abs(one.place - centre).max() <= 3.0 * size]
-        if len(near) < 3:
-            return None
-        off = np.array([vertex.place - centre for vertex in near])
-        weight = 1.0 / (np.linalg.norm(off, axis=1, keepdims=True) / size + 0.1) ** 2
-        matrix = np.column_stack([np.ones(len(near)), off]) * weight
-        return np.asarray(np.linalg.lstsq(matrix, np.array([vertex.values[held] for vertex in near]) * weight)[0])
 
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
         """Give a vertex its values."""
