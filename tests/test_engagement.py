@@ -309,6 +309,14 @@ def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> No
     assert cases["A"]["fits_up_to"] is None
 
 
+def test_whatif_called_a_motion_outside_the_fit_bad_input(problem_file: Path) -> None:
+    found = CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B"])
+    assert found.exit_code == 1
+    assert "Does not fit: nut 19.79 in slot 19.60." in re.sub(r"\s+", " ", found.stdout)
+    data = json.loads(CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B", "--json"]).stdout)
+    assert data[0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
+
+
 def test_the_report_shows_nothing_green_of_a_motion_outside_the_fit(problem_file: Path, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     made = CliRunner().invoke(app, ["report", str(problem_file), "--out", str(page)], catch_exceptions=False)

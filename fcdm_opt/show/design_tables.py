@@ -46,6 +46,13 @@ def print_lines(result: BestPose | CompensationMap | Conflicts) -> None:
     out.print()
 
 
+def print_advice(solution: Solution) -> None:
+    """Print why a motion will not do, and what to do."""
+    out = console()
+    print_text(out, solution.advice, indent="   ")
+    out.print()
+
+
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives foretold, and what else changed."""
     out = console()

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.whatif.narrowing import narrowed
+from fcdm_opt.design.whatif.fitting import narrowed
 from fcdm_opt.design.whatif.nested import Order, order
 from fcdm_opt.design.whatif.prediction import by_tolerance
 from fcdm_opt.errors import InputError

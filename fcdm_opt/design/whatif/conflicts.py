@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
-from fcdm_opt.design.whatif.constraints import Constraint
+from fcdm_opt.design.whatif.constraints import Constraint, problem_of
 from fcdm_opt.design.whatif.search import ClashSearch
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
@@ -99,10 +99,7 @@ def conflicts(
         For a problem that has a motion: `drop` tells what its constraints cost.
     """
     known = problem if isinstance(problem, Solution) else None
-    problem = problem.problem if isinstance(problem, Solution) else problem
-    if not isinstance(problem, Problem):
-        found = type(problem).__name__
-        raise InputError("expected a Problem or a Solution", key="problem", found=found)
+    problem = problem_of(problem)
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
         if not isinstance(value, bool):
             raise InputError("not a truth value", key=key, found=value, allowed="True or False")

@@ -195,6 +195,14 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
     return tuple(listed)
 
 
+def problem_of(asked: Problem | Solution) -> Problem:
+    """Return the problem that is spoken of; raises `InputError` for what is neither problem nor solution."""
+    if not isinstance(asked, Problem | Solution):
+        found, allowed = type(asked).__name__, "a Problem or a Solution"
+        raise InputError("wrong kind of argument", key="problem", found=found, allowed=allowed)
+    return asked.problem if isinstance(asked, Solution) else asked
+
+
 def without(problem: Problem, names: Iterable[str]) -> Problem:
     """Return a problem without some of its constraints, and without those that include them.
 

@@ -1,14 +1,44 @@
-"""How much of the deviation from nominal can be made good where all of it cannot."""
+"""How much of the deviation from nominal can be made good where all of it cannot, and where anything ends to hold."""
 
 from __future__ import annotations
 
-from fcdm_opt.design.whatif.narrowing import narrowed
+from collections.abc import Callable, Iterable
+
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
+Guesses = Callable[[float, float], Iterable[float]]
+
+
+def narrowed(
+    holds: Callable[[float], bool],
+    low: float,
+    high: float,
+    done: Callable[[float, float], bool],
+    guesses: Guesses = lambda low, high: (),
+) -> tuple[float, float]:
+    """Return a narrower bracket of a place where something ends to hold, by guesses and a bisection in turns.
+
+    Parameters
+    ----------
+    holds : callable
+        Whether it holds at a place.
+    low, high : float
+        Where it is known to hold, and not to.
+    done : callable
+        Whether a bracket is narrow enough.
+    guesses : callable
+        Places worth a look in a bracket; those outside it are passed over.
+    """
+    while not done(low, high):
+        for guess in (*guesses(low, high), None):
+            place = (low + high) / 2.0 if guess is None else guess
+            if low < place < high and not done(low, high):
+                low, high = (place, high) if holds(place) else (low, place)
+    return low, high
 
 
 def deviating(problem: Problem, share: float) -> Problem:

@@ -18,8 +18,7 @@ from typing import Any
 
 from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
-from fcdm_opt.design.whatif.fitting import deviating
-from fcdm_opt.design.whatif.narrowing import narrowed
+from fcdm_opt.design.whatif.fitting import deviating, narrowed
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.whatif.constraints import problem_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
@@ -110,13 +111,10 @@ def whatif(problem: Problem | Solution, other: Problem | None = None, /, **chang
         For an argument that `Problem` does not have or does not take, what is neither problem nor solution, and
         changes besides a changed problem.
     """
-    if not isinstance(problem, Problem | Solution):
-        found = type(problem).__name__
-        raise InputError("wrong kind of argument", key="problem", found=found, allowed="a Problem or a Solution")
+    asked = problem_of(problem)
     for name in changes:
         if name not in ARGUMENTS:
             raise InputError("a problem has no such argument", key=name, allowed=", ".join(ARGUMENTS))
-    asked = problem.problem if isinstance(problem, Solution) else problem
     if other is None:
         other = asked.changed(**{**_dropped(changes), **changes})
     elif changes or not isinstance(other, Problem):
