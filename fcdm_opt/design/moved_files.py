@@ -61,6 +61,7 @@ def read(path: str | os.PathLike[str], made: Callable[[str], Made]) -> Made:
         text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, TypeError, ValueError) as reason:
         what = getattr(reason, "strerror", None) or str(reason)
+        what = "not a text file in UTF-8" if isinstance(reason, UnicodeDecodeError) else what
         raise InputError(f"the file cannot be read: {what}", file=repr(str(path))) from reason
     try:
         return made(text)
