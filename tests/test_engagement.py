@@ -113,11 +113,6 @@ def test_up_to_which_tolerance_the_nut_fits_is_told(goal: str) -> None:
     assert not fo.solve(nut_in_rail(least * 1.0001, goal=goal)).usable
 
 
-def test_up_to_which_tolerance_parts_fit_is_told_without_widths_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fcdm_opt.design.whatif.fitting.misfit", lambda problem: None)
-    assert fits_up_to(nut_in_rail()) == pytest.approx(0.6 / 39.4, rel=1e-4)
-
-
 def test_budget_ends_where_the_motion_leaves_the_fit() -> None:
     problem = nut_in_rail(motion=UP, goal="clear")
     found = fo.budget(problem, None, requirements="B", largest=0.05, accuracy=1e-6)["B"]

@@ -166,11 +166,11 @@ class SceneTables:
     tables : dict of str to BodyTable
         By their places: bodies.movable, bodies.static, keep_out[1] and on.
     latest : list
-        The last case asked about it, with its problem, which holds on to the curve; or empty.
+        The last problem asked about it, which holds on to the curve; or empty.
     """
 
     tables: Mapping[str, BodyTable]
-    latest: list[tuple[Mapping[str, Any], Problem]] = field(default_factory=list, init=False, repr=False)
+    latest: list[Problem] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> SceneTables:
@@ -341,30 +341,12 @@ class Question:
     def problem(self) -> Problem:
         """Return the problem; raises `InputError` as `Problem` does.
 
-        Equal bodies are built once a process, and the decision curve found once for each scene and box. Where only
-        sizes differ from the last question about the scene, its problem is changed, in a fifth of the time.
+        Equal bodies are built once a process, and the decision curve found once for each scene and box.
         """
         scene = self.scene.drawn
-        for before, known in scene.latest:
-            changed = {key: value for key, value in self.case.items() if not _same(before.get(key), value)}
-            if before.keys() == self.case.keys() and all(_is_size(key, value) for key, value in changed.items()):
-                with suppress(InputError):  # to be refused in the words of a file
-                    return known.changed(**changed)
         problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
-        scene.latest[:] = [(self.case, problem)]
+        scene.latest[:] = [problem]
         return problem
-
-
-def _same(one: Any, two: Any) -> bool:
-    """Tell whether values of a key are surely the same, true and 1 are not; of lists only the same object."""
-    return one is two or (type(one) is type(two) and isinstance(one, float | int | str) and one == two)
-
-
-def _is_size(key: str, value: Any) -> bool:
-    """Tell whether a key of a case, with this value, is one that a problem takes as it stands."""
-    if key == "target":
-        return isinstance(value, list) and len(value) == 2 and all(type(x) is float for x in value)
-    return key == "tolerance" and type(value) is float
 
 
 def _given(entry: Entry, folder: Path | None = None) -> dict[str, Any]:

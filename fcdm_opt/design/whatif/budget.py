@@ -372,22 +372,11 @@ class _Tolerances:
         return max(_peak(ends, slopes), _roof(ends, slopes)) <= self.limit
 
     def _narrowed(self, low: _Point, high: _Point) -> tuple[_Point, _Point]:
-        """Return a bracket of the asked width: by secants, with a bisection each time."""
-
-        def done(good: float, bad: float) -> bool:
-            return bad - good <= self.accuracy * bad
-
-        good, bad = narrowed(lambda tau: self.at(tau).good, low.tau, high.tau, done, self._guesses)
+        """Return a bracket of the asked width."""
+        good, bad = narrowed(
+            lambda tau: self.at(tau).good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad
+        )
         return self.at(good), self.at(bad)
-
-    def _guesses(self, good: float, bad: float) -> tuple[float, ...]:
-        """Return a tolerance on either side of where the secant meets the limit, none where there is no amount."""
-        low, high = self.at(good), self.at(bad)
-        if self.limit is None or not (high.amount > low.amount and high.amount > self.limit):
-            return ()
-        root = good + (bad - good) * (self.limit - low.amount) / (high.amount - low.amount)
-        side = self.accuracy * bad / 4
-        return root - side, root + side
 
 
 def _peak(ends: Array, slopes: Array) -> float:
