@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.indices import sobol_indices
 from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.design.distributions import Distribution, Measured
 from fcdm_opt.design.proportion import proportion_interval
@@ -266,3 +265,35 @@ def _looked_up(
         surely, possibly = amount + error <= most, ~((amount - error > most) | np.isnan(amount))
         blocks.append((amount, (amount <= most) & kept, surely & kept, possibly & kept, points.region < 0))
     return _LookedUp(*(np.concatenate(column) for column in zip(*blocks, strict=True)))
+
+
+def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]:
+    """Return both sizes' Sobol indices from the amounts of pairs (x, y), (x', y), (x, y'), (x', y').
+
+    The means of u = (f - g)^2 + (h - k)^2, v = (f - h)^2 + (g - k)^2 and w = (f - g - h + k)^2 are four times the
+    variance due to x with what both do together, due to y likewise, and what both do together alone; u + v - w =
+    (f - k)^2 + (g - h)^2 is four times all of it. (`scipy.stats.sobol_indices` knows no pairs without a motion, asks
+    for a power of two of them, and its indices do not add up as these do.)
+
+    Parameters
+    ----------
+    f, g, h, k : array (n,)
+        Quadruples with nan are left out.
+
+    Returns
+    -------
+    array (2, 2), array (2, 2)
+        For either size its first-order and its total index, and their standard errors; nan where the amount does not
+        vary.
+    """
+    terms = np.array([(f - g) ** 2 + (h - k) ** 2, (f - h) ** 2 + (g - k) ** 2, (f - g - h + k) ** 2])
+    terms = terms[:, np.isfinite(terms).all(axis=0)]
+    sums, all_of_it = terms.sum(axis=1), np.array([1.0, 1.0, -1.0])
+    whole, count = float(all_of_it @ sums), terms.shape[1]
+    if count < 2 or not whole > 0.0:
+        return np.full((2, 2), np.nan), np.full((2, 2), np.nan)
+    taken = np.array([[[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]], [[0.0, 1.0, -1.0], [0.0, 1.0, 0.0]]])
+    indices = taken @ sums / whole
+    slopes = (taken - indices[..., None] * all_of_it) / whole
+    variances = np.einsum("abi,ij,abj->ab", slopes, count * np.cov(terms, bias=True), slopes)
+    return indices, np.sqrt(np.maximum(variances, 0.0))

@@ -54,19 +54,11 @@ def _curve(points: Sequence[Point]) -> KroghInterpolator:
 
 
 def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -> Asking[Changeover]:
-    """Find where the active set that holds at the start ends.
+    """Find where, between two places with different active sets, that of the first ends.
 
     The bracket is narrowed about the place where both sides' continuations agree, by thirds where they do not say.
-    Of several boundaries on the line one is found.
-
-    Parameters
-    ----------
-    start, end : (2,) arrays
-        Places.
-    ends : two Samples
-        There, with different active sets.
-    walls : (k, 2) array
-        Limits of the parameters: where one is reached a motion may cease to exist.
+    Of several boundaries on the line one is found. Where parameters reach their limits, `walls`, (k, 2), a motion may
+    cease to exist.
     """
     sets = [sample.held for sample in ends]
     sides: tuple[list[Point], list[Point]] = ([(0.0, ends[0].values)], [(1.0, ends[1].values)])

@@ -30,17 +30,9 @@ WAVES = 80
 
 
 class RefinedMesh(SizeMesh):
-    """A mesh that is refined.
+    """A mesh that is refined until amount and motion are off by no more than `error`.
 
-    Parameters
-    ----------
-    sampler : Sampler
-    error : float or None
-        Length that amount and motion may be off by; None: a share of the largest amount.
-
-    Attributes
-    ----------
-    error : float
+    None stands for a share of the largest amount.
     """
 
     def __init__(self, sampler: Sampler, error: float | None) -> None:
@@ -73,10 +65,14 @@ class RefinedMesh(SizeMesh):
 
     def _run(self, searches: Sequence[Asking[None]]) -> None:
         """Run searches side by side: what they ask for is solved in one go."""
-        running = [(search, next(search, None)) for search in searches]
-        while running := [(search, places) for search, places in running if places is not None]:
-            samples = iter(self.sampler.samples([place for _, places in running for place in places]))
-            running = [(search, _sent(search, [next(samples) for _ in places])) for search, places in running]
+        asked = {search: places for search in searches if (places := next(search, None)) is not None}
+        while asked:
+            samples = iter(self.sampler.samples([place for places in asked.values() for place in places]))
+            for search, places in list(asked.items()):
+                try:
+                    asked[search] = search.send([next(samples) for _ in places])
+                except StopIteration:
+                    del asked[search]
 
     # ----------------------------------------------------------------------------------------------------------- edges
 
@@ -284,13 +280,6 @@ class RefinedMesh(SizeMesh):
         made = self._seed + self.sampler.pair(place)[0] * self._arms
         moved = np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1)
         return np.array([abs(one[0] - two[0]), moved.max()])
-
-
-def _sent(search: Asking[None], samples: list[Sample]) -> list[Array] | None:
-    try:
-        return search.send(samples)
-    except StopIteration:
-        return None
 
 
 def _normal(start: Array, end: Array) -> Array:

@@ -62,21 +62,10 @@ def samples_at(text: str, pairs: Iterable[Pair]) -> list[Sample]:
 
 @dataclass(eq=False)
 class Sampler:
-    """Finds least motions and remembers them.
+    """Finds least motions, in `jobs` processes, and remembers them.
 
-    Attributes
-    ----------
-    problem : Problem
-    box : (2, 2) array
-        Places are relative to it: (0, 0) is its lower, (1, 1) its upper corner.
-    budget : int
-        Number of samples after which `spent` is true.
-    jobs : int
-        Processes.
-    seconds : float
-        Time after which `spent` is true.
-    known : dict
-        Pair of sizes -> sample.
+    Places are relative to the box: (0, 0) is its lower, (1, 1) its upper corner. After as many samples as `budget`, or
+    as many `seconds`, it is `spent`.
     """
 
     problem: Problem

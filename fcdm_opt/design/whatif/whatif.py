@@ -150,7 +150,11 @@ def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
     floor = DEFAULT.tie * max(before.problem.size, after.problem.size)  # of lengths: below it, rounding
-    weights = _weights(before) | _weights(after)
+    weights = {
+        parameter.name: float(weight)
+        for solution in (before, after)
+        for parameter, weight in zip(solution.problem.motion.parameters, solution.problem.weights, strict=True)
+    }
     for name in dict.fromkeys((*before.parameters, *after.parameters)):
         one, two = before.parameters.get(name), after.parameters.get(name)
         if one is None or two is None or abs(one - two) * weights[name] > floor:
@@ -171,8 +175,3 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
     for name, was, now in others:
         if was != now:
             yield Difference(name, was, now)
-
-
-def _weights(solution: Solution) -> dict[str, float]:
-    names = [parameter.name for parameter in solution.problem.motion.parameters]
-    return dict(zip(names, solution.problem.weights.tolist(), strict=True))
