@@ -91,8 +91,8 @@ def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -
         missed = sides[1][-1][0] - sides[0][-1][0] > width / 2
     at = strip if strip is not None else at if at is not None else (low + high) / 2
     # continued from the nearest points by no more than they are off
-    values = [_curve(side[-2:])(at) for side in sides]
-    return Changeover(float(at), (sets[0], sets[1]), (values[0], values[1]), sides)
+    one, two = (_curve(side[-2:])(at) for side in sides)
+    return Changeover(float(at), (sets[0], sets[1]), (one, two), sides)
 
 
 def _meeting(sides: tuple[list[Point], list[Point]], walls: Array) -> float | None:

@@ -113,7 +113,7 @@ class SizeMesh:
                     continue
                 first, second, third = k, (k + 1) % 3, (k + 2) % 3
                 length = float(np.linalg.norm(corners[second] - corners[first]))
-                share = min(0.5, (2.0 * edge.bend + NARROW) * length / (2.0 * abs(areas(corners))))
+                share = min(0.5, (2.0 * edge.bend + NARROW) * length / (2.0 * abs(float(areas(corners)))))
                 inner = np.eye(3)  # barycentric coordinates of what is left
                 inner[first, [first, third]] = inner[second, [second, third]] = 1.0 - share, share
                 one, two = np.eye(3)[[first, second]]

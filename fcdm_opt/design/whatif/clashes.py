@@ -17,7 +17,7 @@ class PlainMotion(Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data with status, amount and parameters; nan becomes None and infinity "inf"."""
-        motion = {"status": None, "usable": False, "amount": None, "parameters": {}}
+        motion: dict[str, Any] = {"status": None, "usable": False, "amount": None, "parameters": {}}
         if self.solution is not None:
             motion = {name: plain(getattr(self.solution, name)) for name in motion}
         told = super().to_dict()
