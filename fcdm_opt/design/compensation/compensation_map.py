@@ -219,8 +219,11 @@ def compensation_map(
     if not (is_real(seconds) and seconds > 0):
         raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
     sampler = Sampler(problem, made, budget, jobs, seconds)
-    mesh = RefinedMesh(sampler, error)
-    mesh.refine()
+    while True:
+        mesh = RefinedMesh(sampler, error)
+        mesh.refine()
+        if sampler.careful or sampler.spent or sampler.agree(mesh.centres()):
+            break
     table, sets = _table(mesh)
     smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
     return CompensationMap(
