@@ -112,9 +112,9 @@ class Sampler:
         self.known.update(zip(missing, self._solved(missing), strict=True))
         return [self.known[pair] for pair in pairs]
 
-    def agree(self, places: Sequence[Array]) -> bool:
+    def agree(self, places: Array) -> bool:
         """Tell whether `solve` finds no less at some places; if it does, forget all, and take it everywhere."""
-        before, self.careful = self.samples(places), True
+        before, self.careful = self.samples(list(places)), True
         after = self._solved([(float(x), float(y)) for x, y in self.pair(places)])
         for one, two in zip(before, after, strict=True):
             less = one.values[0] - two.values[0] > DEFAULT.touch * self.problem.size
