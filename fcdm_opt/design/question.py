@@ -289,8 +289,8 @@ class Question:
         cases = file.named_cases(path).values()
         bodies, home = file.both_bodies(path)
         file.common_unit(bodies, path)
-        own = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
-        scene = SceneTables.of({"bodies": own, "keep_out": [_given(entry, path.parent) for entry in file.keep_out]})
+        drawn = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
+        scene = SceneTables.of({"bodies": drawn, "keep_out": [_given(entry, path.parent) for entry in file.keep_out]})
         return tuple(cls(scene, {**_given(file.defaults), **_given(case)}) for case in cases)
 
     @classmethod

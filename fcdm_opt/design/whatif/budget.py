@@ -159,7 +159,7 @@ class Budgets(Mapping[str, Budget]):
     @property
     def tolerance(self) -> float:
         """Largest tolerance that is good for every requirement."""
-        return min(own.tolerance for own in self.each.values())
+        return min(one.tolerance for one in self.each.values())
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -168,7 +168,7 @@ class Budgets(Mapping[str, Budget]):
 
     def __str__(self) -> str:
         """Return a line for each requirement."""
-        return "\n".join(str(own) for own in self.each.values())
+        return "\n".join(str(one) for one in self.each.values())
 
 
 def budget(

@@ -61,7 +61,7 @@ class Conflicts(Plain):
             lines.append(f"{what} ({'proved' if clash.proved else 'none found: ' + clash.status.name})")
         if not self.complete:
             lines.append("there may be other clashes as small, or smaller")
-        lines += [f"relax {own}" for own in self.relaxations]
+        lines += [f"relax {one}" for one in self.relaxations]
         if self.deviation is not None:
             share = f"{self.deviation.value:.6g} of it" if self.deviation.cures else "no share of it that was tried"
             lines.append(f"deviation from nominal: {share} can be made good (sampled)")
@@ -69,7 +69,7 @@ class Conflicts(Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"; constraints are told by their names."""
-        return {**super().to_dict(), "constraints": [own.name for own in self.constraints]}
+        return {**super().to_dict(), "constraints": [one.name for one in self.constraints]}
 
 
 def conflicts(
@@ -116,7 +116,7 @@ def conflicts(
     if certify:
         clashes = [search.certified(clash) for clash in clashes]
     members = dict.fromkeys(name for clash in clashes for name in clash.names)
-    by_name = {own.name: own for own in search.constraints}
+    by_name = {one.name: one for one in search.constraints}
     return Conflicts(
         problem=problem,
         constraints=search.constraints,

@@ -251,7 +251,7 @@ def relaxed(problem: Problem, name: str, by: float) -> Problem:
 
 def named(problem: Problem, name: str) -> Constraint:
     """Return the constraint of a name; raises `InputError` that lists the names there are."""
-    known = {own.name: own for own in constraints(problem)}
+    known = {one.name: one for one in constraints(problem)}
     if name not in known:
         allowed = ", ".join(known) or "none: the problem has no constraint"
         raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)

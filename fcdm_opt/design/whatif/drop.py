@@ -133,7 +133,7 @@ def drop(problem: Problem | Solution) -> Costs:
             allowed="a problem with a motion that the judge passes; `conflicts` tells what clashes where there is none",
         )
     asked = solution.problem
-    rows = [_without(solution, own) for own in constraints(asked)]
+    rows = [_without(solution, one) for one in constraints(asked)]
     goals = list(_other_goals(solution))
     return Costs(
         solution=solution,

@@ -99,8 +99,8 @@ def _discrete(old: Problem, new: Problem) -> Told:
         isinstance(old.nominal, int) and old.nominal_features != new.nominal_features
     ):
         yield "nominal", NAN, "the nominal contact has other features"
-    names = [own.name for own in old.keep_out]
-    if names != [own.name for own in new.keep_out]:
+    names = [kept.name for kept in old.keep_out]
+    if names != [kept.name for kept in new.keep_out]:
         yield "keep_out", NAN, "other keep-outs: no derivative by them"
     else:
         for one, two in zip(old.keep_out, new.keep_out, strict=True):
@@ -117,12 +117,12 @@ def _changes(before: Solution, new: Problem) -> Told:
     yield from _limits(before, new)
     if old.clearance != new.clearance:
         yield _told("clearance", [rates.clearance], [new.clearance - old.clearance])
-    pairs = [(own.name, own.clearance, other.clearance) for own, other in zip(old.keep_out, new.keep_out, strict=True)]
+    pairs = [(one.name, one.clearance, other.clearance) for one, other in zip(old.keep_out, new.keep_out, strict=True)]
     for name, one, two in pairs:
         if one != two:
             yield _told(f"keep_out {name!r} clearance", [rates.keep_out[name]], [two - one])
-    keys = ["P1", "P2", *(f"keep-out {own.name!r} " for own in old.keep_out)]
-    bodies = [(problem.movable, problem.static, *(own.body for own in problem.keep_out)) for problem in (old, new)]
+    keys = ["P1", "P2", *(f"keep-out {kept.name!r} " for kept in old.keep_out)]
+    bodies = [(problem.movable, problem.static, *(kept.body for kept in problem.keep_out)) for problem in (old, new)]
     for key, one_body, two_body in zip(keys, *bodies, strict=True):
         yield from _body(key, one_body, two_body, rates)
 
@@ -222,11 +222,11 @@ def _shifts(body: Body, moves: Array) -> Array:
     }
     made = np.full(len(body.faces), np.nan)
     for k, face in enumerate(body.faces):
-        own = moves[np.array(face) - 1]
-        if not own.any():
+        moved = moves[np.array(face) - 1]
+        if not moved.any():
             made[k] = 0.0
         elif face in normals:
-            along = own @ normals[face]
+            along = moved @ normals[face]
             if np.ptp(along) <= DEFAULT.planarity * body.size:
                 made[k] = along.mean()
     return made

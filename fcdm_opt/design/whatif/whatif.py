@@ -169,7 +169,7 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         ("usable", before.usable, after.usable),
         ("pair_state", before.pair_state, after.pair_state),
         ("pair", before.pair.tolist(), after.pair.tolist()),
-        ("features", [own.label for own in before.features], [own.label for own in after.features]),
+        ("features", [feature.label for feature in before.features], [feature.label for feature in after.features]),
         ("active", list(before.active), list(after.active)),
     )
     for name, was, now in others:
