@@ -113,11 +113,6 @@ def test_up_to_which_tolerance_the_nut_fits_is_told(goal: str) -> None:
     assert not fo.solve(nut_in_rail(least * 1.0001, goal=goal)).usable
 
 
-def test_up_to_which_tolerance_parts_fit_is_told_without_widths_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fcdm_opt.design.whatif.fitting.misfit", lambda problem: None)
-    assert fits_up_to(nut_in_rail()) == pytest.approx(0.6 / 39.4, rel=1e-4)
-
-
 def test_budget_ends_where_the_motion_leaves_the_fit() -> None:
     problem = nut_in_rail(motion=UP, goal="clear")
     found = fo.budget(problem, None, requirements="B", largest=0.05, accuracy=1e-6)["B"]
@@ -307,6 +302,14 @@ def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> No
     assert {name: case["usable"] for name, case in cases.items()} == {"A": True, "B": False, "flush": False}
     assert [cases[name]["fits_up_to"] for name in ("B", "flush")] == [pytest.approx(0.6 / 39.4, rel=1e-4)] * 2
     assert cases["A"]["fits_up_to"] is None
+
+
+def test_whatif_called_a_motion_outside_the_fit_bad_input(problem_file: Path) -> None:
+    found = CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B"])
+    assert found.exit_code == 1
+    assert "Does not fit: nut 19.79 in slot 19.60." in re.sub(r"\s+", " ", found.stdout)
+    data = json.loads(CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B", "--json"]).stdout)
+    assert data[0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
 
 
 def test_the_report_shows_nothing_green_of_a_motion_outside_the_fit(problem_file: Path, tmp_path: Path) -> None:

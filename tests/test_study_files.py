@@ -203,10 +203,10 @@ def test_a_body_of_a_mesh_file_is_read_where_a_place_in_it_changes() -> None:
     base = Question.read(PROBLEMS / "peg_square.toml")[0]
     row = base.problem().movable.vertices[2]
     moved = base.changed({"bodies.movable.vertices[3][3]": float(row[2]) + 0.0})
-    assert "file" not in moved.scene.movable.data
+    assert "file" not in moved.scene.tables["bodies.movable"].data
     assert moved.problem().movable.vertices.tolist() == base.problem().movable.vertices.tolist()
     seeded = base.changed({"bodies.movable.seed": [0.25, -0.125, 4.0]})
-    assert "file" in seeded.scene.movable.data
+    assert "file" in seeded.scene.tables["bodies.movable"].data
     assert seeded.problem().movable.seed.tolist() == [0.25, -0.125, 4.0]
     cube = [list(map(float, corner)) for corner in product((-9, 9), (-9, 9), (0, 10))]
     built = base.changed({"bodies.movable.vertices": cube}).scene.built.movable

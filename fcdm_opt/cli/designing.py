@@ -114,9 +114,11 @@ def whatif_command(
         if budget is not None:
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
         solution: Solution | None = solve(problem) if plain else None
+        if solution is not None and solution.verified and not solution.usable:  # outside the fit
+            yield "solution", solution, tables.print_advice
         if conflicts or (solution is not None and not solution.verified):
             yield "conflicts", clashing(problem), tables.print_lines
-        if drop or (solution is not None and solution.verified):
+        if drop or (solution is not None and solution.usable):
             yield "drop", costs(problem if solution is None else solution), tables.print_costs
         if compare:
             yield "compare", compared(problem), tables.print_comparison
@@ -230,9 +232,11 @@ def _code(answer: Any) -> int:
     """Return the exit code that an answer stands for."""
     from fcdm_opt.design.fixed_pose.best_pose import NONE, UNDECIDED, BestPose
     from fcdm_opt.design.whatif.whatif import WhatIf
+    from fcdm_opt.problem.solution import Solution
 
-    if isinstance(answer, WhatIf):
-        return code_of(answer.after.usable, answer.after.status.name)
+    solution = answer.after if isinstance(answer, WhatIf) else answer
+    if isinstance(solution, Solution):
+        return code_of(solution.usable, solution.status.name)
     if isinstance(answer, BestPose) and not answer.passed:
         return NOT_VERIFIED
     return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED

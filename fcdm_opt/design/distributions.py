@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,15 +13,42 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.design.moved_files import read
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real
 
 _ONE_DOWN = 1.0 - np.finfo(np.float64).eps  # k / n times n may round to above k; this takes it back
 
 
+class _Drawn(Plain):
+    """Base of the distributions."""
+
+    low: float
+    high: float
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest number that can be drawn."""
+        return self.low, self.high
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, as it stands in a study file."""
+        return {type(self).__name__.lower(): super().to_dict()}
+
+    def _set_range(self, key: str) -> None:
+        """Check the range, and keep it as floats."""
+        low = real(self.low, f"{key}.low", "a finite number")
+        high = real(self.high, f"{key}.high", "a finite number")
+        if not low < high:
+            raise InputError("empty range", key=key, found=(low, high), allowed="low < high")
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", high)
+
+
 @dataclass(frozen=True)
-class Uniform:
+class Uniform(_Drawn):
     """Every number of a range alike.
 
     Attributes
@@ -33,25 +61,16 @@ class Uniform:
     high: float
 
     def __post_init__(self) -> None:
-        _set_range(self, "uniform")
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """The least and the largest number that can be drawn."""
-        return self.low, self.high
+        self._set_range("uniform")
 
     def quantile(self, u: ArrayLike) -> Array:
         """Return the numbers below which the shares `u` of all draws lie, in the shape of `u`."""
         u = _shares(u)
         return np.clip(self.low + u * (self.high - self.low), self.low, self.high)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data, as it stands in a study file."""
-        return {"uniform": {"low": self.low, "high": self.high}}
-
 
 @dataclass(frozen=True)
-class Normal:
+class Normal(_Drawn):
     """A normal distribution cut off at both ends of a range.
 
     Attributes
@@ -70,7 +89,7 @@ class Normal:
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", real(self.mean, "normal.mean", "a finite number"))
         object.__setattr__(self, "deviation", positive(self.deviation, "normal.deviation"))
-        _set_range(self, "normal")
+        self._set_range("normal")
         below, above = self._masses
         if not max(below[1] - below[0], above[0] - above[1]) > 0.0:
             raise InputError(
@@ -79,11 +98,6 @@ class Normal:
                 found=self.to_dict()["normal"],
                 allowed="a range less than 37 deviations from the mean, and no narrower than digits tell apart",
             )
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """The least and the largest number that can be drawn."""
-        return self.low, self.high
 
     @cached_property
     def _masses(self) -> tuple[Array, Array]:
@@ -104,13 +118,9 @@ class Normal:
         turned = np.where(below < above, self.deviation, -self.deviation)
         return np.clip(self.mean + turned * ndtri(np.minimum(below, above)), self.low, self.high)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data, as it stands in a study file."""
-        return {"normal": {"mean": self.mean, "deviation": self.deviation, "low": self.low, "high": self.high}}
-
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Measured(_Drawn):
     """Measured values, each drawn as often as any other.
 
     Attributes
@@ -161,10 +171,6 @@ class Measured:
         place = np.ceil(u * count * _ONE_DOWN).astype(np.int64) - 1
         return self.values[np.clip(place, 0, count - 1)]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {"measured": {"values": self.values.tolist()}}
-
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Measured) and np.array_equal(self.values, other.values)
 
@@ -204,71 +210,54 @@ def read_columns(path: str | Path, columns: Sequence[str], nominals: Sequence[fl
         Naming file, row (the line of the file, the first is 1) and column: for a file that cannot be read, a column
         that is not there or there twice, and for what is no number > 0: empty, text, nan, zero.
     """
-    shown = repr(str(path)) if "\0" in str(path) else path
     if isinstance(columns, str) or not columns or not all(isinstance(column, str) for column in columns):
-        raise InputError(
-            "name the columns to read", file=shown, key="columns", found=columns, allowed="a list of names"
-        )
+        raise InputError("name the columns to read", key="columns", found=columns, allowed="a list of names")
     nominals = [1.0] * len(columns) if nominals is None else list(nominals)
     if len(nominals) != len(columns):
-        raise InputError("one nominal size a column", file=shown, key="nominals", found=nominals)
+        raise InputError("one nominal size a column", key="nominals", found=nominals)
     divisors = [positive(nominal, "nominal") for nominal in nominals]
+    return read(path, lambda text: _table(text, columns)) / np.array(divisors)
+
+
+def _table(text: str, columns: Sequence[str]) -> Array:
+    """Return the numbers > 0 in some columns of a CSV text, (rows, columns)."""
+    rows = csv.reader(io.StringIO(text), strict=True)
+    filled = (row for row in rows if any(cell.strip() for cell in row))
     try:
-        with open(path, encoding="utf-8-sig", newline="") as stream:  # -sig: spreadsheets begin a text with a mark
-            rows = csv.reader(stream, strict=True)
-            filled = (row for row in rows if any(cell.strip() for cell in row))
-            header = [name.strip() for name in next(filled, [])]
-            places = [_place(header, column, shown) for column in columns]
-            table = [[_size(row, place, header, rows.line_num, shown) for place in places] for row in filled]
-    except OSError as reason:
-        raise InputError("the file cannot be read", file=shown, found=reason.strerror) from reason
-    except UnicodeDecodeError as reason:
-        raise InputError("not a text file in UTF-8", file=shown, found=reason.object[reason.start]) from reason
+        header = [name.strip() for name in next(filled, [])]
+        places = [_place(header, column) for column in columns]
+        table = [[_size(row, place, header, rows.line_num) for place in places] for row in filled]
     except csv.Error as reason:
-        raise InputError(f"not a CSV file: {reason}", file=shown, key=f"row {rows.line_num}") from reason
-    except InputError:
-        raise
-    except (TypeError, ValueError) as reason:  # no path at all, or one with a null
-        raise InputError(f"the file cannot be read: {reason}", file=shown) from reason
+        raise InputError(f"not a CSV file: {reason}", key=f"row {rows.line_num}") from reason
     if not table:
-        raise InputError("no row of numbers below the line of names", file=shown)
-    return np.array(table) / np.array(divisors)
+        raise InputError("no row of numbers below the line of names")
+    return np.array(table)
 
 
-def _place(header: list[str], column: str, file: Any) -> int:
+def _place(header: list[str], column: str) -> int:
     """Return which column has a name."""
     if header.count(column) == 1:
         return header.index(column)
     what = "this column is there twice" if column in header else "no such column"
     if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
         what += " (columns are separated by commas, and by nothing else)"
-    raise InputError(what, file=file, key=f"column {column!r}", allowed=f"one of {', '.join(map(repr, header))}")
+    raise InputError(what, key=f"column {column!r}", allowed=f"one of {', '.join(map(repr, header))}")
 
 
-def _size(row: list[str], place: int, header: list[str], line: int, file: Any) -> float:
+def _size(row: list[str], place: int, header: list[str], line: int) -> float:
     """Return the number > 0 in a cell."""
     key = f"row {line}, column {header[place]!r}"
     if len(row) != len(header):
         what = f"this row has {len(row)} cells and the line of names {len(header)}"
-        raise InputError(what, file=file, key=key, allowed="commas between cells only, and points in numbers")
+        raise InputError(what, key=key, allowed="commas between cells only, and points in numbers")
     try:
         value = float(row[place].replace("_", "?"))  # Python takes 1_000
     except ValueError:
         value = float("nan")
     if not 0.0 < value < float("inf"):
         found = row[place] or "nothing"
-        raise InputError("not a size", file=file, key=key, found=found, allowed="a finite number > 0")
+        raise InputError("not a size", key=key, found=found, allowed="a finite number > 0")
     return value
-
-
-def _set_range(distribution: Uniform | Normal, key: str) -> None:
-    """Check the range of a distribution, and keep it as floats."""
-    low = real(distribution.low, f"{key}.low", "a finite number")
-    high = real(distribution.high, f"{key}.high", "a finite number")
-    if not low < high:
-        raise InputError("empty range", key=key, found=(low, high), allowed="low < high")
-    object.__setattr__(distribution, "low", low)
-    object.__setattr__(distribution, "high", high)
 
 
 def _shares(u: ArrayLike) -> Array:

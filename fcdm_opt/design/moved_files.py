@@ -41,12 +41,13 @@ def moved(path: str | os.PathLike[str]) -> Iterator[Path]:
         if isinstance(reason, InputError):
             raise
         found = getattr(reason, "strerror", None) or str(reason)
-        raise InputError(
-            "the file cannot be written",
-            file=repr(str(path)) if "\0" in str(path) else str(path),
-            found=found,
-            allowed="a file in a folder",
-        ) from reason
+        allowed = "a file in a folder"
+        raise InputError("the file cannot be written", file=_named(path), found=found, allowed=allowed) from reason
+
+
+def _named(path: Any) -> str:
+    """Return a path for a message."""
+    return repr(str(path)) if "\0" in str(path) else str(path)
 
 
 def write(path: str | os.PathLike[str], text: str) -> None:
@@ -61,7 +62,8 @@ def read(path: str | os.PathLike[str], made: Callable[[str], Made]) -> Made:
         text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, TypeError, ValueError) as reason:
         what = getattr(reason, "strerror", None) or str(reason)
-        raise InputError(f"the file cannot be read: {what}", file=repr(str(path))) from reason
+        what = "not a text file in UTF-8" if isinstance(reason, UnicodeDecodeError) else what
+        raise InputError(f"the file cannot be read: {what}", file=_named(path)) from reason
     try:
         return made(text)
     except InputError as wrong:

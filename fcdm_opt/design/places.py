@@ -74,34 +74,27 @@ def put(
     InputError
         Names the place where the way to it ends.
     """
-    others = {
-        k: [key for key in dropped(item) if (*place[:k], key) not in kept]
-        for k, item in enumerate(place)
-        if isinstance(item, str)
-    }
-    return _put(tables, place, 0, value, others)
 
+    def changed(tables: Any, k: int) -> Any:
+        item, last = place[k], k + 1 == len(place)
+        _check(tables, place, k)
+        if isinstance(item, int):
+            rows = list(tables)
+            rows[item] = value if last else changed(rows[item], k + 1)
+            return rows
+        excluded = {key for key in dropped(item) if (*place[:k], key) not in kept}
+        table = {key: inner for key, inner in tables.items() if key not in excluded}
+        if not last:
+            if item not in table and isinstance(place[k + 1], int):
+                raise _missing(tables, place, k)
+            table[item] = changed(table.get(item, {}), k + 1)
+        elif value is None:
+            table.pop(item, None)
+        else:
+            table[item] = value
+        return table
 
-def _put(tables: Any, place: Place, k: int, value: Any, dropped: Mapping[int, Iterable[str]]) -> Any:
-    item, last = place[k], k + 1 == len(place)
-    _check(tables, place, k)
-    if isinstance(item, int):
-        rows = list(tables)
-        rows[item] = value if last else _put(rows[item], place, k + 1, value, dropped)
-        return rows
-    table = dict(tables)
-    for other in dropped[k]:
-        table.pop(other, None)
-    if not last:
-        below = place[k + 1]
-        if item not in table and isinstance(below, int):
-            raise _missing(tables, place, k)
-        table[item] = _put(table.get(item, {}), place, k + 1, value, dropped)
-    elif value is None:
-        table.pop(item, None)
-    else:
-        table[item] = value
-    return table
+    return changed(tables, 0)
 
 
 def overlap(one: Place, two: Place) -> bool:

@@ -107,11 +107,6 @@ class BodyTable:
     role: str
 
     @cached_property
-    def text(self) -> str:
-        """The table as canonical JSON."""
-        return canonical(self.data)
-
-    @cached_property
     def checked(self) -> BodyEntry:
         """The contents as an entry, which refuses what no body has."""
         return checked(BodyEntry if self.role in ROLES else KeepOutEntry, self.data)
@@ -121,25 +116,21 @@ class BodyTable:
         """The table without a mesh file, with the body as read from it; itself where it names none."""
         if "file" not in self.data:
             return self
-        file = Path(str(self.data["file"])).expanduser()
-        try:
-            now = file.stat()
-        except (OSError, ValueError):  # reading it says what is wrong
-            return _read(self.text, self.role, ())
-        return _read(self.text, self.role, (now.st_mtime_ns, now.st_size))
+        stamp: tuple[int, ...] = ()
+        with suppress(OSError, ValueError):  # reading it says what is wrong
+            now = Path(str(self.data["file"])).expanduser().stat()
+            stamp = now.st_mtime_ns, now.st_size
+        return _read(canonical(self.data), self.role, stamp)
 
     @cached_property
     def body(self) -> Body:
         """The body itself; equal ones are built once a process."""
-        own = {key: item for key, item in self.bare.data.items() if key not in _OF_KEEP_OUTS}
-        return _built(self.bare.text if len(own) == len(self.bare.data) else canonical(own), self.role)
+        return _built(canonical({key: item for key, item in self.bare.items() if key not in _OF_KEEP_OUTS}), self.role)
 
-    @cached_property
-    def bare(self) -> BodyTable:
-        """The table without the unit of its vertices, which is only shown; itself where it names none, or a file."""
-        if "file" in self.data or "unit" not in self.data:
-            return self
-        return BodyTable({key: item for key, item in self.data.items() if key != "unit"}, self.role)
+    @property
+    def bare(self) -> Mapping[str, Any]:
+        """The contents without the unit of vertices, which is only shown; that of a file counts."""
+        return self.data if "file" in self.data else {key: item for key, item in self.data.items() if key != "unit"}
 
     def with_value(self, place: Place, value: Any) -> BodyTable:
         """Return the table with a value at a place in it, or in whole.
@@ -160,8 +151,8 @@ class BodyTable:
 def _read(text: str, role: str, stamp: tuple[int, ...]) -> BodyTable:
     """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
     table = BodyTable(json.loads(text), role)
-    own = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
-    return BodyTable({**plain_body(table.checked.body(role, None)), **own}, role)
+    beside = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
+    return BodyTable({**plain_body(table.checked.body(role, None)), **beside}, role)
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -175,48 +166,31 @@ class SceneTables:
 
     Attributes
     ----------
-    movable, static : BodyTable
-    keep_out : tuple of BodyTable
+    tables : dict of str to BodyTable
+        By their places: bodies.movable, bodies.static, keep_out[1] and on.
     latest : list
-        The last case asked about it, with its problem, which holds on to the curve; or empty.
+        The last problem asked about it, which holds on to the curve; or empty.
     """
 
-    movable: BodyTable
-    static: BodyTable
-    keep_out: tuple[BodyTable, ...] = ()
-    latest: list[tuple[Mapping[str, Any], Problem]] = field(default_factory=list, init=False, repr=False)
+    tables: Mapping[str, BodyTable]
+    latest: list[Problem] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> SceneTables:
         """Return the scene of plain data with the keys bodies and keep_out."""
+        bodies = {f"bodies.{role}": BodyTable(data["bodies"][role], role) for role in ROLES}
         others = enumerate(data.get("keep_out", ()), 1)
-        movable, static = (BodyTable(data["bodies"][role], role) for role in ROLES)
-        return cls(movable, static, tuple(BodyTable(table, f"keep-out {k}") for k, table in others))
-
-    @classmethod
-    def from_text(cls, text: str) -> SceneTables:
-        """Return the scene of canonical JSON, as another process sends it: the same object for the same text."""
-        return _scene(text)
+        return cls(bodies | {f"keep_out[{k}]": BodyTable(table, f"keep-out {k}") for k, table in others})
 
     @cached_property
     def text(self) -> str:
         """The scene as canonical JSON."""
-        others = ",".join(table.text for table in self.keep_out)
-        bodies = f'{{"movable":{self.movable.text},"static":{self.static.text}}}'
-        return f'{{"bodies":{bodies},"keep_out":[{others}]}}'
+        return _scene_text(*(table.data for table in self.tables.values()))
 
     @cached_property
     def key(self) -> str:
         """The sha256 of `text` without the unit of vertices: bodies of scenes with equal keys are equal."""
-        movable, static, *others = bare = [table.bare for table in self.tables.values()]
-        named = any(one is not two for one, two in zip(bare, self.tables.values(), strict=True))
-        return digest(SceneTables(movable, static, tuple(others)).text if named else self.text)
-
-    @cached_property
-    def tables(self) -> dict[str, BodyTable]:
-        """All tables by their places."""
-        others = {f"keep_out[{k}]": table for k, table in enumerate(self.keep_out, 1)}
-        return {"bodies.movable": self.movable, "bodies.static": self.static, **others}
+        return digest(_scene_text(*(table.bare for table in self.tables.values())))
 
     @cached_property
     def drawn(self) -> SceneTables:
@@ -224,8 +198,7 @@ class SceneTables:
         if all("file" not in table.data for table in self.tables.values()):
             return self
         assert self.unit  # refuses different ones
-        movable, static, *others = self._each(lambda table: table.drawn)
-        return SceneTables(movable, static, tuple(others))
+        return SceneTables(self._each(lambda table: table.drawn))
 
     @cached_property
     def unit(self) -> str:
@@ -235,52 +208,51 @@ class SceneTables:
     @cached_property
     def built(self) -> Parts:
         """The bodies themselves."""
-        movable, static, *others = self._each(lambda table: table.body)
-        kept = [
-            KeepOut(body, table.data.get("scale", 1.0), clearance=table.data.get("clearance", 0.0))
-            for body, table in zip(others, self.keep_out, strict=True)
+        (movable, _), (static, _), *others = [
+            (body, self.tables[place].data) for place, body in self._each(lambda table: table.body).items()
         ]
+        kept = [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in others]
         return Parts(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit)
 
     def check(self) -> None:
         """Refuse tables that are no bodies; reads and builds nothing."""
         self._each(lambda table: table.checked)
 
-    def _each(self, made: Callable[[BodyTable], Any]) -> list[Any]:
+    def _each(self, made: Callable[[BodyTable], Any]) -> dict[str, Any]:
         """Return what is made of each table; an error says of which one."""
-        results = []
+        results = {}
         for place, table in self.tables.items():
-            try:
-                results.append(made(table))
-            except InputError as reason:
-                raise reason.within(key=place) from reason
+            with _inside(place):
+                results[place] = made(table)
         return results
 
     def with_value(self, place: Place, value: Any) -> SceneTables:
         """Return the scene with a value at a place, which starts with bodies.movable, bodies.static or keep_out[k]."""
+        table = written(place[:2])
         if place[0] == "keep_out":
-            k = place[1]
-            if isinstance(k, str):
-                raise InputError("keep-outs are counted", key=written(place), found=k, allowed="keep_out[1], ...")
-            look_up({"keep_out": self.keep_out}, place[:2])
-            with _inside(place[:2]):
-                others = (*self.keep_out[:k], self.keep_out[k].with_value(place[2:], value), *self.keep_out[k + 1 :])
-            return replace(self, keep_out=others)
-        role = place[1] if len(place) > 1 else ""
-        if role not in ROLES:
-            what = f"no such body{closest(str(role), ROLES)}" if role else "both bodies at once"
+            if isinstance(place[1], str):
+                allowed = "keep_out[1], ..."
+                raise InputError("keep-outs are counted", key=written(place), found=place[1], allowed=allowed)
+            look_up({"keep_out": [*self.tables][len(ROLES) :]}, place[:2])
+        elif table not in self.tables:
+            role = str(place[1]) if len(place) > 1 else ""
+            what = f"no such body{closest(role, ROLES)}" if role else "both bodies at once"
             raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
-        with _inside(place[:2]):
-            return replace(self, **{role: getattr(self, role).with_value(place[2:], value)})
+        with _inside(table):
+            return SceneTables({**self.tables, table: self.tables[table].with_value(place[2:], value)})
 
 
 @contextmanager
-def _inside(place: Place) -> Iterator[None]:
+def _inside(place: str) -> Iterator[None]:
     """Say in errors which table they are in."""
     try:
         yield
     except InputError as reason:
-        raise reason.within(key=written(place)) from reason
+        raise reason.within(key=place) from reason
+
+
+def _scene_text(movable: Mapping[str, Any], static: Mapping[str, Any], *others: Mapping[str, Any]) -> str:
+    return canonical({"bodies": {"movable": movable, "static": static}, "keep_out": others})
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -320,14 +292,14 @@ class Question:
         cases = file.named_cases(path).values()
         bodies, home = file.both_bodies(path)
         file.common_unit(bodies, path)
-        own = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
-        scene = SceneTables.of({"bodies": own, "keep_out": [_given(entry, path.parent) for entry in file.keep_out]})
+        drawn = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
+        scene = SceneTables.of({"bodies": drawn, "keep_out": [_given(entry, path.parent) for entry in file.keep_out]})
         return tuple(cls(scene, {**_given(file.defaults), **_given(case)}) for case in cases)
 
     @classmethod
     def restored(cls, scene: str, case: Mapping[str, Any]) -> Question:
-        """Return the question of `scene.text` and `case`, as another process sends them."""
-        return cls(SceneTables.from_text(scene), case)
+        """Return the question of `scene.text` and `case`, as another process sends them: one scene for one text."""
+        return cls(_scene(scene), case)
 
     @property
     def name(self) -> str:
@@ -372,30 +344,12 @@ class Question:
     def problem(self) -> Problem:
         """Return the problem; raises `InputError` as `Problem` does.
 
-        Equal bodies are built once a process, and the decision curve found once for each scene and box. Where only
-        sizes differ from the last question about the scene, its problem is changed, in a fifth of the time.
+        Equal bodies are built once a process, and the decision curve found once for each scene and box.
         """
         scene = self.scene.drawn
-        for before, known in scene.latest:
-            changed = {key: value for key, value in self.case.items() if not _same(before.get(key), value)}
-            if before.keys() == self.case.keys() and all(_is_size(key, value) for key, value in changed.items()):
-                with suppress(InputError):  # to be refused in the words of a file
-                    return known.changed(**changed)
         problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
-        scene.latest[:] = [(self.case, problem)]
+        scene.latest[:] = [problem]
         return problem
-
-
-def _same(one: Any, two: Any) -> bool:
-    """Tell whether values of a key are surely the same, true and 1 are not; of lists only the same object."""
-    return one is two or (type(one) is type(two) and isinstance(one, float | int | str) and one == two)
-
-
-def _is_size(key: str, value: Any) -> bool:
-    """Tell whether a key of a case, with this value, is one that a problem takes as it stands."""
-    if key == "target":
-        return isinstance(value, list) and len(value) == 2 and all(type(x) is float for x in value)
-    return key == "tolerance" and type(value) is float
 
 
 def _given(entry: Entry, folder: Path | None = None) -> dict[str, Any]:

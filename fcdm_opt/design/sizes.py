@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.distributions import Measured, Normal, Uniform
+from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
-from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 
 DISTRIBUTIONS = (Uniform, Normal, Measured)
@@ -35,9 +34,12 @@ class Sizes:
     pairs: Array | None = None
 
     @classmethod
-    def listed(cls, pairs: Array) -> Sizes:
-        """Return the size pairs of a list, each once."""
-        rows = np.unique(pairs, axis=0)
+    def of(cls, sizes: Any) -> Sizes:
+        """Return the size pairs of a list, each once, or all that two distributions can give."""
+        given = sources(sizes)
+        if isinstance(given, tuple):
+            return cls(frozen([source.range for source in given]))
+        rows = np.unique(given, axis=0)
         return cls(frozen(np.column_stack([rows.min(axis=0), rows.max(axis=0)])), pairs=frozen(rows))
 
     @cached_property
@@ -95,10 +97,17 @@ def size_box(value: Any, key: str) -> Array:
     return frozen(ends)
 
 
-def measured_pairs(value: Any) -> Array:
-    """Return a list of size pairs, (n, 2), n > 0, all finite and > 0."""
-    pairs = numbers(value, "sizes")
+def sources(value: Any) -> tuple[Distribution, Distribution] | Array:
+    """Return a distribution of sizes for each body, or a list of size pairs, (n, 2), n > 0, all finite and > 0."""
     allowed = "an (n, 2) array of measured pairs (rho_1, rho_2) > 0, or a distribution for each body"
+    if isinstance(value, list | tuple) and any(isinstance(item, DISTRIBUTIONS) for item in value):
+        if len(value) != 2 or not all(isinstance(item, DISTRIBUTIONS) for item in value):
+            raise InputError("not two distributions", key="sizes", found=value, allowed="one for each body")
+        for source in value:
+            if not source.range[0] > 0.0:
+                raise InputError("sizes must be > 0", key="sizes", found=source)
+        return value[0], value[1]
+    pairs = numbers(value, "sizes")
     if pairs.size == 0:
         raise InputError("no sizes", key="sizes", found=value, allowed=allowed)
     if pairs.ndim != 2 or pairs.shape[1] != 2:
@@ -110,21 +119,11 @@ def measured_pairs(value: Any) -> Array:
     return frozen(pairs)
 
 
-def are_distributions(value: Any) -> bool:
-    """Tell whether a value is a distribution for each body."""
-    own = arguments.items(value) if isinstance(value, list | tuple) else []
-    return len(own) == 2 and all(isinstance(item, DISTRIBUTIONS) for item in own)
-
-
 def box_of(problem: Problem, sizes: Any, box: Any) -> Array:
     """Return the box that is spoken of: the one given, the problem's tolerance, or all that the sizes may be."""
     if box is not None:
         return size_box(box, "box")
-    if problem.tolerance is not None or sizes is None:
-        return tolerance_box(problem)
-    if are_distributions(sizes):
-        return size_box([own.range for own in sizes], "sizes")
-    return Sizes.listed(measured_pairs(sizes)).box
+    return tolerance_box(problem) if problem.tolerance is not None or sizes is None else Sizes.of(sizes).box
 
 
 def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
@@ -147,12 +146,10 @@ def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
         return Sizes(box_of(problem, None, box))
     if box is not None:
         raise InputError("give a box or sizes, not both", key="sizes", allowed="one of them")
-    if are_distributions(sizes):
-        return Sizes(size_box([own.range for own in sizes], "sizes"))
-    return Sizes.listed(measured_pairs(sizes))
+    return Sizes.of(sizes)
 
 
-def drawn_pairs(sizes: Any, box: Array, count: int, seed: int) -> tuple[Array, str]:
+def drawn_pairs(sizes: Any, box: Any, count: int, seed: int) -> tuple[Array, str]:
     """Return size pairs, (n, 2), and what they are: a list itself, else `count` independent draws.
 
     Parameters
@@ -162,16 +159,16 @@ def drawn_pairs(sizes: Any, box: Array, count: int, seed: int) -> tuple[Array, s
     box : (2, 2) array
     count, seed : int
     """
-    if sizes is not None and not are_distributions(sizes):
-        pairs = measured_pairs(sizes)
-        return pairs, f"{len(pairs)} measured pairs"
+    given = None if sizes is None else sources(sizes)
+    if isinstance(given, np.ndarray):
+        return given, f"{len(given)} measured pairs"
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
         allowed = f"a whole number from 1 to {MOST}"
         raise InputError("unusable number of draws", key="count", found=count, allowed=allowed)
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
     u = np.random.default_rng(int(seed)).random((int(count), 2))
-    if sizes is None:
+    if given is None:
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
-    drawn = np.column_stack([own.quantile(u[:, k]) for k, own in enumerate(sizes)])
-    return measured_pairs(drawn), f"{count} pairs drawn from {sizes[0]} and {sizes[1]}"
+    drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])
+    return drawn, f"{count} pairs drawn from {given[0]} and {given[1]}"

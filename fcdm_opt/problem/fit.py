@@ -51,14 +51,12 @@ def holds(problem: Problem) -> bool:
 class Misfit(NamedTuple):
     """Two widths of the parts made that do not go together.
 
-    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). They are equal
-    at the nominal sizes plus `share` of what the target sizes are off those.
+    `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static).
     """
 
     inside: int
     inner: float
     outer: float
-    share: float
 
 
 def misfit(problem: Problem) -> Misfit | None:
@@ -71,7 +69,7 @@ def misfit(problem: Problem) -> Misfit | None:
     if not len(normals):
         return None
     keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64)
-    drawn, gaps = (lines[:, 2] - lines[:, :2] @ sizes for sizes in (problem.nominal_pair, problem.target))
+    gaps = lines[:, 2] - lines[:, :2] @ problem.target
     tightest: dict[tuple[int, ...], int] = {}
     for k in np.argsort(-gaps).tolist():
         tightest[tuple(keys[k].tolist())] = k
@@ -84,9 +82,8 @@ def misfit(problem: Problem) -> Misfit | None:
         inside = 0 if width[0] > 0.0 else 1
         if not width[inside] > -width[1 - inside]:
             continue  # walls that are a little aslant, seen from far away
-        play = float(max(drawn[k] + drawn[j], 0.0))
         least = float(gaps[k] + gaps[j])
-        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]), play / (play - least))
+        found = Misfit(inside, float(width[inside]), float(-width[1 - inside]))
     return found
 
 

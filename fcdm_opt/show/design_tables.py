@@ -42,6 +42,12 @@ def print_lines(result: BestPose | CompensationMap | Conflicts) -> None:
     print_text()
 
 
+def print_advice(solution: Solution) -> None:
+    """Print why a motion will not do, and what to do."""
+    print_text(solution.advice, indent="   ")
+    print_text()
+
+
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives foretold, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]

@@ -41,7 +41,6 @@ class ActiveSet(NamedTuple):
 
 SATISFIED, NOTHING, REJECTED = ActiveSet("already satisfied"), ActiveSet("no motion"), ActiveSet("not verified")
 OUTSIDE = ActiveSet("outside the fit")
-MOTIONLESS = (NOTHING.kind, REJECTED.kind, OUTSIDE.kind)
 
 
 def active_set(solution: Solution) -> ActiveSet:

@@ -10,11 +10,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.indices import sobol_indices
 from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.design.distributions import Distribution, Measured
 from fcdm_opt.design.proportion import proportion_interval
-from fcdm_opt.design.sizes import DISTRIBUTIONS, are_distributions, drawn_pairs, measured_pairs
+from fcdm_opt.design.sizes import drawn_pairs, sources
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
@@ -181,40 +180,46 @@ def assembly_yield(
     if budget is None and not limits:
         raise InputError("nothing to keep to", key="budget", allowed="a budget, limits, or both")
     names = tuple(getattr(getattr(sizes_map, "table", sizes_map), "names", ()))
-    rule = _Rule(
-        most=math.inf if budget is None else length(budget, "budget"),
-        names=names,
-        limits={name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()},
-    )
+    most = math.inf if budget is None else length(budget, "budget")
+    kept = {name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()}
     if not is_real(confidence) or not 0.0 < confidence < 1.0:
         raise InputError("unusable confidence", key="confidence", found=confidence, allowed="between 0 and 1")
-    sources, measured = _sources(sizes)
-    drawn, _ = drawn_pairs(sources, np.array([source.range for source in sources]), count, seed)
-    medians = [float(source.quantile(0.5)) for source in sources]
 
-    scattered = _looked_up(sizes_map, rule, *drawn.T)
-    pairs, points = (drawn, scattered) if measured is None else (measured, _looked_up(sizes_map, rule, *measured.T))
+    def looked_up(x: Array, y: Array) -> _LookedUp:
+        return _looked_up(sizes_map, most, {names.index(name): ends for name, ends in kept.items()}, x, y)
+
+    given = sources(sizes)
+    scatter = given if isinstance(given, tuple) else (Measured(given[:, 0]), Measured(given[:, 1]))
+    drawn, _ = drawn_pairs(scatter, None, count, seed)
+    scattered = looked_up(*drawn.T)
+    pairs, points = (drawn, scattered) if isinstance(given, tuple) else (given, looked_up(*given.T))
     even = len(drawn) // 2 * 2
     (x, y), (x_other, y_other) = drawn[0:even:2].T, drawn[1:even:2].T
     here, there = scattered.amount[0:even:2], scattered.amount[1:even:2]
-    one, other = (_looked_up(sizes_map, rule, *swapped).amount for swapped in ((x_other, y), (x, y_other)))
+    one, other = (looked_up(*swapped).amount for swapped in ((x_other, y), (x, y_other)))
     indices, deviations = sobol_indices(here, one, other, there)
-    held = (np.full(len(pairs), medians[0]), pairs[:, 1]), (pairs[:, 0], np.full(len(pairs), medians[1]))
     amounts, of = points.amount[~np.isnan(points.amount)], len(pairs)
     quantiles = np.quantile(amounts, SHARES, method="inverted_cdf") if len(amounts) else np.full(len(SHARES), np.nan)
-    counts, edges = _histogram(amounts)
+    low, high = (float(amounts.min()), float(amounts.max())) if len(amounts) else (0.0, 0.0)
+    bins = BINS if high - low > DEFAULT.tie * high else 1  # else the bins were narrower than digits tell apart
+    counts, edges = np.histogram(amounts, bins, (low, high if high > low else low + 1.0))
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
-    contributions = [
-        Contribution(
-            body=body,
-            first_order=float(indices[k, 0]),
-            first_order_error=float(deviations[k, 0]),
-            total=float(indices[k, 1]),
-            total_error=float(deviations[k, 1]),
-            share_without=float(_looked_up(sizes_map, rule, *held[k]).passed.mean()),
+    contributions = []
+    for k, body in enumerate(BODIES):
+        held = pairs.T.copy()
+        held[k] = scatter[k].quantile(0.5)
+        first, total = indices[k].tolist()
+        first_error, total_error = deviations[k].tolist()
+        contributions.append(
+            Contribution(
+                body=body,
+                first_order=first,
+                first_order_error=first_error,
+                total=total,
+                total_error=total_error,
+                share_without=float(looked_up(*held).passed.mean()),
+            )
         )
-        for k, body in enumerate(BODIES)
-    ]
     return AssemblyYield(
         share=float(points.passed.mean()),
         interval=proportion_interval((surely, possibly), of, confidence),
@@ -224,31 +229,14 @@ def assembly_yield(
         outside=float(points.outside.mean()),
         impossible=float((np.isnan(points.amount) & ~points.outside).mean()),
         undecided=(possibly - surely) / of,
-        budget=rule.most,
-        limits=rule.limits,
+        budget=most,
+        limits=kept,
         quantiles=dict(zip(SHARES, quantiles.tolist(), strict=True)),
         contributions=(contributions[0], contributions[1]),
         amounts=frozen(edges),
         counts=frozen(counts, np.int64),
         unit=getattr(sizes_map, "unit", ""),
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Rule:
-    """What passes."""
-
-    most: float
-    names: tuple[str, ...]
-    limits: Mapping[str, tuple[float, float]]
-
-    def kept(self, points: MapPoints) -> Flags:
-        """Tell which motions keep to the limits of their parameters."""
-        kept = np.ones(points.amount.shape, dtype=bool)
-        for name, (low, high) in self.limits.items():
-            value = points.parameters[..., self.names.index(name)]
-            kept &= (value >= low) & (value <= high)
-        return kept
 
 
 class _LookedUp(NamedTuple):
@@ -264,32 +252,48 @@ class _LookedUp(NamedTuple):
     outside: Flags
 
 
-def _looked_up(sizes_map: SizeMap, rule: _Rule, x: Array, y: Array) -> _LookedUp:
-    """Return what a map says of size pairs, block by block."""
+def _looked_up(
+    sizes_map: SizeMap, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array
+) -> _LookedUp:
+    """Return what a map says of size pairs, block by block; parameters that have limits are told by their number."""
     blocks = []
     for start in range(0, max(len(x), 1), BLOCK):
         points = sizes_map.at(x[start : start + BLOCK], y[start : start + BLOCK])
-        amount, error, kept = points.amount, points.error, rule.kept(points)
-        surely, possibly = amount + error <= rule.most, ~((amount - error > rule.most) | np.isnan(amount))
-        blocks.append((amount, (amount <= rule.most) & kept, surely & kept, possibly & kept, points.region < 0))
+        amount, error, kept = points.amount, points.error, np.ones(points.amount.shape, dtype=bool)
+        for k, (low, high) in limits.items():
+            kept &= (points.parameters[..., k] >= low) & (points.parameters[..., k] <= high)
+        surely, possibly = amount + error <= most, ~((amount - error > most) | np.isnan(amount))
+        blocks.append((amount, (amount <= most) & kept, surely & kept, possibly & kept, points.region < 0))
     return _LookedUp(*(np.concatenate(column) for column in zip(*blocks, strict=True)))
 
 
-def _histogram(amounts: Array) -> tuple[Ints, Array]:
-    """Return how many amounts there are in equal bins, and the edges of the bins."""
-    low, high = (float(amounts.min()), float(amounts.max())) if len(amounts) else (0.0, 0.0)
-    bins = BINS if high - low > DEFAULT.tie * high else 1  # else the bins were narrower than digits tell apart
-    return np.histogram(amounts, bins, (low, high if high > low else low + 1.0))
+def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]:
+    """Return both sizes' Sobol indices from the amounts of pairs (x, y), (x', y), (x, y'), (x', y').
 
+    The means of u = (f - g)^2 + (h - k)^2, v = (f - h)^2 + (g - k)^2 and w = (f - g - h + k)^2 are four times the
+    variance due to x with what both do together, due to y likewise, and what both do together alone; u + v - w =
+    (f - k)^2 + (g - h)^2 is four times all of it. (`scipy.stats.sobol_indices` knows no pairs without a motion, asks
+    for a power of two of them, and its indices do not add up as these do.)
 
-def _sources(sizes: Any) -> tuple[list[Distribution], Array | None]:
-    """Return what both sizes are drawn from, and the measured pairs where there are some."""
-    if isinstance(sizes, list | tuple) and any(isinstance(source, DISTRIBUTIONS) for source in sizes):
-        if not are_distributions(sizes):
-            raise InputError("not two distributions", key="sizes", found=sizes, allowed="one for each body")
-        for source in sizes:
-            if not source.range[0] > 0.0:
-                raise InputError("sizes must be > 0", key="sizes", found=source)
-        return list(sizes), None
-    measured = measured_pairs(sizes)
-    return [Measured(measured[:, 0]), Measured(measured[:, 1])], measured
+    Parameters
+    ----------
+    f, g, h, k : array (n,)
+        Quadruples with nan are left out.
+
+    Returns
+    -------
+    array (2, 2), array (2, 2)
+        For either size its first-order and its total index, and their standard errors; nan where the amount does not
+        vary.
+    """
+    terms = np.array([(f - g) ** 2 + (h - k) ** 2, (f - h) ** 2 + (g - k) ** 2, (f - g - h + k) ** 2])
+    terms = terms[:, np.isfinite(terms).all(axis=0)]
+    sums, all_of_it = terms.sum(axis=1), np.array([1.0, 1.0, -1.0])
+    whole, count = float(all_of_it @ sums), terms.shape[1]
+    if count < 2 or not whole > 0.0:
+        return np.full((2, 2), np.nan), np.full((2, 2), np.nan)
+    taken = np.array([[[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]], [[0.0, 1.0, -1.0], [0.0, 1.0, 0.0]]])
+    indices = taken @ sums / whole
+    slopes = (taken - indices[..., None] * all_of_it) / whole
+    variances = np.einsum("abi,ij,abj->ab", slopes, count * np.cov(terms, bias=True), slopes)
+    return indices, np.sqrt(np.maximum(variances, 0.0))

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from fcdm_opt.design.compensation.active_sets import ActiveSet
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
 from fcdm_opt.design.compensation.sampling import Sampler, covered
+from fcdm_opt.design.compensation.size_mesh import areas
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
 from fcdm_opt.doors import Shown
@@ -221,7 +222,7 @@ def compensation_map(
     while True:
         mesh = RefinedMesh(sampler, error)
         mesh.refine()
-        if sampler.spent or sampler.agree(mesh.checked()):
+        if sampler.careful or sampler.spent or sampler.agree(mesh.centres()):
             break
     table, sets = _table(mesh)
     smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
@@ -234,7 +235,7 @@ def compensation_map(
         boundaries=tuple(_boundaries(mesh, sets)),
         error=float(mesh.error),
         reached=float(max(smooth, default=math.inf)),
-        solved=sampler.solved_in_all,
+        solved=len(sampler.known),
         seconds=perf_counter() - start,
     )
 
@@ -242,10 +243,10 @@ def compensation_map(
 def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
     """Return the table and the active sets of its regions, the largest first."""
     places, values, errors, held = zip(*mesh.finished(), strict=True)
-    areas: dict[ActiveSet, float] = {}
-    for size, one in zip(_areas(np.array(places)).tolist(), held, strict=True):
-        areas[one] = areas.get(one, 0.0) + size
-    sets = sorted(areas, key=lambda one: (-areas[one], one))
+    sizes: dict[ActiveSet, float] = {}
+    for size, one in zip(np.abs(areas(np.array(places))).tolist(), held, strict=True):
+        sizes[one] = sizes.get(one, 0.0) + size
+    sets = sorted(sizes, key=lambda one: (-sizes[one], one))
     nodes = np.array(values)
     nodes[:, :3, 0] = np.maximum(nodes[:, :3, 0], 0.0)  # rounding where motions begin
     table = Table(
@@ -258,14 +259,8 @@ def _table(mesh: RefinedMesh) -> tuple[Table, list[ActiveSet]]:
     return table, sets
 
 
-def _areas(corners: Array) -> Array:
-    """Return the areas of triangles, (m,)."""
-    sides = corners[:, 1:] - corners[:, :1]
-    return np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2.0
-
-
 def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
-    areas = _areas(table.corners)
+    sizes = np.abs(areas(table.corners))
     regions = []
     for number, one in enumerate(sets):
         members = np.flatnonzero(table.regions == number)
@@ -274,8 +269,8 @@ def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
         regions.append(
             MapRegion(
                 **one._asdict(),
-                share=float(areas[members].sum() / areas.sum()),
-                place=frozen(table.corners[members[np.argmax(areas[members])]].mean(axis=0)),
+                share=float(sizes[members].sum() / sizes.sum()),
+                place=frozen(table.corners[members[np.argmax(sizes[members])]].mean(axis=0)),
                 amounts=(max(float(finite.min()), 0.0), float(finite.max())) if len(finite) else (math.nan, math.nan),
             )
         )

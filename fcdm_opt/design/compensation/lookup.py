@@ -13,7 +13,7 @@ _BUCKETS = 16  # a triangle: most points then have one triangle to look at, or t
 
 
 class Locator:
-    """Finds triangles by equal buckets of their box: each lists the triangles that meet it, in increasing order.
+    """Finds triangles by equal buckets of their box: each lists the triangles whose boxes meet it, in increasing order.
 
     Parameters
     ----------
@@ -41,12 +41,7 @@ class Locator:
         # how far below zero a coordinate may be for a point that is in the triangle but for rounding, and on a seam
         self.seam = float(DEFAULT.line * corners.max())
         self._slack = self.rounding / height, self.seam / height
-        self._fill(corners)
-
-    def _fill(self, corners: Array) -> None:
-        """List the triangles that meet each bucket."""
-        width = (self._high - self._low) / self._side
-        near = 2.0 * self.seam
+        width, near = (self._high - self._low) / self._side, 2.0 * self.seam
         first, last = (
             np.clip((ends - self._low) // width, 0, self._side - 1).astype(np.int64)
             for ends in (corners.min(axis=1) - near, corners.max(axis=1) + near)
@@ -56,13 +51,7 @@ class Locator:
         triangle = np.repeat(np.arange(len(corners)), counts)
         place = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
         row, column = first[triangle, 0] + place // spans[triangle, 1], first[triangle, 1] + place % spans[triangle, 1]
-        middle = (np.stack([row, column]) + 0.5) * width[:, None] + self._low[:, None]
-        half, slopes = width / 2.0, np.reshape(self._frames[2:], (2, 2, -1))
-        meets = np.ones(len(triangle), dtype=bool)
-        for weight, slope in zip(self._weights(triangle, *middle), (slopes.sum(axis=0), *slopes), strict=True):
-            reach = half @ np.abs(slope) + 2.0 * self._slack[1]
-            meets &= weight + reach[triangle] >= 0.0
-        bucket, triangle = (row * self._side + column)[meets], triangle[meets]
+        bucket = row * self._side + column
         self._members = triangle[np.argsort(bucket, kind="stable")]
         self._starts = np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=self._side**2))])
 

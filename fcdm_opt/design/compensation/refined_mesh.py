@@ -11,10 +11,10 @@ from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.design.compensation.active_sets import MOTIONLESS, REJECTED, ActiveSet
+from fcdm_opt.design.compensation.active_sets import REJECTED, ActiveSet
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import Asking, Sample, Sampler
-from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values, area
+from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values, areas
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -25,24 +25,15 @@ SAFETY = 2.0  # times the errors at the four points that fix a cubic's part beyo
 SHORTEST = 2.0**-14  # of the box: edges are not split further
 ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
-INSIDE = 0.05  # least barycentric coordinate of a point that splits a triangle in three
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
-CHECKED = 24  # triangles in whose centres least motions are proved
+CHECKED = 24  # triangles in whose centres motions are compared with those of `solve`
 
 
 class RefinedMesh(SizeMesh):
-    """A mesh that is refined.
+    """A mesh that is refined until amount and motion are off by no more than `error`.
 
-    Parameters
-    ----------
-    sampler : Sampler
-    error : float or None
-        Length that amount and motion may be off by; None: a share of the largest amount.
-
-    Attributes
-    ----------
-    error : float
+    None stands for a share of the largest amount.
     """
 
     def __init__(self, sampler: Sampler, error: float | None) -> None:
@@ -50,12 +41,14 @@ class RefinedMesh(SizeMesh):
         problem = sampler.problem
         self._task = Task.of(problem)
         self._arms = problem.movable.vertices - problem.movable.seed
-        self._seed = problem.movable.seed
+        self._seed, self._walls = problem.movable.seed, problem.limits
         self._rounding = DEFAULT.touch * problem.size
         places = [np.array([x, y]) for y in GRID for x in GRID]
-        samples = sampler.samples(places, proved=True)
+        samples = sampler.samples(places)
         vertices = [MeshVertex(place, dict([sample])) for place, sample in zip(places, samples, strict=True)]
         super().__init__(vertices, len(GRID))
+        held = [sample.held for sample in samples]  # once only: may hold on a boundary alone
+        self._run([self._fill(vertex) for vertex, one in zip(vertices, held, strict=True) if held.count(one) == 1])
         largest = max((float(sample.values[0]) for sample in samples if np.isfinite(sample.values[0])), default=0.0)
         self.error = max(SHARE * largest, self._rounding) if error is None else error
 
@@ -71,17 +64,21 @@ class RefinedMesh(SizeMesh):
             self._run([self._fill(vertex) for vertex in fresh])
             self.subdivide()
 
-    def checked(self) -> list[Array]:
-        """Return centres of the largest triangles: places where to prove what is known from around."""
-        order = sorted(self.triangles, key=lambda one: (-area(self.places(one)), one.corners))
-        return [self.places(one).mean(axis=0) for one in order[:CHECKED]]
+    def centres(self) -> Array:
+        """Return the centres of the largest triangles, (n, 2): where the samples around are put to the test."""
+        order = sorted(self.triangles, key=lambda one: (-areas(self.places(one)), one.corners))
+        return np.array([self.places(one).mean(axis=0) for one in order[:CHECKED]])
 
     def _run(self, searches: Sequence[Asking[None]]) -> None:
         """Run searches side by side: what they ask for is solved in one go."""
-        running = [(search, next(search, None)) for search in searches]
-        while running := [(search, places) for search, places in running if places is not None]:
-            samples = iter(self.sampler.samples([place for _, places in running for place in places]))
-            running = [(search, _sent(search, [next(samples) for _ in places])) for search, places in running]
+        asked = {search: places for search in searches if (places := next(search, None)) is not None}
+        while asked:
+            samples = iter(self.sampler.samples([place for places in asked.values() for place in places]))
+            for search, places in list(asked.items()):
+                try:
+                    asked[search] = search.send([next(samples) for _ in places])
+                except StopIteration:
+                    del asked[search]
 
     # ----------------------------------------------------------------------------------------------------------- edges
 
@@ -137,7 +134,7 @@ class RefinedMesh(SizeMesh):
         if min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
             return
         samples = [Sample(*list(vertex.values.items())[-1]) for vertex in (p, q)]
-        change = yield from self._change(p.place, q.place, samples)
+        change = yield from changeover(p.place, q.place, samples, self._walls)
         length = float(np.linalg.norm(q.place - p.place))
         for off, vertex, side in ((change.at, p, 1), (1.0 - change.at, q, 0)):
             if off * length <= SHORTEST / 4 and change.sets[side] not in vertex.values:
@@ -146,10 +143,6 @@ class RefinedMesh(SizeMesh):
                 return
         place = p.place + change.at * (q.place - p.place)
         edge.split, edge.must = MeshVertex(place, dict(zip(change.sets, change.values, strict=True))), True
-
-    def _change(self, start: Array, end: Array, samples: Sequence[Sample]) -> Asking[Changeover]:
-        """Find where the active set changes on a line, given the samples at its ends."""
-        return (yield from changeover(start, end, list(enumerate(samples)), self.sampler.problem.limits))
 
     def _across_both(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex) -> Asking[bool]:
         """Split an edge along a boundary where others cross that: they are looked for on both sides of it."""
@@ -160,7 +153,7 @@ class RefinedMesh(SizeMesh):
             start, end = p.place + shift, q.place + shift
             samples = yield [start, end]
             if samples[0].held != samples[1].held:
-                change = yield from self._change(start, end, samples)
+                change = yield from changeover(start, end, samples, self._walls)
                 places.append(start + change.at * (end - start) - shift)
                 values.update(zip(change.sets, change.values, strict=True))
         if len(places) < 2 or np.linalg.norm(places[0] - places[1]) > SHORTEST:
@@ -201,7 +194,7 @@ class RefinedMesh(SizeMesh):
             start, end = place - reach * normal, place + reach * normal
             samples = yield [start, end]
             if {sample.held for sample in samples} == set(sets):
-                change = yield from self._change(start, end, samples)
+                change = yield from changeover(start, end, samples, self._walls)
                 return (end - start, change) if set(change.sets) == set(sets) else None
             reach *= WIDER
         return None
@@ -231,7 +224,7 @@ class RefinedMesh(SizeMesh):
         least = self.size(triangle) <= SHORTEST
         if sample.held not in sets:
             if not self._mixed(triangle, sample, last or least):
-                triangle.split = MeshVertex(self._within(triangle, centre), {})
+                triangle.split = MeshVertex(centre, {})
             return
         held = triangle.held = sample.held
         missing = [edge for edge in edges if held not in edge.middle]
@@ -280,41 +273,10 @@ class RefinedMesh(SizeMesh):
         triangle.values = np.tile(sample.values, (6, 1))
         return True
 
-    def _within(self, triangle: Triangle, centre: Array) -> Array:
-        """Return where a triangle in which regions meet is split: where they should, else in its centre."""
-        places = self.places(triangle)
-        size = float(np.ptp(places, axis=0).max())
-        corners = [self.vertices[k].values for k in triangle.corners]
-        sets = dict.fromkeys(one for values in corners for one in values if one.kind not in MOTIONLESS)
-        planes = {one: plane for one in sets if (plane := self._plane(one, centre, size)) is not None}
-        rows = []
-        for one, two in combinations(planes, 2):
-            change = planes[one] - planes[two]
-            for values in corners:
-                if one in values and two in values:
-                    near = np.abs(values[one] - values[two]) <= 1e-2 * size * np.linalg.norm(change[1:], axis=0)
-                    rows += list(change[:, near].T)
-        if len(rows) < 2:
-            return centre
-        matrix = np.array(rows)
-        place = centre + np.linalg.lstsq(matrix[:, 1:], -matrix[:, 0], rcond=1e-6)[0]
-        shares = np.linalg.solve(np.vstack([places.T, np.ones(3)]), np.append(place, 1.0))
-        return place if shares.min() > INSIDE else centre
-
-    def _plane(self, held: ActiveSet, centre: Array, size: float) -> Array | None:
-        """Return constant and slopes, (3, 1 + k), of a region's values about a place, from the vertices around."""
-        near = [one for one in self.vertices if held in one.values and np.abs(one.place - centre).max() <= 3.0 * size]
-        if len(near) < 3:
-            return None
-        off = np.array([vertex.place - centre for vertex in near])
-        weight = 1.0 / (np.linalg.norm(off, axis=1, keepdims=True) / size + 0.1) ** 2
-        matrix = np.column_stack([np.ones(len(near)), off]) * weight
-        return np.asarray(np.linalg.lstsq(matrix, np.array([vertex.values[held] for vertex in near]) * weight)[0])
-
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
         """Give a vertex its values."""
         (sample,) = yield [vertex.place]
-        vertex.values.update((yield from self._beside(vertex.place, sample, list(np.eye(2)))))
+        vertex.values = dict((yield from self._beside(vertex.place, sample, list(np.eye(2)))))
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
         """Return by what two motions differ: in amount, and in the largest displacement of a vertex of body 1."""
@@ -324,13 +286,6 @@ class RefinedMesh(SizeMesh):
         made = self._seed + self.sampler.pair(place)[0] * self._arms
         moved = np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1)
         return np.array([abs(one[0] - two[0]), moved.max()])
-
-
-def _sent(search: Asking[None], samples: list[Sample]) -> list[Array] | None:
-    try:
-        return search.send(samples)
-    except StopIteration:
-        return None
 
 
 def _normal(start: Array, end: Array) -> Array:

@@ -89,19 +89,7 @@ class Triangle:
 class SizeMesh:
     """The triangles, how they are split, and what becomes of them in the map.
 
-    Parameters
-    ----------
-    vertices : sequence of MeshVertex
-        Of a grid, row by row.
-    count : int
-        Vertices in a row.
-
-    Attributes
-    ----------
-    vertices : list of MeshVertex
-    edges : dict of (int, int) to MeshEdge
-        Those that have been looked at.
-    triangles : list of Triangle
+    It begins with a grid of vertices, row by row, `count` in a row. `edges` holds those that have been looked at.
     """
 
     def __init__(self, vertices: Sequence[MeshVertex], count: int) -> None:
@@ -125,7 +113,7 @@ class SizeMesh:
                     continue
                 first, second, third = k, (k + 1) % 3, (k + 2) % 3
                 length = float(np.linalg.norm(corners[second] - corners[first]))
-                share = min(0.5, (2.0 * edge.bend + NARROW) * length / (2.0 * abs(area(corners))))
+                share = min(0.5, (2.0 * edge.bend + NARROW) * length / (2.0 * abs(float(areas(corners)))))
                 inner = np.eye(3)  # barycentric coordinates of what is left
                 inner[first, [first, third]] = inner[second, [second, third]] = 1.0 - share, share
                 one, two = np.eye(3)[[first, second]]
@@ -170,7 +158,7 @@ class SizeMesh:
                 pieces += [Triangle((a, b, k)), Triangle((b, c, k)), Triangle((c, a, k))]
             else:
                 pieces.append(triangle)
-        self.triangles = [piece for piece in pieces if piece.finished or area(self.places(piece)) > FLAT]
+        self.triangles = [piece for piece in pieces if piece.finished or areas(self.places(piece)) > FLAT]
 
     def _cuts(self, triangle: Triangle) -> list[MeshVertex | None]:
         """Return where each edge of a triangle is to be split."""
@@ -186,7 +174,7 @@ class SizeMesh:
                 edges = [edge for ends in triangle.edges if (edge := self.edges.get(ends)) and edge.must]
                 bent = [edge for edge in edges if edge.straight is not None and edge.split is not edge.straight]
                 pieces = self._pieces(triangle.corners, self._cuts(triangle)) if bent else []
-                if any(area(self.places(Triangle(corners))) < -FLAT for corners in pieces):
+                if any(areas(self.places(Triangle(corners))) < -FLAT for corners in pieces):
                     changed = True
                     for edge in bent:
                         edge.split = edge.straight
@@ -235,7 +223,7 @@ def _grid(count: int) -> list[tuple[int, int, int]]:
     return made
 
 
-def area(places: Array) -> float:
-    """Return the area of a triangle, negative where its corners go round clockwise."""
-    (a, b), (c, d) = places[1] - places[0], places[2] - places[0]
-    return float(a * d - b * c) / 2
+def areas(corners: Array) -> Array:
+    """Return the areas of triangles, (..., 3, 2): negative where corners go round clockwise."""
+    one, two = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+    return np.asarray(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]) / 2.0

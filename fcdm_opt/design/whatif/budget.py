@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.whatif.narrowing import narrowed
+from fcdm_opt.design.whatif.fitting import narrowed
 from fcdm_opt.design.whatif.nested import Order, order
 from fcdm_opt.design.whatif.prediction import by_tolerance
 from fcdm_opt.errors import InputError
@@ -159,7 +159,7 @@ class Budgets(Mapping[str, Budget]):
     @property
     def tolerance(self) -> float:
         """Largest tolerance that is good for every requirement."""
-        return min(own.tolerance for own in self.each.values())
+        return min(one.tolerance for one in self.each.values())
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
@@ -168,7 +168,7 @@ class Budgets(Mapping[str, Budget]):
 
     def __str__(self) -> str:
         """Return a line for each requirement."""
-        return "\n".join(str(own) for own in self.each.values())
+        return "\n".join(str(one) for one in self.each.values())
 
 
 def budget(
@@ -372,22 +372,11 @@ class _Tolerances:
         return max(_peak(ends, slopes), _roof(ends, slopes)) <= self.limit
 
     def _narrowed(self, low: _Point, high: _Point) -> tuple[_Point, _Point]:
-        """Return a bracket of the asked width: by secants, with a bisection each time."""
-
-        def done(good: float, bad: float) -> bool:
-            return bad - good <= self.accuracy * bad
-
-        good, bad = narrowed(lambda tau: self.at(tau).good, low.tau, high.tau, done, self._guesses)
+        """Return a bracket of the asked width."""
+        good, bad = narrowed(
+            lambda tau: self.at(tau).good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad
+        )
         return self.at(good), self.at(bad)
-
-    def _guesses(self, good: float, bad: float) -> tuple[float, ...]:
-        """Return a tolerance on either side of where the secant meets the limit, none where there is no amount."""
-        low, high = self.at(good), self.at(bad)
-        if self.limit is None or not (high.amount > low.amount and high.amount > self.limit):
-            return ()
-        root = good + (bad - good) * (self.limit - low.amount) / (high.amount - low.amount)
-        side = self.accuracy * bad / 4
-        return root - side, root + side
 
 
 def _peak(ends: Array, slopes: Array) -> float:

@@ -10,22 +10,18 @@ from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.solution import Solution, Status
 
 
-def motion_to_dict(solution: Solution | None) -> dict[str, Any]:
-    """Return status, amount and parameters of a solution as plain data."""
-    if solution is None:
-        return {"status": None, "usable": False, "amount": None, "parameters": {}}
-    return {name: plain(getattr(solution, name)) for name in ("status", "usable", "amount", "parameters")}
-
-
 class PlainMotion(Plain):
     """Base of what has a `solution`, whose motion is told with it."""
 
     solution: Solution | None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data; nan becomes None and infinity "inf"."""
+        """Return plain data with status, amount and parameters; nan becomes None and infinity "inf"."""
+        motion: dict[str, Any] = {"status": None, "usable": False, "amount": None, "parameters": {}}
+        if self.solution is not None:
+            motion = {name: plain(getattr(self.solution, name)) for name in motion}
         told = super().to_dict()
-        return {**told, **motion_to_dict(self.solution), **told}
+        return {**told, **motion, **told}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import Any, ClassVar
 
 from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
-from fcdm_opt.design.whatif.constraints import Constraint
+from fcdm_opt.design.whatif.constraints import Constraint, problem_of
 from fcdm_opt.design.whatif.search import ClashSearch
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
@@ -61,7 +61,7 @@ class Conflicts(Plain):
             lines.append(f"{what} ({'proved' if clash.proved else 'none found: ' + clash.status.name})")
         if not self.complete:
             lines.append("there may be other clashes as small, or smaller")
-        lines += [f"relax {own}" for own in self.relaxations]
+        lines += [f"relax {one}" for one in self.relaxations]
         if self.deviation is not None:
             share = f"{self.deviation.value:.6g} of it" if self.deviation.cures else "no share of it that was tried"
             lines.append(f"deviation from nominal: {share} can be made good (sampled)")
@@ -69,7 +69,7 @@ class Conflicts(Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"; constraints are told by their names."""
-        return {**super().to_dict(), "constraints": [own.name for own in self.constraints]}
+        return {**super().to_dict(), "constraints": [one.name for one in self.constraints]}
 
 
 def conflicts(
@@ -99,10 +99,7 @@ def conflicts(
         For a problem that has a motion: `drop` tells what its constraints cost.
     """
     known = problem if isinstance(problem, Solution) else None
-    problem = problem.problem if isinstance(problem, Solution) else problem
-    if not isinstance(problem, Problem):
-        found = type(problem).__name__
-        raise InputError("expected a Problem or a Solution", key="problem", found=found)
+    problem = problem_of(problem)
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
         if not isinstance(value, bool):
             raise InputError("not a truth value", key=key, found=value, allowed="True or False")
@@ -119,7 +116,7 @@ def conflicts(
     if certify:
         clashes = [search.certified(clash) for clash in clashes]
     members = dict.fromkeys(name for clash in clashes for name in clash.names)
-    by_name = {own.name: own for own in search.constraints}
+    by_name = {one.name: one for one in search.constraints}
     return Conflicts(
         problem=problem,
         constraints=search.constraints,

@@ -7,7 +7,7 @@ the keep-out itself. Dropping the weaker one drops the stronger one too.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.errors import InputError
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Certificate, Solution, kept_clear
 from fcdm_opt.tolerances import DEFAULT
@@ -22,14 +23,23 @@ from fcdm_opt.tolerances import DEFAULT
 OUTWARD = (-1.0, 1.0)  # where a lower and an upper limit is widened to
 
 
+def _unknown(sensitivity: Sensitivity) -> float:
+    return math.nan
+
+
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """One constraint of a problem; each kind of it is a class below.
+    """One constraint of a problem.
 
     Attributes
     ----------
     name : str
         As `Solution.active` has it where that names the same.
+    changed : callable
+        Returns a problem with this constraint relaxed by any amount up to `most`, which drops it.
+    excess : callable
+        Returns by how much a motion passes it, not above 0 where it keeps it, of a solution and the judge's certificate
+        of its motion in the whole problem.
     value : float
         The limit or clearance, in its unit; nan for what is no number.
     unit : "length", "radian", "halvings" or ""
@@ -38,171 +48,116 @@ class Constraint:
         Name of the weaker constraint that comes with it; empty where none does.
     parameter : str
         The parameter that it limits; empty for all else.
+    most : float
+        Largest relaxation: the clearance itself for a clearance, else infinite.
+    outward : float
+        What the limit or clearance grows by per unit of relaxation; nan where that is no number.
+    slack : float
+        By how much, in its unit, the judge lets it be passed.
+    kept_at_rest : bool
+        Whether it is a limit that no motion at all keeps.
+    rate : callable
+        Returns what the amount falls by, to first order, per unit of relaxation, of a sensitivity; nan where unknown.
     """
 
     name: str
+    changed: Callable[[Problem, float], Problem]
+    excess: Callable[[Solution, Certificate], float]
     value: float = math.nan
     unit: str = ""
     includes: str = ""
     parameter: str = ""
-
-    def relaxed(self, problem: Problem, by: float) -> Problem:
-        """Return the problem with this constraint relaxed by an amount in its unit, at most `most`.
-
-        Raises
-        ------
-        InputError
-            Where there is nothing between keeping and dropping it, or this is more than can be.
-        """
-        if not self.unit:
-            raise InputError(
-                "there is nothing between keeping and dropping it", key=self.name, found=by, allowed="`without` it"
-            )
-        if not (is_real(by) and 0.0 <= by <= self.most and math.isfinite(by)):
-            allowed = f"a number from 0 to {self.most:.9g}" if math.isfinite(self.most) else "a finite number >= 0"
-            raise InputError("not a relaxation", key=self.name, found=by, allowed=allowed)
-        return self.changed(problem, float(by))
-
-    def dropped(self, problem: Problem) -> Problem:
-        """Return the problem without this constraint and those that include it."""
-        return self.changed(problem, self.most)
-
-    def changed(self, problem: Problem, by: float) -> Problem:
-        """Return the problem with this constraint relaxed by any amount up to `most`, which drops it."""
-        raise NotImplementedError
-
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        """Return by how much a motion passes the constraint: not above 0 where it keeps it.
-
-        Parameters
-        ----------
-        solution : Solution
-        certificate : Certificate
-            The judge's, of the motion in the whole problem.
-        """
-        raise NotImplementedError
-
-    @property
-    def most(self) -> float:
-        """Largest relaxation: the clearance itself for a clearance, else infinite."""
-        return math.inf
-
-    @property
-    def kept_at_rest(self) -> bool:
-        """Whether it is a limit that no motion at all keeps."""
-        return False
-
-    def relaxed_value(self, by: float) -> float:
-        """Return the limit or clearance after a relaxation."""
-        return math.nan
-
-    def slack(self, problem: Problem) -> float:
-        """Return the amount, in the constraint's unit, by which the judge lets it be passed."""
-        return 0.0
-
-    def rate(self, sensitivity: Sensitivity) -> float:
-        """Return what the amount falls by, to first order, per unit of relaxation; nan where it is not known."""
-        return math.nan
+    most: float = math.inf
+    outward: float = math.nan
+    slack: float = 0.0
+    kept_at_rest: bool = False
+    rate: Callable[[Sensitivity], float] = _unknown
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Limit(Constraint):
-    """The lower (sides (0,)) or upper ((1,)) limit of a parameter, or both where they are equal: it is held."""
+def _limit(problem: Problem, k: int, label: str, sides: tuple[int, ...]) -> Constraint:
+    """Return the lower (sides (0,)) or upper ((1,)) limit of a parameter, or both where they are equal: it is held."""
+    parameter, value = problem.motion.parameters[k], float(problem.limits[k, sides[0]])
+    name, held = parameter.name, len(sides) > 1
 
-    sides: tuple[int, ...]
-
-    def changed(self, problem: Problem, by: float) -> Problem:
+    def changed(problem: Problem, by: float) -> Problem:
         given = problem.request["limits"]
-        ends = list(given.get(self.parameter, (-math.inf, math.inf)))
-        for side in self.sides:
-            ends[side] = self.value + OUTWARD[side] * by
-        return problem.changed(limits={**given, self.parameter: tuple(ends)})
+        ends = list(given.get(name, (-math.inf, math.inf)))
+        for side in sides:
+            ends[side] = value + OUTWARD[side] * by
+        return problem.changed(limits={**given, name: tuple(ends)})
 
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        return max(OUTWARD[side] * (solution.parameters[self.parameter] - self.value) for side in self.sides)
+    def rate(sensitivity: Sensitivity) -> float:  # equal limits are one datum, the lower
+        rates = sensitivity.limits[name]
+        return abs(rates[0]) if held else -OUTWARD[sides[0]] * rates[sides[0]]
 
-    @property
-    def kept_at_rest(self) -> bool:
-        return all(OUTWARD[side] * self.value >= 0.0 for side in self.sides)
-
-    def relaxed_value(self, by: float) -> float:
-        return math.nan if len(self.sides) > 1 else self.value + OUTWARD[self.sides[0]] * by
-
-    def slack(self, problem: Problem) -> float:
-        names = [parameter.name for parameter in problem.motion.parameters]
-        return DEFAULT.requirement * problem.length / float(problem.weights[names.index(self.parameter)])
-
-    def rate(self, sensitivity: Sensitivity) -> float:
-        rates = sensitivity.limits[self.parameter]
-        # equal limits are one datum, the lower
-        return abs(rates[0]) if len(self.sides) > 1 else -OUTWARD[self.sides[0]] * rates[self.sides[0]]
+    return Constraint(
+        name=label,
+        changed=changed,
+        excess=lambda solution, _: max(OUTWARD[side] * (solution.parameters[name] - value) for side in sides),
+        value=value,
+        unit="length" if parameter.kind == "translation" else "radian",
+        parameter=name,
+        outward=math.nan if held else OUTWARD[sides[0]],
+        slack=DEFAULT.requirement * problem.length / float(problem.weights[k]),
+        kept_at_rest=all(OUTWARD[side] * value >= 0.0 for side in sides),
+        rate=rate,
+    )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Clearance(Constraint):
-    """The clearance of the target pair or to a keep-out, as a check of the judge measures it.
+def _clearance(
+    problem: Problem, name: str, value: float = math.nan, includes: str = "", kept: KeepOut | None = None
+) -> Constraint:
+    """Return a clearance of the target pair or to a keep-out; nan: that it is clear at all, which is kept or not."""
+    whole = math.isnan(value)
 
-    Without a unit it is that the pair is clear, or the keep-out not entered, at all: it can only be dropped.
-    """
-
-    check: str = "clearance"
-    keep_out: str = ""
-
-    def changed(self, problem: Problem, by: float) -> Problem:
-        clearance = self.relaxed_value(by) if self.unit else 0.0
-        if not self.keep_out:
-            return problem.changed(clearance=clearance, **({} if self.unit else {"pair": "any"}))
-        others = [own for own in problem.keep_out if self.unit or own.name != self.keep_out]
+    def changed(problem: Problem, by: float) -> Problem:
+        clearance = 0.0 if whole else value - by
+        if kept is None:
+            return problem.changed(clearance=clearance, **({"pair": "any"} if whole else {}))
+        others = [one for one in problem.keep_out if one.name != kept.name or not whole]
         return problem.changed(
-            keep_out=tuple(replace(own, clearance=clearance) if own.name == self.keep_out else own for own in others)
+            keep_out=tuple(replace(one, clearance=clearance) if one.name == kept.name else one for one in others)
         )
 
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
+    def excess(solution: Solution, certificate: Certificate) -> float:
+        check = "clearance" if kept is None else kept_clear(kept.name)
         # what the judge could not find is infinitely bad
-        measured = next((check.value for check in certificate.checks if check.name == self.check), -math.inf)
-        return (self.value if self.unit else 0.0) - measured
+        measured = next((one.value for one in certificate.checks if one.name == check), -math.inf)
+        return (0.0 if whole else value) - measured
 
-    @property
-    def most(self) -> float:
-        return self.value
+    def rate(sensitivity: Sensitivity) -> float:
+        if kept is not None:
+            return sensitivity.keep_out[kept.name]
+        return math.nan if whole else sensitivity.clearance
 
-    def relaxed_value(self, by: float) -> float:
-        return self.value - by
+    return Constraint(
+        name=name,
+        changed=changed,
+        excess=excess,
+        value=value,
+        unit="" if whole else "length",
+        includes=includes,
+        most=value,
+        outward=-1.0,
+        slack=max(problem.contact_slack, 0.0 if kept is None else DEFAULT.tie * kept.body.size),
+        rate=rate,
+    )
 
-    def slack(self, problem: Problem) -> float:
-        sizes = [own.body.size for own in problem.keep_out if own.name == self.keep_out]
-        return max([problem.contact_slack, *(DEFAULT.tie * size for size in sizes)])
 
-    def rate(self, sensitivity: Sensitivity) -> float:
-        if self.keep_out:
-            return sensitivity.keep_out[self.keep_out]
-        return sensitivity.clearance if self.unit else math.nan
+def _passed(name: str, check: str, instead: dict[str, Any], unit: str = "") -> Constraint:
+    """Return that the judge's checks whose names start so pass; without it, the problem has other arguments."""
 
+    def changed(problem: Problem, by: float) -> Problem:
+        if unit and math.isfinite(by):
+            steps = problem.request["resolution"]
+            return problem.changed(resolution={name: step / 2.0**by for name, step in steps.items()})
+        return problem.changed(**instead)
 
-@dataclass(frozen=True, kw_only=True)
-class _Passed(Constraint):
-    """That the judge's checks whose names start so pass; without it, an argument of the problem has another value."""
-
-    check: str
-    instead: tuple[str, Any]
-
-    def changed(self, problem: Problem, by: float) -> Problem:
-        return problem.changed(**dict([self.instead]))
-
-    def excess(self, solution: Solution, certificate: Certificate) -> float:
-        checks = [check.passed for check in certificate.checks if check.name.startswith(self.check)]
+    def excess(solution: Solution, certificate: Certificate) -> float:
+        checks = [one.passed for one in certificate.checks if one.name.startswith(check)]
         return 0.0 if checks and all(checks) else math.inf
 
-
-@dataclass(frozen=True, kw_only=True)
-class _WholeSteps(_Passed):
-    """That the motion is in whole steps of the machine; the relaxation counts how often the steps are halved."""
-
-    def changed(self, problem: Problem, by: float) -> Problem:
-        if math.isinf(by):
-            return super().changed(problem, by)
-        steps = problem.request["resolution"]
-        return problem.changed(resolution={name: step / 2.0**by for name, step in steps.items()})
+    return Constraint(name=name, changed=changed, excess=excess, unit=unit)
 
 
 def constraints(problem: Problem) -> tuple[Constraint, ...]:
@@ -215,34 +170,37 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
         one that includes it.
     """
     listed: list[Constraint] = []
-    for parameter, ends in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
-        name, unit = parameter.name, "length" if parameter.kind == "translation" else "radian"
+    for k, (parameter, ends) in enumerate(zip(problem.motion.parameters, problem.limits.tolist(), strict=True)):
+        name = parameter.name
         limits = {f"lower limit of {name}": (0,), f"upper limit of {name}": (1,)}
         for label, sides in {f"{name} held": (0, 1)}.items() if ends[0] == ends[1] else limits.items():
-            if math.isfinite(value := ends[sides[0]]):
-                listed.append(_Limit(name=label, value=value, unit=unit, parameter=name, sides=sides))
-    for own in problem.keep_out:
-        kept, clear = f"keep-out {own.name!r}", kept_clear(own.name)
-        listed.append(_Clearance(name=kept, check=clear, keep_out=own.name))
-        if own.clearance > 0:
-            value = own.clearance
-            listed.append(
-                _Clearance(name=clear, value=value, unit="length", includes=kept, check=clear, keep_out=own.name)
-            )
+            if math.isfinite(ends[sides[0]]):
+                listed.append(_limit(problem, k, label, sides))
+    for kept in problem.keep_out:
+        label = f"keep-out {kept.name!r}"
+        listed.append(_clearance(problem, label, kept=kept))
+        if kept.clearance > 0:
+            listed.append(_clearance(problem, kept_clear(kept.name), kept.clearance, label, kept))
     state = "" if problem.pair in ("any", problem.goal) else f"pair {problem.pair!r}"
     if problem.pair == "touch" and state:
-        listed.append(_Passed(name=state, check="pair touches", instead=("pair", "any")))
+        listed.append(_passed(state, "pair touches", {"pair": "any"}))
     elif state:
-        listed.append(_Clearance(name=state))
+        listed.append(_clearance(problem, state))
     if problem.clearance > 0:
-        includes = "" if problem.goal == "clear" else state
-        listed.append(_Clearance(name="clearance", value=problem.clearance, unit="length", includes=includes))
+        listed.append(_clearance(problem, "clearance", problem.clearance, "" if problem.goal == "clear" else state))
     if problem.goal in TRACKING and problem.path == "coherent":
-        listed.append(_Passed(name="coherence", check="path", instead=("path", "free")))
+        listed.append(_passed("coherence", "path", {"path": "free"}))
     if problem.resolution is not None:
-        steps = "whole steps"
-        listed.append(_WholeSteps(name=steps, unit="halvings", check=steps, instead=("resolution", None)))
+        listed.append(_passed("whole steps", "whole steps", {"resolution": None}, "halvings"))
     return tuple(listed)
+
+
+def problem_of(asked: Problem | Solution) -> Problem:
+    """Return the problem that is spoken of; raises `InputError` for what is neither problem nor solution."""
+    if not isinstance(asked, Problem | Solution):
+        found, allowed = type(asked).__name__, "a Problem or a Solution"
+        raise InputError("wrong kind of argument", key="problem", found=found, allowed=allowed)
+    return asked.problem if isinstance(asked, Solution) else asked
 
 
 def without(problem: Problem, names: Iterable[str]) -> Problem:
@@ -260,7 +218,7 @@ def without(problem: Problem, names: Iterable[str]) -> Problem:
         For a name that no constraint of the problem has.
     """
     for constraint in [named(problem, name) for name in dict.fromkeys(names)]:
-        problem = constraint.dropped(problem)
+        problem = constraint.changed(problem, constraint.most)
     return problem
 
 
@@ -281,12 +239,19 @@ def relaxed(problem: Problem, name: str, by: float) -> Problem:
     InputError
         For an unknown name, a constraint that can only be dropped, and more than the whole of a clearance.
     """
-    return named(problem, name).relaxed(problem, by)
+    constraint = named(problem, name)
+    if not constraint.unit:
+        raise InputError("there is nothing between keeping and dropping it", key=name, found=by, allowed="`without` it")
+    if not (is_real(by) and 0.0 <= by <= constraint.most and math.isfinite(by)):
+        most = constraint.most
+        allowed = f"a number from 0 to {most:.9g}" if math.isfinite(most) else "a finite number >= 0"
+        raise InputError("not a relaxation", key=name, found=by, allowed=allowed)
+    return constraint.changed(problem, float(by))
 
 
 def named(problem: Problem, name: str) -> Constraint:
     """Return the constraint of a name; raises `InputError` that lists the names there are."""
-    known = {own.name: own for own in constraints(problem)}
+    known = {one.name: one for one in constraints(problem)}
     if name not in known:
         allowed = ", ".join(known) or "none: the problem has no constraint"
         raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)
@@ -309,5 +274,5 @@ def excesses(problem: Problem, solution: Solution) -> dict[str, float]:
         not and there is no amount.
     """
     certificate = verify(replace(solution, problem=problem))
-    passed = {own.name: (own.excess(solution, certificate), own.slack(problem)) for own in constraints(problem)}
+    passed = {one.name: (one.excess(solution, certificate), one.slack) for one in constraints(problem)}
     return {name: 0.0 if excess <= slack else excess for name, (excess, slack) in passed.items()}

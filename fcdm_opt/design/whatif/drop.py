@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import ClassVar
 
 from fcdm_opt.design.whatif.clashes import PlainMotion
-from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
+from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, problem_of, without
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import GOALS, Problem
@@ -124,7 +124,7 @@ def drop(problem: Problem | Solution) -> Costs:
     """
     start = perf_counter()
     known = isinstance(problem, Solution)
-    solution = problem if isinstance(problem, Solution) else _solved(problem)
+    solution = problem if isinstance(problem, Solution) else solve(problem_of(problem), effort="quick")
     if not solution.usable:
         raise InputError(
             "the problem has no motion that could become smaller",
@@ -133,7 +133,7 @@ def drop(problem: Problem | Solution) -> Costs:
             allowed="a problem with a motion that the judge passes; `conflicts` tells what clashes where there is none",
         )
     asked = solution.problem
-    rows = [_without(solution, own) for own in constraints(asked)]
+    rows = [_without(solution, one) for one in constraints(asked)]
     goals = list(_other_goals(solution))
     return Costs(
         solution=solution,
@@ -142,13 +142,6 @@ def drop(problem: Problem | Solution) -> Costs:
         solves=len(rows) + len(goals) + (not known),
         seconds=perf_counter() - start,
     )
-
-
-def _solved(problem: Problem) -> Solution:
-    if not isinstance(problem, Problem):
-        found = type(problem).__name__
-        raise InputError("expected a Problem or a Solution", key="problem", found=found)
-    return solve(problem, effort="quick")
 
 
 def _without(solution: Solution, constraint: Constraint) -> Dropped:

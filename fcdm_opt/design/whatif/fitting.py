@@ -1,14 +1,27 @@
-"""How much of the deviation from nominal can be made good where all of it cannot."""
+"""How much of the deviation from nominal can be made good where all of it cannot, and where anything ends to hold."""
 
 from __future__ import annotations
 
-from fcdm_opt.design.whatif.narrowing import narrowed
+from collections.abc import Callable
+
 from fcdm_opt.errors import InputError
-from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
+
+
+def narrowed(
+    holds: Callable[[float], bool], low: float, high: float, done: Callable[[float, float], bool]
+) -> tuple[float, float]:
+    """Return a narrower bracket of a place where something ends to hold, by bisection until `done` says so.
+
+    It is known to hold at `low`, and not to at `high`.
+    """
+    while not done(low, high):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low, high
 
 
 def deviating(problem: Problem, share: float) -> Problem:
@@ -22,8 +35,7 @@ def deviating(problem: Problem, share: float) -> Problem:
 def fits_up_to(problem: Problem) -> float | None:
     """Return the largest tolerance at which a problem without a usable solution has one, by bisection.
 
-    One crossing is taken for granted, see `budget` for a proof. Where two widths of the parts tell at which share they
-    are equal, that is tried first: most often it is the answer, after two solves.
+    One crossing is taken for granted, see `budget` for a proof.
 
     Parameters
     ----------
@@ -38,8 +50,6 @@ def fits_up_to(problem: Problem) -> float | None:
     """
     if problem.tolerance is None or problem.requirement is None:
         return None
-    widths = misfit(problem)
-    guesses = () if widths is None else (widths.share * (1.0 - ACCURACY / 2), widths.share * (1.0 + ACCURACY / 2))
 
     def fits(share: float) -> bool:
         try:
@@ -50,5 +60,5 @@ def fits_up_to(problem: Problem) -> float | None:
     def told(low: float, high: float) -> bool:
         return high - low <= ACCURACY * high or high <= ACCURACY
 
-    share, _ = narrowed(fits, 0.0, 1.0, told, lambda low, high: guesses)
+    share, _ = narrowed(fits, 0.0, 1.0, told)
     return share * float(problem.tolerance.max())

@@ -99,8 +99,8 @@ def _discrete(old: Problem, new: Problem) -> Told:
         isinstance(old.nominal, int) and old.nominal_features != new.nominal_features
     ):
         yield "nominal", NAN, "the nominal contact has other features"
-    names = [own.name for own in old.keep_out]
-    if names != [own.name for own in new.keep_out]:
+    names = [kept.name for kept in old.keep_out]
+    if names != [kept.name for kept in new.keep_out]:
         yield "keep_out", NAN, "other keep-outs: no derivative by them"
     else:
         for one, two in zip(old.keep_out, new.keep_out, strict=True):
@@ -112,16 +112,17 @@ def _changes(before: Solution, new: Problem) -> Told:
     """Yield what each continuous change adds to the amount."""
     old, rates = before.problem, before.sensitivity
     yield from _pair(old, new, rates)
-    yield from _weights(old, new, rates)
+    if old.amount == "weighted" and (change := new.weights - old.weights).any():  # of the length as well
+        yield _told("weights", list(rates.weights.values()), change)
     yield from _limits(before, new)
     if old.clearance != new.clearance:
         yield _told("clearance", [rates.clearance], [new.clearance - old.clearance])
-    pairs = [(own.name, own.clearance, other.clearance) for own, other in zip(old.keep_out, new.keep_out, strict=True)]
+    pairs = [(one.name, one.clearance, other.clearance) for one, other in zip(old.keep_out, new.keep_out, strict=True)]
     for name, one, two in pairs:
         if one != two:
             yield _told(f"keep_out {name!r} clearance", [rates.keep_out[name]], [two - one])
-    keys = ["P1", "P2", *(f"keep-out {own.name!r} " for own in old.keep_out)]
-    bodies = [(problem.movable, problem.static, *(own.body for own in problem.keep_out)) for problem in (old, new)]
+    keys = ["P1", "P2", *(f"keep-out {kept.name!r} " for kept in old.keep_out)]
+    bodies = [(problem.movable, problem.static, *(kept.body for kept in problem.keep_out)) for problem in (old, new)]
     for key, one_body, two_body in zip(keys, *bodies, strict=True):
         yield from _body(key, one_body, two_body, rates)
 
@@ -144,13 +145,6 @@ def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
             yield "nominal", NAN, "the nominal pair was closed to another point of the curve"
         return
     yield _told("nominal", rates.nominal, new.nominal_pair - old.nominal_pair)
-
-
-def _weights(old: Problem, new: Problem, rates: Sensitivity) -> Told:
-    """Yield what changed weights add, of the length as well."""
-    change = new.weights - old.weights
-    if old.amount == "weighted" and change.any():
-        yield _told("weights", list(rates.weights.values()), change)
 
 
 def _limits(before: Solution, new: Problem) -> Told:
@@ -199,8 +193,6 @@ def _freed(name: str, rate: float, moves: Array) -> Told:
 
 def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
-    if _same_body(old, new):
-        return
     name = key.strip()
     if set(old.faces) != set(new.faces) or len(old.vertices) != len(new.vertices) or len(old.parts) != len(new.parts):
         yield f"{name} shape", NAN, f"{name} has other vertices, faces or parts: no derivative by that"
@@ -230,11 +222,11 @@ def _shifts(body: Body, moves: Array) -> Array:
     }
     made = np.full(len(body.faces), np.nan)
     for k, face in enumerate(body.faces):
-        own = moves[np.array(face) - 1]
-        if not own.any():
+        moved = moves[np.array(face) - 1]
+        if not moved.any():
             made[k] = 0.0
         elif face in normals:
-            along = own @ normals[face]
+            along = moved @ normals[face]
             if np.ptp(along) <= DEFAULT.planarity * body.size:
                 made[k] = along.mean()
     return made
@@ -246,15 +238,6 @@ def _told(name: str, rates: Any, changes: Any) -> tuple[str, float, str]:
     used = changes != 0
     total = float(rates[used] @ changes[used])
     return name, total, f"no derivative by {name} there" if np.isnan(total) else ""
-
-
-def _same_body(one: Body, two: Body) -> bool:
-    return one is two or (
-        np.array_equal(one.vertices, two.vertices)
-        and np.array_equal(one.seed, two.seed)
-        and one.faces == two.faces
-        and len(one.parts) == len(two.parts)
-    )
 
 
 def same(one: Any, two: Any) -> bool:

@@ -18,8 +18,7 @@ from typing import Any
 
 from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
-from fcdm_opt.design.whatif.fitting import deviating
-from fcdm_opt.design.whatif.narrowing import narrowed
+from fcdm_opt.design.whatif.fitting import deviating, narrowed
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -36,7 +35,6 @@ PROVABLE = 1e-3  # relative: how far below the least relaxation a proof is asked
 MOST_ROUNDS = 4  # of narrowing in, where the solver missed a motion
 FINE = 1e-6  # share of a deviation to which the largest that can be made good is narrowed in: it is sampled anyhow
 ENOUGH = 1.01  # times the width that a bracket is to have: a look that far below settles it in spite of rounding
-GALLOP = 8.0  # how fast the steps grow down to a relaxation that does not do
 COARSER = 100.0  # how fast the width of a bracket grows that is enough, where answers are neither motions nor proofs
 SHARES = 8  # of the deviation from nominal that are tried before the largest that can be made good is narrowed in
 
@@ -159,21 +157,18 @@ class ClashSearch:
         if not constraint.unit:
             return replace(common, by=math.inf, failing=math.nan)
         if constraint.unit == "halvings":  # what coarser steps reach finer ones reach too; which are tried is sampled
-            tries = ((count, self._relaxed(constraint, count)[0]) for count in range(1, MOST_HALVINGS + 1))
-            count, finer = next(((count, finer) for count, finer in tries if finer.verified), (0, dropped))
-            if not count:
-                return replace(common, by=math.inf, failing=float(MOST_HALVINGS))
-            return replace(common, by=float(count), failing=count - 1.0, solution=finer)
+            for count in range(1, MOST_HALVINGS + 1):
+                finer, _ = self._relaxed(constraint, count)
+                if finer.verified:
+                    return replace(common, by=float(count), failing=count - 1.0, solution=finer)
+            return replace(common, by=math.inf, failing=float(MOST_HALVINGS))
         return self._bracketed(constraint, common)
 
     def _relaxed(self, constraint: Constraint, by: float, **changes: Any) -> tuple[Solution, float]:
         """Return the answer with a constraint relaxed, and by how much it is passed; infinite without a motion."""
-        relaxed = constraint.relaxed(self.problem, by)
+        relaxed = constraint.changed(self.problem, by)
         solution = self.solved(relaxed.changed(**changes) if changes else relaxed)
-        return solution, self._excess(constraint, solution) if solution.verified else math.inf
-
-    def _excess(self, constraint: Constraint, solution: Solution) -> float:
-        return excesses(self.problem, solution)[constraint.name]
+        return solution, excesses(self.problem, solution)[constraint.name] if solution.verified else math.inf
 
     def _bracketed(self, constraint: Constraint, common: LeastRelaxation) -> LeastRelaxation:
         """Narrow in the least relaxation between one that does and one that does not.
@@ -183,16 +178,15 @@ class ClashSearch:
         halved.
         """
         assert common.solution is not None
-        fuzz, best, best_by = self._fuzz(constraint), common.solution, math.inf
-        low, high = 0.0, self._excess(constraint, best)
-        impossible = 0.0 if self._asked[self.names].status is Status.INFEASIBLE else math.nan
+        # twice what the judge lets pass, of the constraint itself and of the contact: a longer motion opens it
+        longer = 1.0 + self.problem.size / self.problem.length if constraint.parameter else 1.0
+        fuzz, best, best_by = 2.0 * constraint.slack * longer, common.solution, math.inf
+        low, high = 0.0, excesses(self.problem, best)[constraint.name]
         nearest = self._nearest(constraint, high)
         high = min(high, nearest)
-        gallops = math.isfinite(nearest)
-        step = near = max(fuzz if gallops else fuzz / 2.0, DEFAULT.requirement * high)
-        if not gallops and high >= constraint.most:
-            step = math.inf
-        first, unsure = near, False
+        impossible = 0.0 if self._asked[self.names].status is Status.INFEASIBLE else math.nan
+        first = near = max(fuzz if math.isfinite(nearest) else fuzz / 2.0, DEFAULT.requirement * high)
+        step, unsure = near if high < constraint.most else math.inf, False
         for _ in range(MOST_ROUNDS):
             while high - low > ENOUGH * near:
                 by = max(high - step, (low + high) / 2.0)
@@ -200,7 +194,7 @@ class ClashSearch:
                 if solution.verified:
                     best, best_by = solution, by
                     high = max(min(by, passed), low)
-                    step = near if high < by - near else step * GALLOP if gallops else math.inf
+                    step = near if high < by - near else math.inf
                 else:
                     low, step = by, math.inf
                     if solution.status is Status.INFEASIBLE:
@@ -226,14 +220,8 @@ class ClashSearch:
                     break
         coarse = near > max(first, fuzz) and high > low
         note = f"to within {(high - low) / high:.1g} of it: nearer there is no proof" if coarse else ""
-        value = constraint.relaxed_value(high)
+        value = constraint.value + constraint.outward * high
         return replace(common, by=high, value=value, failing=low, impossible=impossible, solution=best, note=note)
-
-    def _fuzz(self, constraint: Constraint) -> float:
-        """Return twice what the judge lets pass, of the constraint itself and of the contact, in its unit."""
-        # a longer motion opens the contact
-        longer = 1.0 + self.problem.size / self.problem.length if constraint.parameter else 1.0
-        return 2.0 * constraint.slack(self.problem) * longer
 
     def _nearest(self, constraint: Constraint, most: float) -> float:
         """Return by how much the motion with the least size of a parameter passes its limit; infinite if not least.

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.whatif.constraints import problem_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
@@ -110,13 +111,10 @@ def whatif(problem: Problem | Solution, other: Problem | None = None, /, **chang
         For an argument that `Problem` does not have or does not take, what is neither problem nor solution, and
         changes besides a changed problem.
     """
-    if not isinstance(problem, Problem | Solution):
-        found = type(problem).__name__
-        raise InputError("wrong kind of argument", key="problem", found=found, allowed="a Problem or a Solution")
+    asked = problem_of(problem)
     for name in changes:
         if name not in ARGUMENTS:
             raise InputError("a problem has no such argument", key=name, allowed=", ".join(ARGUMENTS))
-    asked = problem.problem if isinstance(problem, Solution) else problem
     if other is None:
         other = asked.changed(**{**_dropped(changes), **changes})
     elif changes or not isinstance(other, Problem):
@@ -152,7 +150,11 @@ def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
     floor = DEFAULT.tie * max(before.problem.size, after.problem.size)  # of lengths: below it, rounding
-    weights = _weights(before) | _weights(after)
+    weights = {
+        parameter.name: float(weight)
+        for solution in (before, after)
+        for parameter, weight in zip(solution.problem.motion.parameters, solution.problem.weights, strict=True)
+    }
     for name in dict.fromkeys((*before.parameters, *after.parameters)):
         one, two = before.parameters.get(name), after.parameters.get(name)
         if one is None or two is None or abs(one - two) * weights[name] > floor:
@@ -167,14 +169,9 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         ("usable", before.usable, after.usable),
         ("pair_state", before.pair_state, after.pair_state),
         ("pair", before.pair.tolist(), after.pair.tolist()),
-        ("features", [own.label for own in before.features], [own.label for own in after.features]),
+        ("features", [feature.label for feature in before.features], [feature.label for feature in after.features]),
         ("active", list(before.active), list(after.active)),
     )
     for name, was, now in others:
         if was != now:
             yield Difference(name, was, now)
-
-
-def _weights(solution: Solution) -> dict[str, float]:
-    names = [parameter.name for parameter in solution.problem.motion.parameters]
-    return dict(zip(names, solution.problem.weights.tolist(), strict=True))
