@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 LARGEST = 1e50  # of any coordinate: volumes stay finite
+SMALLEST = 1e-50  # extent of a part: its volume stays above what floats can hold
 
 
 def numbers(values: Any, key: str) -> Array:

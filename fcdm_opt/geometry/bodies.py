@@ -19,12 +19,14 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, checked_corners, frozen, numbers
+from fcdm_opt.geometry.arrays import LARGEST, SMALLEST, Array, Ints, checked_corners, frozen, numbers
 from fcdm_opt.geometry.decomposition import Method, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
-from fcdm_opt.geometry.hull import SMALLEST, convex_hull, unit_normals
+from fcdm_opt.geometry.hull import convex_hull
+from fcdm_opt.geometry.measures import unit_normals, volume_and_centroid
 from fcdm_opt.geometry.mesh import checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
+from fcdm_opt.geometry.sides import fans
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
@@ -100,15 +102,16 @@ class ConvexPart(_Sealed):
 
     @cached_property
     def volume_and_centroid(self) -> tuple[float, Array]:
-        """Volume and centroid, by signed tetrahedra about the mean vertex."""
-        fans, centre = _fans(self.loops), self.vertices.mean(axis=0)
-        local = self.vertices - centre
-        volume, middle, rounding = _moments(local[fans])
+        """Volume and centroid, by signed tetrahedra."""
+        triangles = fans(self.loops)
+        volume, middle, rounding = volume_and_centroid(self.vertices[triangles])
         if rounding > DEFAULT.nominal * volume:  # thin: with its principal axes made equally long it is not
-            _, stretch, axes = np.linalg.svd(local, full_matrices=False)
-            volume, middle, _ = _moments((local @ (axes.T / stretch))[fans])
-            volume, middle = abs(volume) * float(stretch.prod()), middle @ (stretch[:, None] * axes)
-        return volume, centre + middle
+            centre = self.vertices.mean(axis=0)
+            _, stretch, axes = np.linalg.svd(self.vertices - centre, full_matrices=False)
+            even = (self.vertices - centre) @ (axes.T / stretch)
+            volume, middle, _ = volume_and_centroid(even[triangles])
+            volume, middle = abs(volume) * float(stretch.prod()), centre + middle @ (stretch[:, None] * axes)
+        return volume, middle
 
     def element_at(self, kind: str, k: int, point: Array) -> Element:
         """Return the body's own element that edge ("E") or face ("F") k of the part belongs to at a point of it.
@@ -527,23 +530,6 @@ def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array
         volumes, centroids = zip(*(part.volume_and_centroid for part in parts), strict=True)
         return frozen(np.average(centroids, axis=0, weights=volumes))
     raise InputError("unknown seed rule", key=key, found=seed, allowed=", ".join(SEED_RULES) + " or a point")
-
-
-def _fans(loops: tuple[tuple[int, ...], ...]) -> Ints:
-    """Return the triangles of all faces, fanned from their first vertices, (t, 3)."""
-    if all(len(loop) == 3 for loop in loops):
-        return np.array(loops)
-    return np.array([(loop[0], *loop[k : k + 2]) for loop in loops for k in range(1, len(loop) - 1)])
-
-
-def _moments(triangles: Array) -> tuple[float, Array, float]:
-    """Return volume, centroid and the volume's rounding, by signed tetrahedra of triangles (t, 3, 3) and the origin."""
-    a, b, c = triangles.transpose(1, 0, 2)
-    volumes = (a * np.cross(b, c)).sum(axis=1) / 6.0
-    volume = float(volumes.sum())
-    products = np.sqrt((triangles**2).sum(axis=2)).prod(axis=1).sum()
-    middle = volumes @ triangles.sum(axis=1) / 4.0 / volume if volume else np.zeros(3)
-    return volume, middle, float(np.finfo(float).eps * products)
 
 
 def _parts_overlap(parts: list[ConvexPart]) -> bool:

@@ -14,7 +14,8 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.polygons import Polygon, by_size, widths
+from fcdm_opt.geometry.polygons import by_size, widths
+from fcdm_opt.geometry.sides import Polygon, Sides
 
 SHOWN = 3  # places that a message names
 
@@ -67,45 +68,6 @@ def listed(names: Sequence[str], one: str, many: str) -> str:
         return f"{one} {names[0]}"
     few = ", ".join(names[: SHOWN - 1]) + f" and {names[SHOWN - 1]}" if len(names) >= SHOWN else " and ".join(names)
     return f"{many} {few}" if len(names) <= SHOWN else f"{len(names)} {many}, the first {few}"
-
-
-@dataclass(frozen=True, eq=False)
-class Sides:
-    """Directed sides of polygons: `origin`, `end`, the polygon's place `face`, and the number of its `edge`."""
-
-    origin: Ints
-    end: Ints
-    face: Ints
-    edge: Ints
-
-    @classmethod
-    def of(cls, polygons: Sequence[Polygon]) -> Sides:
-        """Return the sides of polygons, one after another."""
-        sizes = np.fromiter(map(len, polygons), np.int64, len(polygons))
-        origin = np.fromiter((v for own in polygons for v in own), np.int64, int(sizes.sum()))
-        after = np.arange(1, len(origin) + 1)
-        last = np.cumsum(sizes) - 1
-        after[last] = last - sizes + 1
-        end = origin[after]
-        low, high = np.minimum(origin, end), np.maximum(origin, end)
-        edge = np.unique(low * (origin.max(initial=0) + 1) + high, return_inverse=True)[1]
-        return cls(origin, end, np.repeat(np.arange(len(polygons)), sizes), edge)
-
-    @property
-    def counts(self) -> Ints:
-        """How many sides each edge has."""
-        return np.bincount(self.edge)
-
-    @property
-    def odd(self) -> Ints:
-        """Sides of edges that have an odd number of them: the surface ends there."""
-        return np.flatnonzero(self.counts[self.edge] % 2)
-
-    @property
-    def unequal(self) -> Ints:
-        """Sides of edges that are run along more often one way than the other."""
-        ways = np.where(self.origin < self.end, 1, -1)
-        return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
 
 
 def closed(faces: Faces, slack: float, key: str) -> Faces:
@@ -269,11 +231,9 @@ def _wound(faces: Faces, key: str) -> Faces:
 
 def _against(sides: Sides, count: int, faces: Faces, key: str) -> Ints:
     """Return which faces are wound against most of those that they are connected with by edges of two faces."""
-    order = np.argsort(sides.edge, kind="stable")
-    order = order[sides.counts[sides.edge[order]] == 2].reshape(-1, 2)
-    same = sides.origin[order[:, 0]] == sides.origin[order[:, 1]]
+    same = sides.origin[sides.pairs[:, 0]] == sides.origin[sides.pairs[:, 1]]
     beside: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
-    for (one, two), turn in zip(sides.face[order].tolist(), same.tolist(), strict=True):
+    for (one, two), turn in zip(sides.face[sides.pairs].tolist(), same.tolist(), strict=True):
         beside[one].append((two, turn))
         beside[two].append((one, turn))
     turned = np.full(count, -1)

@@ -16,6 +16,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.sides import Sides
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
 BLOCK = 1 << 18  # pairs looked at together
@@ -54,24 +55,18 @@ def first_crossing(points: Array, triangles: Ints, slack: float) -> Crossing | N
 
 def _folded(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield neighbours across an edge that may lie on each other."""
-    origin, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
-    third = triangles[:, [2, 0, 1]].ravel()
-    low, high = np.minimum(origin, end), np.maximum(origin, end)
-    name = low * len(points) + high
-    order = np.argsort(name, kind="stable")
+    sides = Sides.around(triangles.ravel(), 3)
+    order = np.argsort(sides.edge, kind="stable")
     for step in range(1, len(order)):  # the next side of the same edge, the one after that, ...
-        same = np.flatnonzero(name[order[step:]] == name[order[:-step]])
+        same = np.flatnonzero(sides.edge[order[step:]] == sides.edge[order[:-step]])
         if not same.size:
             return
         one, two = order[same], order[same + step]
-        base = points[low[one]]
-        along, a, b = points[high[one]] - base, points[third[one]] - base, points[third[two]] - base
-        along /= norms(along)[:, None]
-        up, down = cross(along, a), cross(along, b)  # as long as the heights over the edge
-        tall, deep = norms(up), norms(down)
-        slope = ROUNDING * (norms(a) / tall + norms(b) / deep)
-        cosine = (up * down).sum(axis=1) / (tall * deep)
-        sine = norms(cross(up, down)) / (tall * deep)
+        _, c, d = sides.sections(points, np.column_stack([one, two]))
+        high, deep = norms(c), norms(d)
+        longest = norms(points[triangles] - points[np.roll(triangles, 1, axis=1)]).max(axis=1)
+        slope = ROUNDING * (longest[one // 3] / high + longest[two // 3] / deep)
+        cosine, sine = (c * d).sum(axis=1) / (high * deep), norms(cross(c, d)) / (high * deep)
         doubtful = ~((cosine < -slope) | (sine > slope))
         yield one[doubtful] // 3, two[doubtful] // 3
 

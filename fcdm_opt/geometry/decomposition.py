@@ -14,8 +14,10 @@ from fcdm_opt.geometry.approximate import approximate
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
 from fcdm_opt.geometry.cover import cover, is_star_shaped
-from fcdm_opt.geometry.hull import convex_hull, unit_normals
+from fcdm_opt.geometry.hull import convex_hull
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES, Rule, merged, partition
+from fcdm_opt.geometry.sides import Sides, components, fans
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
@@ -25,8 +27,8 @@ if TYPE_CHECKING:
 Method = Literal["auto", "exact", "coacd"]
 METHODS: tuple[str, ...] = ("auto", "exact", "coacd")
 Rows = tuple[int, ...]
-# "auto" decomposes exactly up to this many reflex edges: some seconds. On fewer two rules are tried, or all.
-MOST_REFLEX, MOST_FOR_TWO, MOST_FOR_RULES = 500, 200, 48
+# "auto" decomposes exactly up to this many reflex edges: some seconds. On fewer all rules are tried.
+MOST_REFLEX, MOST_FOR_RULES = 500, 200
 MOST_COVERED = 24  # cells of a partition that a cover is looked for of: its time grows with their square
 LARGER = 2  # times as many parts as the partition that a cover may have
 
@@ -101,8 +103,7 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
         return _approximated(mesh, asked)
     if method == "auto" and reflex > MOST_REFLEX:
         known += f", more than {MOST_REFLEX}, but CoACD is not installed"
-    rules = RULES if reflex <= MOST_FOR_RULES else RULES[:2] if reflex <= MOST_FOR_TWO else RULES[:1]
-    return _exact(mesh, seed, known, rules)
+    return _exact(mesh, seed, known, RULES if reflex <= MOST_FOR_RULES else RULES[:1])
 
 
 def _approximated(mesh: Mesh, asked: str) -> Decomposition:
@@ -118,10 +119,9 @@ def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomp
     best: list[Cell] | None = None
     for rule in rules:
         cells = partition(space, solid.hull, solid.inner, rule)
-        for last in (False, True):
-            joined = merged(space, cells, last=last)
-            if (best is None or len(joined) < len(best)) and _fills(mesh, space, joined):
-                best = joined
+        joined = merged(space, cells)
+        if (best is None or len(joined) < len(best)) and _fills(mesh, space, joined):
+            best = joined
     if best is None:
         raise InputError("no exact decomposition: the parts' volumes do not add up to the mesh's", key=mesh.name)
     covering, kind = None, "partition"
@@ -229,47 +229,21 @@ def _coplanar(local: Array, faces: Sequence[Rows], normals: Array, slack: float)
 # -------------------------------------------------------------------------------------------------------------- convex
 
 
-def _sides(mesh: Mesh) -> tuple[Ints, Ints]:
-    """Return pairs of the triangles' sides (three a triangle) along one edge, and how many sides each edge has."""
-    origin, end = mesh.triangles.ravel(), mesh.triangles[:, [1, 2, 0]].ravel()
-    name = np.minimum(origin, end) * len(mesh.vertices) + np.maximum(origin, end)
-    order = np.argsort(name, kind="stable")
-    _, starts, counts = np.unique(name[order], return_index=True, return_counts=True)
-    return np.column_stack([order[starts], order[starts + counts - 1]]), counts
-
-
 def _reflex_edges(mesh: Mesh, used: Ints) -> int:
     """Return how many edges are reflex, by the section across them; an edge of more than two triangles is."""
-    pairs, counts = _sides(mesh)
-    spread = mesh.vertices - mesh.vertices[used[0]]
-    size = np.abs(spread[used]).max()
+    sides, local = Sides.around(mesh.triangles.ravel(), 3), mesh.vertices - mesh.vertices[used[0]]
+    size = np.abs(local[used]).max()
     slack = max(DEFAULT.planarity, 4 * float(np.spacing(np.abs(mesh.vertices[used]).max())) / size)
-    corners = mesh.triangles.ravel()
-    opposite = mesh.triangles[:, [2, 0, 1]].ravel()
-    ends = mesh.triangles[:, [1, 2, 0]].ravel()
-    one, two = pairs.T
-    base = spread[corners[one]] / size
-    along = spread[ends[one]] / size - base
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    c, d = (spread[opposite[k]] / size - base for k in (one, two))
-    c, d = (x - (x * along).sum(axis=1)[:, None] * along for x in (c, d))
-    widest = np.sqrt(np.maximum((c**2).sum(axis=1), (d**2).sum(axis=1)))
-    fold = (np.cross(c, d) * along).sum(axis=1)  # the first triangle is to the left of the edge, inside below both
-    return int(((fold > slack * widest) | (counts > 2)).sum())
+    along, c, d = sides.sections(local / size, sides.pairs)
+    fold = (cross(c, d) * along).sum(axis=1)  # the first triangle is to the left of the edge, inside below both
+    return int((fold > slack * np.maximum(norms(c), norms(d))).sum() + (sides.counts > 2).sum())
 
 
 def _is_whole(mesh: Mesh, used: Ints) -> bool:
     """Tell whether a mesh without reflex edges is its own hull, not several solids."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    sides = np.vstack([mesh.triangles[:, :2], mesh.triangles[:, 1:]])
-    graph = coo_array((np.ones(len(sides)), sides.T), shape=(len(mesh.vertices),) * 2)
-    if len(np.unique(connected_components(graph, directed=False)[1][used])) > 1:
+    sides = Sides.around(mesh.triangles.ravel(), 3)
+    if np.ptp(components(np.column_stack([sides.origin, sides.end]), len(mesh.vertices))[used]):
         return False
     hull = convex_hull(mesh.vertices[used], used, f"body '{mesh.name}'")
-    local = mesh.vertices - mesh.vertices[used[0]]
-    fans = np.array([(loop[0], *loop[k : k + 2]) for loop in hull.loops for k in range(1, len(loop) - 1)])
-    a, b, c = local[hull.used[fans]].transpose(1, 0, 2)
-    volume = float((a * np.cross(b, c)).sum()) / 6
+    volume = volume_and_centroid(mesh.vertices[hull.used[fans(hull.loops)]])[0]
     return abs(volume - mesh.volume) <= DEFAULT.nominal * volume

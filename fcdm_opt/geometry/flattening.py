@@ -13,7 +13,8 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.polygons import Polygon, by_size
+from fcdm_opt.geometry.polygons import by_size
+from fcdm_opt.geometry.sides import Polygon, Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 100  # two are enough unless more than three faces meet at a corner
@@ -101,23 +102,13 @@ def _together(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
 
 def _connected(points: Array, triangles: Ints, slack: float) -> list[Ints]:
     """Return the corners of each group of triangles that lie in one plane and are connected by edges of two."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     if not len(triangles):
         return []
-    origin, end, third = triangles.ravel(), triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
-    name = np.minimum(origin, end) * len(points) + np.maximum(origin, end)
-    edge, counts = np.unique(name, return_inverse=True, return_counts=True)[1:]
-    order = np.argsort(edge, kind="stable")
-    one, two = order[counts[edge[order]] == 2].reshape(-1, 2).T
-    base, along = points[origin[one]], points[end[one]] - points[origin[one]]
-    along /= np.maximum(norms(along), np.finfo(float).tiny)[:, None]
-    up, down = cross(along, points[third[one]] - base), cross(along, points[third[two]] - base)
+    sides = Sides.around(triangles.ravel(), 3)
+    _, c, d = sides.sections(points, sides.pairs)
     # how far the lower triangle's corner is off the plane of the higher one, on the other side of the edge
-    folds = norms(cross(up, down)) / np.maximum(np.maximum(norms(up), norms(down)), np.finfo(float).tiny)
-    flat = (folds <= 4 * slack) & ((up * down).sum(axis=1) <= 0)
-    links = coo_array((np.ones(flat.sum()), (one[flat] // 3, two[flat] // 3)), shape=(len(triangles), len(triangles)))
-    group = connected_components(links, directed=False)[1]
+    folds = norms(cross(c, d)) / np.maximum(np.maximum(norms(c), norms(d)), np.finfo(float).tiny)
+    flat = (folds <= 4 * slack) & ((c * d).sum(axis=1) <= 0)
+    group = components(sides.face[sides.pairs[flat]], len(triangles))
     order = np.argsort(group, kind="stable")
     return [np.unique(triangles[own]) for own in np.split(order, np.flatnonzero(np.diff(group[order])) + 1)]

@@ -1,4 +1,4 @@
-"""What triangles enclose: volume, centroid, and how often they wind round a point."""
+"""Vectors, many at a time, and what triangles enclose: volume, centroid, and how often they wind round a point."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import SMALLEST, Array
 
 if TYPE_CHECKING:
     from flint import fmpq
@@ -24,6 +24,20 @@ def norms(vectors: Array) -> Array:
     """Return the lengths of vectors, (..., 3)."""
     lengths: Array = np.sqrt((vectors**2).sum(axis=-1))
     return lengths
+
+
+def units(vectors: Array) -> Array:
+    """Return vectors, (..., 3), at unit length; zero stays zero."""
+    directions: Array = vectors / np.maximum(norms(vectors), SMALLEST)[..., None]
+    return directions
+
+
+def unit_normals(polygons: Array) -> Array:
+    """Return unit normals of (nearly) planar polygons, (..., n, 3), by Newell's sum about their first vertices."""
+    spokes = polygons[..., 1:, :] - polygons[..., :1, :]
+    total = cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
+    normals: Array = total / norms(total)[..., None]
+    return normals
 
 
 def volume_and_centroid(corners: Array) -> tuple[float, Array, float]:

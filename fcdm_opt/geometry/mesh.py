@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, checked_corners, frozen, numbers
-from fcdm_opt.geometry.closing import Faces, Sides, closed, reverse
-from fcdm_opt.geometry.corners import SMALLEST
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, checked_corners, frozen, numbers
+from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
-from fcdm_opt.geometry.polygons import Polygon, triangulated
+from fcdm_opt.geometry.polygons import triangulated
+from fcdm_opt.geometry.sides import Polygon, Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -175,8 +175,6 @@ def _polygons(faces: Any, count: int, key: str) -> list[Polygon]:
 
 def _welded(points: Array, slack: float) -> tuple[Ints, Ints, tuple[str, ...]]:
     """Return the rows of distinct points, the place among them of each point, and a remark on unequal ones made one."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
@@ -186,8 +184,7 @@ def _welded(points: Array, slack: float) -> tuple[Ints, Ints, tuple[str, ...]]:
     pairs = cKDTree(points[distinct] - points[0]).query_pairs(slack, output_type="ndarray")
     if not len(pairs):
         return distinct, owners, ()
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(distinct), len(distinct)))
-    group = connected_components(links, directed=False)[1]
+    group = components(pairs, len(distinct))
     _, least, group = np.unique(group, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(least))
     remark = f"made one with others nearer than {DEFAULT.weld:g} of the size: {len(distinct) - len(least)} vertices"
@@ -254,32 +251,19 @@ def _shells(surface: Faces) -> Ints:
 
     Others, cut open by edges of more faces, are taken together across those.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     sides = Sides.of(surface.polygons)
-    count = len(surface.polygons)
     order = np.argsort(sides.edge, kind="stable")
-    next_, before = order[1:], order[:-1]
-    linked = sides.edge[next_] == sides.edge[before]
-    next_, before = next_[linked], before[linked]
-    plain = sides.counts[sides.edge[next_]] == 2
-
-    def groups(links: Any) -> Ints:
-        pairs = sides.face[next_[links]], sides.face[before[links]]
-        graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
-        found: Ints = connected_components(graph, directed=False)[1]
-        return found
-
-    group = groups(plain)
+    links = np.column_stack([order[1:], order[:-1]])[np.diff(sides.edge[order]) == 0]
+    plain = sides.counts[sides.edge[links[:, 0]]] == 2
+    links = sides.face[links]
+    group = components(links[plain], len(surface.polygons))
     ways = np.where(sides.origin < sides.end, 1, -1)
     own = np.unique(group[sides.face] * (sides.edge.max() + 1) + sides.edge, return_inverse=True)[1]
     open_ = np.zeros(group.max() + 1, bool)
     open_[group[sides.face[np.bincount(own, ways)[own] != 0]]] = True
     if not open_.any():
         return group
-    cut = open_[group]
-    return groups(plain | (cut[sides.face[next_]] & cut[sides.face[before]]))
+    return components(links[plain | open_[group[links]].all(axis=1)], len(surface.polygons))
 
 
 def _is_inside(inner: Array, outer: Array) -> bool:

@@ -27,24 +27,14 @@ class Rule(NamedTuple):
         Against it: a reflex edge or a facet that it cuts.
     diagonal : float or None
         For it: that it is no facet's plane, but goes through two reflex edges. None: only facets' planes are tried.
-    last : bool
-        Of equally good planes the last one is taken.
     """
 
     edge: float
     facet: float
     diagonal: float | None = None
-    last: bool = False
 
 
-RULES = (
-    Rule(1.0, 1e-3),
-    Rule(2.0, 0.0, 0.5),
-    Rule(1.0, 1e-3, 0.0),
-    Rule(0.5, 0.1, last=True),
-    Rule(1.0, 0.1, 0.5),
-    Rule(2.0, 0.0, last=True),
-)
+RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0))
 NEAREST = 4  # edges that a diagonal plane is tried through, of each edge
 
 
@@ -160,7 +150,7 @@ def _best_plane(space: Arrangement, facets: Sequence[Facet], reflex: dict[Edge, 
         score[len(planes) :] += rule.diagonal or 0.0
     while True:
         best = np.flatnonzero(score == score.max())
-        k = int(best[-1 if rule.last else 0])
+        k = int(best[0])
         if k < len(planes):
             return int(planes[k])
         plane = space.shared_plane(pairs[k - len(planes)].tolist())
@@ -207,8 +197,8 @@ def _is_inside(space: Arrangement, on: Iterable[Facet], plane: int, side: int) -
 # --------------------------------------------------------------------------------------------------------------- merge
 
 
-def merged(space: Arrangement, cells: Sequence[Cell], *, last: bool = False) -> list[Cell]:
-    """Join cells, two at a time, as long as two of them make a convex one; `last`: the last two first.
+def merged(space: Arrangement, cells: Sequence[Cell]) -> list[Cell]:
+    """Join cells, two at a time, as long as two of them make a convex one.
 
     Two cells make a convex one when the plane between them is all that keeps either from holding the other.
     """
@@ -218,7 +208,7 @@ def merged(space: Arrangement, cells: Sequence[Cell], *, last: bool = False) -> 
         pairs = [(i, j) for (i, j), wall in walls.items() if i < j and walls.get((j, i)) == wall]
         if not pairs:
             return list(own.values())
-        i, j = max(pairs) if last else min(pairs)
+        i, j = min(pairs)
         wall, one, two = walls[i, j], own.pop(i), own.pop(j)
         walls = {pair: plane for pair, plane in walls.items() if not {i, j} & set(pair)}
         sides = dict(zip([*one.planes.tolist(), *two.planes.tolist()], [*one.sides, *two.sides], strict=True))
