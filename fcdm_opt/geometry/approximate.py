@@ -10,7 +10,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import unit_normals
+from fcdm_opt.geometry.measures import norms, unit_normals
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.sides import fans
 from fcdm_opt.tolerances import DEFAULT
@@ -132,29 +132,19 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
         work += len(triangles)
         centres = triangles.mean(axis=1)
         off, nearest = tree.query(centres, NEAREST)
-        bounds = distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
-        good = bounds <= max(FINEST, (1 + SHARE) * known)
+        around = surface[owners[nearest]]
+        bounds = distances(triangles[:, None], around).max(axis=2).min(axis=1)
         if work > min(MOST_PIECES, MOST_LOOKS / len(surface)):  # what is known so far holds for them all
             return max(closed, float(bounds.max()))
+        left = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
+        within, radii = contains(centres[left]), norms(triangles[left] - centres[left, None]).max(axis=1)
+        there = np.where(within, 0.0, distances(centres[left, None, None], around[left]).min(axis=(1, 2)))
+        bounds[left] = np.minimum(bounds[left], there + radii)
+        bounds[left[within & (off[left, 0] - SPACING > radii)]] = 0.0  # inside as a whole
+        known = max(known, float(there.max(initial=0.0)))
+        good = bounds <= max(FINEST, (1 + SHARE) * known)
         closed = max(closed, float(bounds[good].max(initial=0.0)))
-        triangles, centres, off = triangles[~good], centres[~good], off[~good, 0]
-        radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1)
-        inner = contains(centres)
-        whole = inner & (off - SPACING > radii)  # inside as a whole
-        left = np.flatnonzero(~whole)
-        if left.size:  # exactly: all triangles that may be nearer than the nearest sample
-            found = tree.query_ball_point(centres[left], off[left] + SPACING)
-            asked = np.repeat(np.arange(len(left)), [len(own) for own in found])
-            pairs = np.unique(asked * len(surface) + owners[np.concatenate(found).astype(np.int64)])
-            asked, around = np.divmod(pairs, len(surface))
-            each = distances(centres[left[asked], None], surface[around])[:, 0]
-            there = np.minimum.reduceat(each, np.searchsorted(asked, np.arange(len(left))))
-            known = max(known, float(there[~inner[left]].max(initial=0.0)))
-            reach = np.where(inner[left], 0.0, there) + radii[left]
-            near = reach <= max(FINEST, (1 + SHARE) * known)
-            closed = max(closed, float(reach[near].max(initial=0.0)))
-            whole[left] = near | (inner[left] & (there > radii[left]))
-        triangles = _quartered(triangles[~whole])
+        triangles = _quartered(triangles[~good])
     return closed
 
 
@@ -163,7 +153,7 @@ def _samples(triangles: Array) -> tuple[Array, Ints]:
     found, owners, own = [], [], np.arange(len(triangles))
     while len(triangles):
         centres = triangles.mean(axis=1)
-        small = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1) <= SPACING
+        small = norms(triangles - centres[:, None]).max(axis=1) <= SPACING
         found.append(centres[small])
         owners.append(own[small])
         triangles, own = _quartered(triangles[~small]), np.tile(own[~small], 4)

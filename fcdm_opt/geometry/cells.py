@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.measures import cross, units
 from fcdm_opt.tolerances import DEFAULT
 
 Signs = NDArray[np.int8]
@@ -116,9 +117,8 @@ class Arrangement:
         if known.size:
             return int(known[0])
         if self.planar:
-            a, *others = (self._exact[k] for k in points)
-            u, v, w = ([x - y for x, y in zip(other, a, strict=True)] for other in others)
-            if sum(x * y for x, y in zip(_cross(u, v), w, strict=True)):
+            a, b, c, d = (np.array(self._exact[k]) for k in points)
+            if cross(b - a, c - a) @ (d - a):
                 return None
         return self.plane(points)
 
@@ -138,13 +138,10 @@ class Arrangement:
         along = local - local[first]
         second = int((along**2).sum(axis=1).argmax())
         third = int((np.cross(along, along[second]) ** 2).sum(axis=1).argmax())
-        a, b, c = (self._exact[k] for k in rows[[first, second, third]])
-        u, v = [x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)]
-        n = _cross(u, v)
-        largest = max(abs(x) for x in n)
-        n = tuple(x / largest for x in n)
-        unit = np.array([_rounded(x) for x in n])
-        unit /= np.linalg.norm(unit)
+        a, b, c = (np.array(self._exact[k]) for k in rows[[first, second, third]])
+        n = cross(b - a, c - a)
+        n = n / max(abs(n))
+        unit = units(np.array([_rounded(x) for x in n]))
         if self._planes == len(self._signs):
             more = 16 + self._planes
             self._signs = np.vstack([self._signs, np.zeros((more, self._signs.shape[1]), np.int8)])
@@ -152,7 +149,7 @@ class Arrangement:
             self._levels = np.append(self._levels, np.zeros(more))
         row = self._planes
         self._normals[row], self._levels[row] = unit, unit @ local[first]
-        self._equations.append((*n, sum(x * y for x, y in zip(n, a, strict=True))))
+        self._equations.append((*n, n @ a))
         self._planes += 1
         self._signs[row, : self._count] = _sides(self.heights(slice(self._count), row), self.slack)
         self.lie_on(points, row)
@@ -300,10 +297,6 @@ class Arrangement:
 
 def _sides(heights: Array, slack: float) -> Signs:
     return np.where(np.abs(heights) <= slack, 0, np.sign(heights)).astype(np.int8)
-
-
-def _cross(u: Sequence[fmpq], v: Sequence[fmpq]) -> tuple[fmpq, ...]:
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
 
 
 def _exactly(point: Iterable[float]) -> Point:

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.polygons import by_size, widths
-from fcdm_opt.geometry.sides import Polygon, Sides
+from fcdm_opt.geometry.sides import Polygon, Sides, components
 
 SHOWN = 3  # places that a message names
 
@@ -229,31 +229,18 @@ def _wound(faces: Faces, key: str) -> Faces:
     return replace(faces, polygons=polygons, repairs=(*faces.repairs, remark))
 
 
-def _against(sides: Sides, count: int, faces: Faces, key: str) -> Ints:
+def _against(sides: Sides, count: int, faces: Faces, key: str) -> Flags:
     """Return which faces are wound against most of those that they are connected with by edges of two faces."""
-    same = sides.origin[sides.pairs[:, 0]] == sides.origin[sides.pairs[:, 1]]
-    beside: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
-    for (one, two), turn in zip(sides.face[sides.pairs].tolist(), same.tolist(), strict=True):
-        beside[one].append((two, turn))
-        beside[two].append((one, turn))
-    turned = np.full(count, -1)
-    for start in range(count):
-        if turned[start] >= 0:
-            continue
-        turned[start], patch, stack = 0, [start], [start]
-        while stack:
-            one = stack.pop()
-            for two, turn in beside[one]:
-                if turned[two] < 0:
-                    turned[two] = turned[one] ^ turn
-                    patch.append(two)
-                    stack.append(two)
-                elif turned[two] != turned[one] ^ turn:
-                    what = f"the surface has one side only: no winding fits both {faces.named([one])} and"
-                    raise InputError(f"{what} {faces.named([two])}", key=key)
-        if 2 * turned[patch].sum() > len(patch):
-            turned[patch] ^= 1
-    return turned
+    (one, two), first = sides.face[sides.pairs].T, sides.origin[sides.pairs]
+    turn = count * (first[:, 0] == first[:, 1])
+    # every face twice, as it is and turned: what fits together hangs together
+    links = np.concatenate([np.column_stack([one, two + turn]), np.column_stack([one + count, two + count - turn])])
+    patch, back = components(links, 2 * count).reshape(2, count)
+    if (wrong := np.flatnonzero(patch == back)).size:
+        what = f"the surface has one side only: no winding fits {faces.named(wrong.tolist())}"
+        raise InputError(what, key=key)
+    turned, least = patch > back, np.minimum(patch, back)
+    return turned ^ (2 * np.bincount(least, turned)[least] > np.bincount(least)[least])
 
 
 def reverse(polygon: Polygon) -> Polygon:

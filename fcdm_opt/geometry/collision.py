@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Flags
@@ -250,15 +250,13 @@ class ScaledPair:
         """
         frame = self._frame(rho, transform)
         least = np.inf
-        T = [[Fraction(float(x)) for x in row] for row in transform]
-        scales = [Fraction(float(x)) for x in np.asarray(rho)]
-        seeds = [[Fraction(float(x)) for x in seed] for seed in self._seeds]
+        T, (here, there), (rho_1, rho_2) = _exactly(transform), _exactly(self._seeds), _exactly(np.asarray(rho))
         for one, two in product(*self._hulls):
             places = _best_directions(one, two, frame)
             if not places:
                 return float("nan")
-            first = [_moved(T, _scaled(x, seeds[0], scales[0])) for x in one.part.vertices.tolist()]
-            second = [_scaled(x, seeds[1], scales[1]) for x in two.part.vertices.tolist()]
+            first = (here + rho_1 * (_exactly(one.part.vertices) - here)) @ T[:3, :3].T + T[:3, 3]
+            second = there + rho_2 * (_exactly(two.part.vertices) - there)
             least = min(least, max(_exact_gap(first, second, place) for place in places))
         return least
 
@@ -435,36 +433,18 @@ def face_corners(part: ConvexPart, face: int) -> tuple[int, int, int]:
 
 # ---------------------------------------------------------------------------------------------------- exact arithmetic
 
-Rational = list[Fraction]
+
+def _exactly(numbers: Array) -> NDArray[np.object_]:
+    return np.vectorize(Fraction, otypes=[object])(numbers)
 
 
-def _exact_gap(first: list[Rational], second: list[Rational], direction: Direction) -> float:
+def _exact_gap(first: NDArray[np.object_], second: NDArray[np.object_], direction: Direction) -> float:
     one, two, sign = direction
     if one and two:
-        n = _cross(_minus(first[one[1]], first[one[0]]), _minus(second[two[1]], second[two[0]]))
+        u, v = first[one[1]] - first[one[0]], second[two[1]] - second[two[0]]
     else:
-        a, b, c = (first[k] for k in one) if one else (second[k] for k in two)
-        n = _cross(_minus(b, a), _minus(c, a))
-    n = [sign * x for x in n]
-    gap = min(_dot(n, y) for y in second) - max(_dot(n, x) for x in first)
-    return float(gap / Fraction(float(np.linalg.norm([float(x) for x in n]))))
-
-
-def _scaled(point: list[float], seed: Rational, rho: Fraction) -> Rational:
-    return [s + rho * (Fraction(x) - s) for x, s in zip(point, seed, strict=True)]
-
-
-def _moved(T: list[Rational], x: Rational) -> Rational:
-    return [T[i][0] * x[0] + T[i][1] * x[1] + T[i][2] * x[2] + T[i][3] for i in range(3)]
-
-
-def _minus(a: Rational, b: Rational) -> Rational:
-    return [x - y for x, y in zip(a, b, strict=True)]
-
-
-def _dot(a: Rational, b: Rational) -> Fraction:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: Rational, b: Rational) -> Rational:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        a, b, c = first[list(one)] if one else second[list(two)]
+        u, v = b - a, c - a
+    n = sign * np.cross(u, v)
+    gap = (second @ n).min() - (first @ n).max()
+    return float(gap / Fraction(float(np.linalg.norm(n.astype(float)))))

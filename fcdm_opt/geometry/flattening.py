@@ -48,23 +48,36 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
         return vertices
     place = distinct.copy()
     corner, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(own) for own in groups])
-    order = np.argsort(corner, kind="stable")
-    corner, owner = corner[order], owner[order]
-    moved, starts, counts = np.unique(corner, return_index=True, return_counts=True)
     enough = DEFAULT.normal * float(np.abs(distinct).max())
     for _ in range(ROUNDS):
         normals, levels, _ = _fitted(place, groups)
         misses = levels[owner] - (normals[owner] * place[corner]).sum(axis=1)
         if np.abs(misses).max() <= enough:
             break
-        for count in np.unique(counts):
-            own = counts == count
-            rows = starts[own][:, None] + np.arange(count)
-            onto = np.linalg.pinv(normals[owner[rows]], rcond=DEFAULT.sharp)  # the shortest step onto all its planes
-            place[moved[own]] += (onto @ misses[rows][:, :, None])[:, :, 0]
+        place = onto_planes(place, corner, normals[owner], misses)
     far = norms(place - distinct) > slack / DEFAULT.sharp
     place[far] = distinct[far]
     return place[same]
+
+
+def onto_planes(points: Array, corner: Ints, normals: Array, misses: Array) -> Array:
+    """Return points moved the shortest way onto all their planes, but for directions that these hardly fix.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    corner : (k,) int array
+        The point that lies on a plane; several times the same one on several.
+    normals, misses : (k, 3) and (k,) arrays
+        Of that plane, and how far it is from the point.
+    """
+    order, place = np.argsort(corner, kind="stable"), points.copy()
+    moved, starts, counts = np.unique(corner[order], return_index=True, return_counts=True)
+    for count in np.unique(counts):
+        own = counts == count
+        rows = order[starts[own][:, None] + np.arange(count)]
+        place[moved[own]] += (np.linalg.pinv(normals[rows], rcond=DEFAULT.sharp) @ misses[rows][:, :, None])[:, :, 0]
+    return place
 
 
 def _fitted(points: Array, groups: Sequence[Ints]) -> tuple[Array, Array, Array]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
 from fcdm_opt.geometry.corners import needless
 from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.sides import Sides, components
@@ -176,8 +176,8 @@ def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
     group = first[group]
     rank = np.empty(len(triangles), np.int64)
     rank[order] = np.arange(len(order))
-    for wrong in _bent(local[triangles], areas, group):
-        _flood(local[triangles], areas / sizes[:, None], group, np.flatnonzero(group == wrong), flat, rank)
+    bent = _bent(local[triangles], areas, group)
+    group[bent] = np.flatnonzero(bent)
     while True:
         lead = np.full(len(triangles), len(triangles))
         np.minimum.at(lead, group, rank)
@@ -204,36 +204,15 @@ def _areas(corners: Array) -> Array:
     return cross(side, across)
 
 
-def _bent(corners: Array, areas: Array, group: Ints) -> Ints:
-    """Return the groups with a corner further than `planarity` from their mean plane: smooth surfaces."""
+def _bent(corners: Array, areas: Array, group: Ints) -> Flags:
+    """Tell which triangles are of a group with a corner further than `planarity` from its mean plane: smooth ones."""
     count = len(group)
     normals = units(np.column_stack([np.bincount(group, x, count) for x in areas.T]))
     heights = (corners * normals[group][:, None]).sum(axis=2)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, group, heights.min(axis=1))
     np.maximum.at(high, group, heights.max(axis=1))
-    return np.flatnonzero(high - low > 2 * DEFAULT.planarity)
-
-
-def _flood(corners: Array, normals: Array, group: Ints, members: Ints, flat: Ints, rank: Ints) -> None:
-    """Cut a bent group into those that lie in the plane of their largest triangle, in place."""
-    beside: dict[int, list[int]] = {int(k): [] for k in members}
-    for one, two in flat[group[flat[:, 0]] == group[members[0]]].tolist():
-        beside[one].append(two)
-        beside[two].append(one)
-    free = set(beside)
-    for start in sorted(beside, key=lambda k: rank[k]):
-        if start not in free:
-            continue
-        free.remove(start)
-        group[start], stack = start, [start]
-        while stack:
-            for other in beside[stack.pop()]:
-                heights = (corners[other] - corners[start, 0]) @ normals[start]
-                if other in free and np.abs(heights).max() <= DEFAULT.planarity:
-                    free.remove(other)
-                    group[other] = start
-                    stack.append(other)
+    return (high - low > 2 * DEFAULT.planarity)[group]
 
 
 def _outlines(local: Array, sides: Sides, face: Ints, areas: Array) -> tuple[Ints, Ints, Array]:

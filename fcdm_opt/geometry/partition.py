@@ -14,6 +14,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Ints
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
+from fcdm_opt.geometry.sides import components
 
 Edge = tuple[int, int]
 
@@ -82,22 +83,15 @@ def partition(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rul
 
 def inner_edges(space: Arrangement, cell: Cell, facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
     """Return the facets at each edge inside a cell."""
-    around = edges_of(facets)
-    a, b = np.array(list(around)).T
-    signs = space.signs
-    outer = ((signs[cell.planes[:, None], a] == 0) & (signs[cell.planes[:, None], b] == 0)).any(axis=0).tolist()
-    return {edge: own for (edge, own), out in zip(around.items(), outer, strict=True) if not out}
-
-
-def edges_of(facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
-    """Return the facets at each edge."""
     around: dict[Edge, list[Facet]] = {}
     for facet in facets:
         a = facet.loop[-1]
         for b in facet.loop:
             around.setdefault((a, b) if a < b else (b, a), []).append(facet)
             a = b
-    return around
+    on = space.signs[cell.planes[:, None, None], np.array(list(around)).T] == 0
+    outer = on.all(axis=1).any(axis=0).tolist()
+    return {edge: own for (edge, own), out in zip(around.items(), outer, strict=True) if not out}
 
 
 def reflex_edges(
@@ -118,16 +112,9 @@ def reflex_edges(
 
 
 def _connected(facets: Sequence[Facet], around: dict[Edge, list[Facet]]) -> bool:
-    beside: dict[Facet, set[Facet]] = {facet: set() for facet in facets}
-    for own in around.values():
-        for facet in own:
-            beside[facet].update(own)
-    reached, stack = {facets[0]}, [facets[0]]
-    while stack:
-        new = beside[stack.pop()] - reached
-        reached |= new
-        stack.extend(new)
-    return len(reached) == len(beside)
+    place = {facet: k for k, facet in enumerate(facets)}
+    links = [(place[own[0]], place[other]) for own in around.values() for other in own[1:]]
+    return not components(np.array(links), len(facets)).any()
 
 
 def _best_plane(space: Arrangement, facets: Sequence[Facet], reflex: dict[Edge, list[Facet]], rule: Rule) -> int:
