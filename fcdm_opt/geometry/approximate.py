@@ -10,8 +10,8 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import norms, unit_normals
-from fcdm_opt.geometry.polygons import distances
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.polygons import distances, normals_of
 from fcdm_opt.geometry.sides import fans
 from fcdm_opt.tolerances import DEFAULT
 
@@ -99,7 +99,7 @@ def _deviation(
     origin, size = frame
     planes = []
     for hull in hulls:
-        normals = np.array([unit_normals(points[hull.used[list(loop)]]) for loop in hull.loops])
+        normals = normals_of(points[hull.used], hull.loops)
         bases = points[hull.used[[loop[0] for loop in hull.loops]]]
         planes.append((normals, (normals * bases).sum(axis=1)))
 
@@ -138,10 +138,17 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
             return max(closed, float(bounds.max()))
         left = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
         within, radii = contains(centres[left]), norms(triangles[left] - centres[left, None]).max(axis=1)
-        there = np.where(within, 0.0, distances(centres[left, None, None], around[left]).min(axis=(1, 2)))
-        bounds[left] = np.minimum(bounds[left], there + radii)
-        bounds[left[within & (off[left, 0] - SPACING > radii)]] = 0.0  # inside as a whole
-        known = max(known, float(there.max(initial=0.0)))
+        # exactly: of all triangles that may be nearer than the nearest sample
+        found = tree.query_ball_point(centres[left], off[left, 0] + SPACING)
+        there = np.array(
+            [
+                distances(x[None, None], surface[np.unique(owners[own])]).min()
+                for x, own in zip(centres[left], found, strict=True)
+            ]
+        )
+        bounds[left] = np.minimum(bounds[left], np.where(within, 0.0, there) + radii)
+        bounds[left[within & (there > radii)]] = 0.0  # inside as a whole
+        known = max(known, float(there[~within].max(initial=0.0)))
         good = bounds <= max(FINEST, (1 + SHARE) * known)
         closed = max(closed, float(bounds[good].max(initial=0.0)))
         triangles = _quartered(triangles[~good])

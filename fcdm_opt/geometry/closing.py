@@ -87,36 +87,26 @@ def closed(faces: Faces, slack: float, key: str) -> Faces:
         Where no certain repair closes the surface; names edges and faces.
     """
     faces = _with_area(faces, slack)
-    for reading in (_without_fins, _without_copies):
-        read = _joined(reading(faces), slack)
+    readings = [_joined(_distinct(faces, fins=fins), slack) for fins in (True, False)]
+    for read in readings:
         if read.polygons and not Sides.of(read.polygons).odd.size:
             return _wound(read, key)
-    raise _open(_joined(_without_fins(faces), slack), faces, key)
+    raise _open(readings[0], faces, key)
 
 
 def _with_area(faces: Faces, slack: float) -> Faces:
     """Leave out faces that lie on a line."""
-    flat = [np.empty(0, np.int64)]
+    flat = np.zeros(len(faces.polygons), bool)
     for places, corners in by_size(faces.polygons):
-        flat.append(places[widths(faces.points[corners]) <= slack])
-    gone = np.sort(np.concatenate(flat))
-    if not gone.size:
+        flat[places] = widths(faces.points[corners]) <= slack
+    if not flat.any():
         return faces
-    kept = np.setdiff1d(np.arange(len(faces.polygons)), gone)
-    return faces.kept(kept.tolist(), f"left out as having no area: {faces.named(gone.tolist())}")
-
-
-def _without_fins(faces: Faces) -> Faces:
-    """Leave out faces that others cover, opposed, and copies."""
-    return _distinct(faces, fins=True)
-
-
-def _without_copies(faces: Faces) -> Faces:
-    """Leave out all but one of faces with the same corners, whichever way they are wound."""
-    return _distinct(faces, fins=False)
+    gone, kept = (np.flatnonzero(own).tolist() for own in (flat, ~flat))
+    return faces.kept(kept, f"left out as having no area: {faces.named(gone)}")
 
 
 def _distinct(faces: Faces, *, fins: bool) -> Faces:
+    """Leave out copies, faces with the same corners; with `fins` both where they are opposed, else all but one."""
     groups: dict[Polygon, tuple[list[int], list[int]]] = {}
     for place, polygon in enumerate(faces.polygons):
         least = polygon.index(min(polygon))

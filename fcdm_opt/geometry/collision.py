@@ -1,8 +1,8 @@
 """Distance and overlap of two bodies at given scales, by a collision library and by explicit vertices.
 
 The judge's view of a pair: it uses neither contact equations nor the kernels of the decision curve. Two independent
-ways: `distances` asks coal (GJK and EPA); `separations` projects every vertex on every direction that can separate.
-Both take many scale pairs and poses at once.
+ways: `signed_distances` asks coal (GJK and EPA); `least_separations` projects every vertex on every direction that can
+separate. Both take many scale pairs and poses at once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
-# Above this many edge pairs `separations` would cost more than everything else the judge does: nan, coal stands alone.
+# Above this many edge pairs `least_separations` costs more than all else that the judge does: nan, coal stands alone.
 EXHAUSTIVE = 250_000
 
 
@@ -146,16 +146,11 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         return self._least(frames, settled) * frames[:, judging.UNIT]
 
-    def distances(self, rho: ArrayLike, transform: Array) -> Array:
-        """Return the signed distance of every part pair, (parts 1, parts 2); see `signed_distances`."""
-        return self._of_each(rho, transform, self._asked)
-
-    def separation(self, rho: ArrayLike, transform: Array) -> float:
-        """Return the least of `separations` at one scale pair and pose."""
-        return float(self.least_separations(np.asarray(rho)[None], transform[None])[0])
-
     def least_separations(self, pairs: ArrayLike, transforms: Array) -> Array:
-        """Return the least of `separations`, (k,), of pairs that the spheres about them leave in doubt; nan as there.
+        """Return the least of the part pairs' largest separations over face normals and edge x edge directions, (k,).
+
+        Of part pairs that the spheres about them leave in doubt, from explicit vertices: positive exactly where they
+        are apart, and then at most their distance, minus the penetration depth otherwise; nan for very large parts.
 
         Parameters
         ----------
@@ -175,23 +170,6 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         bounds: Array = judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
         return bounds
-
-    def separations(self, rho: ArrayLike, transform: Array) -> Array:
-        """Return each part pair's largest separation over face normals and edge x edge directions, (parts 1, parts 2).
-
-        Positive exactly where the parts are apart, and then at most their distance; minus the penetration depth
-        otherwise. Computed from explicit vertices; nan for pairs of very large parts.
-        """
-
-        def projected(one: _Hull, two: _Hull, frames: Array) -> Array:
-            return judging.least_gaps([one.solid], [two.solid], EXHAUSTIVE, frames)
-
-        return self._of_each(rho, transform, projected)
-
-    def _of_each(self, rho: ArrayLike, transform: Array, value: Callable[[_Hull, _Hull, Array], Array]) -> Array:
-        frames = self._framed(np.asarray(rho)[None], transform[None])
-        values = [[value(one, two, frames)[0] for two in self._hulls[1]] for one in self._hulls[0]]
-        return np.array(values) * frames[0, judging.UNIT]
 
     def _least(self, frames: Array, settled: Flags | None) -> Array:
         """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units.
@@ -243,7 +221,7 @@ class ScaledPair:
         return values, judging.believed(one.solid, two.solid, frames, values, witnesses, opposite)
 
     def exact_separation(self, rho: ArrayLike, transform: Array) -> float:
-        """Return the least of `separations`, in rational arithmetic on the numbers as given, rounded at the end.
+        """Return what `least_separations` does, in rational arithmetic on the numbers as given, rounded at the end.
 
         Only directions that come near the largest separation in floats are worked out again; the transform is taken
         as it is, rational and not exactly orthogonal.

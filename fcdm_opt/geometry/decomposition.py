@@ -15,8 +15,9 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
 from fcdm_opt.geometry.cover import cover, is_star_shaped
 from fcdm_opt.geometry.hull import convex_hull
-from fcdm_opt.geometry.measures import cross, norms, unit_normals, volume_and_centroid
+from fcdm_opt.geometry.measures import cross, norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES, Rule, merged, partition
+from fcdm_opt.geometry.polygons import area, coplanar, normals_of
 from fcdm_opt.geometry.sides import Sides, components, fans
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
@@ -61,11 +62,6 @@ class Decomposition:
     surface: Surface | None = None
     cover: bool = False
     deviation: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def faces(self) -> tuple[Rows, ...]:
-        """The solid's true faces as rows: coplanar facets that share an edge are one; all its corners, holes' too."""
-        return () if self.surface is None else self.surface.faces
 
 
 def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposition:
@@ -144,26 +140,24 @@ def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomp
 
 def _numbered(space: Arrangement, drawn: int, cells: Sequence[Cell]) -> tuple[Array, tuple[Ints, ...]]:
     """Return the drawn points and those that the cells use, rounded once, each only once, and the cells' rows."""
-    used = sorted({int(k) for cell in cells for k in cell.points if k >= drawn})
-    points = space.coordinates([*range(drawn), *used])
+    rows = [*range(drawn), *sorted({k for cell in cells for k in cell.points.tolist() if k >= drawn})]
+    points = space.coordinates(rows) + 0.0
     number: dict[tuple[float, ...], int] = {}
-    for k, point in enumerate((points + 0.0).tolist()):
-        number.setdefault(tuple(point), k)
-    first = [number[tuple(point)] for point in (points + 0.0).tolist()]
-    kept = [k for k in range(len(points)) if k < drawn or first[k] == k]
-    place = {k: row for row, k in enumerate(kept)}
-    final = [place[k] if k < drawn else place[first[k]] for k in range(len(points))]
-    rows = dict(zip([*range(drawn), *used], final, strict=True))
-    return points[kept], tuple(frozen(sorted({rows[k] for k in cell.points.tolist()}), np.int64) for cell in cells)
+    kept, place = list(range(drawn)), dict[int, int]()
+    for k, (row, point) in enumerate(zip(rows, map(tuple, points.tolist()), strict=True)):
+        place[row] = k if k < drawn else number.setdefault(point, len(kept))
+        number.setdefault(point, place[row])
+        kept += [k] * (place[row] == len(kept))
+    return points[kept], tuple(frozen(sorted({place[k] for k in cell.points.tolist()}), np.int64) for cell in cells)
 
 
 def _fills(mesh: Mesh, space: Arrangement, cells: Sequence[Cell]) -> bool:
     """Tell whether the cells' volumes add up to the mesh's, within what moving its surface by the slack changes."""
-    corners = space.local[mesh.triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    a, b, c = space.local[mesh.triangles.T]
+    skin = norms(cross(b - a, c - a)).sum() / 2
     volume = mesh.volume / space.size**3
     error = abs(sum(space.volume(cell) for cell in cells) - volume)
-    return bool(error <= 2 * space.slack * area + DEFAULT.nominal * volume)
+    return bool(error <= 2 * space.slack * skin + DEFAULT.nominal * volume)
 
 
 # --------------------------------------------------------------------------------------------------------------- solid
@@ -181,10 +175,14 @@ class _Solid(NamedTuple):
     def of(cls, mesh: Mesh) -> _Solid:
         used = np.unique(mesh.triangles)
         space = Arrangement(mesh.vertices, used)
-        normals = np.array([unit_normals(space.local[list(face)]) for face in mesh.faces])
-        groups = _coplanar(space.local, mesh.faces, normals, space.slack)
+        outlines = [space.local[list(face)] for face in mesh.faces]
+        normals = normals_of(space.local, mesh.faces)
+        largest = np.argsort([-area(outline) for outline in outlines], kind="stable")
+        levels = (normals * [outline.mean(axis=0) for outline in outlines]).sum(axis=1)
+        polygons = [mesh.faces[k] for k in largest.tolist()]
         plane = np.empty(len(mesh.faces), np.int64)
-        for own in groups:
+        for group in coplanar(space.local, polygons, normals[largest], levels[largest], space.slack):
+            own = largest[group]
             corners = sorted({v for k in own for v in mesh.faces[k]})
             plane[own] = row = space.plane(corners)
             space.lie_on(corners, row)
@@ -205,25 +203,6 @@ class _Solid(NamedTuple):
         border = space.signs[whole.planes] == 0
         inner = [facet for facet in facets if not border[:, facet.loop].all(axis=1).any()]
         return cls(space, facets, space.pruned(whole), inner)
-
-
-def _coplanar(local: Array, faces: Sequence[Rows], normals: Array, slack: float) -> list[list[int]]:
-    """Group faces whose corners lie in one plane, that of the largest of them."""
-    areas = []
-    for face in faces:
-        spokes = local[list(face[1:])] - local[face[0]]
-        areas.append(float(np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0))))
-    groups: list[list[int]] = []
-    table, levels = np.empty((len(faces), 3)), np.empty(len(faces))
-    for k in np.argsort(-np.array(areas), kind="stable").tolist():
-        corners, count = local[list(faces[k])], len(groups)
-        near = np.flatnonzero(np.abs(corners @ table[:count].T - levels[:count]).max(axis=0) <= slack)
-        if near.size:
-            groups[near[np.abs(table[near] @ normals[k]).argmax()]].append(k)
-            continue
-        groups.append([k])
-        table[count], levels[count] = normals[k], normals[k] @ corners.mean(axis=0)
-    return groups
 
 
 # -------------------------------------------------------------------------------------------------------------- convex

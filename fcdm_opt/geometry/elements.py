@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,34 +26,32 @@ class Element(NamedTuple):
     vertices: tuple[int, ...]
 
 
-@dataclass(frozen=True, eq=False)
 class Elements(Mapping[str, Sequence[Element]]):
-    """The body's own element that each vertex, edge and face of a part belongs to, by kind: read-only.
+    """The body's own element that each vertex, edge and face of a part belongs to, by kind "V", "E" and "F": read-only.
 
     Attributes
     ----------
-    vertices, edges, faces : sequences of Element
-        What the keys "V", "E" and "F" give.
     spans : mapping
         (kind, index) of an edge or face of the part that lies on several of the body's own -> `Span`.
     """
 
-    vertices: Sequence[Element]
-    edges: Sequence[Element]
-    faces: Sequence[Element]
-    spans: Mapping[tuple[str, int], Span] = field(default_factory=dict)
+    def __init__(
+        self,
+        vertices: Sequence[Element],
+        edges: Sequence[Element],
+        faces: Sequence[Element],
+        spans: Mapping[tuple[str, int], Span] | None = None,
+    ) -> None:
+        self._kinds, self.spans = {"V": vertices, "E": edges, "F": faces}, spans or {}
 
     def __getitem__(self, kind: str) -> Sequence[Element]:
-        """Return the elements of one kind."""
-        return {"V": self.vertices, "E": self.edges, "F": self.faces}[kind]
+        return self._kinds[kind]
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the kinds."""
-        return iter("VEF")
+        return iter(self._kinds)
 
     def __len__(self) -> int:
-        """Return the number of kinds."""
-        return 3
+        return len(self._kinds)
 
 
 class _Named(Sequence[Element]):

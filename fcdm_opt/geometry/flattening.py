@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.polygons import by_size
+from fcdm_opt.geometry.polygons import by_size, coplanar
 from fcdm_opt.geometry.sides import Polygon, Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
@@ -101,16 +101,8 @@ def _together(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
         return []
     bend = 4 * float(off[near].max())  # exact files keep the finest steps
     normals, levels, groups = normals[near], levels[near], [groups[k] for k in near]
-    corners, starts = np.concatenate(groups), np.cumsum([0, *map(len, groups)])[:-1]
-    free, joined = np.ones(len(groups), bool), []
-    for k in range(len(groups)):
-        if free[k]:
-            heights = np.abs(points[corners] @ normals[k] - levels[k])
-            own = free & (np.maximum.reduceat(heights, starts) <= bend)
-            own[k] = True
-            free &= ~own
-            joined.append(np.unique(np.concatenate([groups[j] for j in np.flatnonzero(own)])))
-    return joined
+    joined = coplanar(points, groups, normals, levels, bend)
+    return [np.unique(np.concatenate([groups[k] for k in own.tolist()])) for own in joined]
 
 
 def _connected(points: Array, triangles: Ints, slack: float) -> list[Ints]:

@@ -67,7 +67,8 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     frame = axes.T * (stretch[0] / stretch)
     triangles, normals = _triangulated(local, np.arange(len(points)), frame, key)
     if np.bincount(triangles.ravel(), minlength=len(points)).min() == 0:
-        triangles = _first_equals(points)[triangles]
+        first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+        triangles = first[same.ravel()][triangles]
     while (dropped := needless(local, triangles, normals)).size:
         kept = np.setdiff1d(triangles, dropped)
         triangles, normals = _triangulated(local, kept, frame, key)
@@ -81,7 +82,8 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
 
 def _flat(points: Array, rows: Ints, key: str, found: str) -> InputError:
     """Say why points span no volume: too few are distinct, or the line or plane that they lie in."""
-    owners = _first_equals(points)
+    first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+    owners = first[same.ravel()]
     distinct, names = np.unique(owners), rows + 1
     again = np.flatnonzero(owners != np.arange(len(points)))
     if len(distinct) < 4 and again.size:
@@ -102,16 +104,6 @@ def _flat(points: Array, rows: Ints, key: str, found: str) -> InputError:
         one, two = sorted((second, third))
         what = f"the points lie in one plane, through vertices {names[0]}, {names[one]} and {names[two]}"
     return InputError(what, key=key, found=found)
-
-
-def _first_equals(points: Array) -> Ints:
-    """Return for each point the first one equal to it."""
-    order = np.lexsort(points.T)
-    ranked = points[order]
-    new = np.concatenate([[True], (ranked[1:] != ranked[:-1]).any(axis=1)])
-    owners = np.empty(len(points), np.int64)
-    owners[order] = order[new][np.cumsum(new) - 1]
-    return owners
 
 
 def _triangulated(local: Array, kept: Ints, frame: Array, key: str) -> tuple[Ints, Array]:

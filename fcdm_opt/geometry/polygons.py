@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
-from fcdm_opt.geometry.measures import cross, norms, units
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.sides import Polygon
 from fcdm_opt.tolerances import DEFAULT
 
@@ -22,6 +22,14 @@ def by_size(polygons: Sequence[Polygon] | Sequence[Ints]) -> Iterator[tuple[Ints
     for size in np.unique(sizes):
         places = np.flatnonzero(sizes == size)
         yield places, np.array([polygons[k] for k in places.tolist()], np.int64)
+
+
+def normals_of(points: Array, polygons: Sequence[Polygon]) -> Array:
+    """Return the unit normals of polygons, (k, 3): rows of the points."""
+    normals = np.empty((len(polygons), 3))
+    for places, corners in by_size(polygons):
+        normals[places] = unit_normals(points[corners])
+    return normals
 
 
 def widths(corners: Array) -> Array:
@@ -82,6 +90,22 @@ def distances(points: Array, polygons: Array) -> Array:
     above = broad & ((cross(normal[..., None, :], along) * spokes).sum(axis=-1).min(axis=-1) >= 0)
     height = np.abs((spokes[..., 0, :] * normal).sum(axis=-1)) / length
     return np.asarray(np.where(above, height, rim))
+
+
+def coplanar(
+    points: Array, polygons: Sequence[Polygon] | Sequence[Ints], normals: Array, levels: Array, slack: float
+) -> list[Ints]:
+    """Return groups of polygons, each within `slack` of the plane of its first one; take the best known first."""
+    corners, starts = np.concatenate(polygons), np.cumsum([0, *map(len, polygons)])[:-1]
+    free, groups = np.ones(len(polygons), bool), []
+    for k in range(len(polygons)):
+        if free[k]:
+            heights = np.abs(points[corners] @ normals[k] - levels[k])
+            own = free & (np.maximum.reduceat(heights, starts) <= slack)
+            own[k] = True
+            free &= ~own
+            groups.append(np.flatnonzero(own))
+    return groups
 
 
 def triangulated(

@@ -10,7 +10,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.hull import Hull
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
-from fcdm_opt.geometry.polygons import area, clipped, hold, inside, triangulated
+from fcdm_opt.geometry.polygons import area, clipped, hold, inside, normals_of, triangulated
 from fcdm_opt.geometry.sides import components, fans
 from fcdm_opt.geometry.surface import Surface, label, straightened
 from fcdm_opt.tolerances import DEFAULT
@@ -76,7 +76,7 @@ class _Walls:
         self.loops: list[tuple[int, ...]] = [
             tuple(hull.used[list(own)].tolist()) for hull in hulls for own in hull.loops
         ]
-        self.normals = np.array([unit_normals(points[list(loop)]) for loop in self.loops])
+        self.normals = normals_of(points, self.loops)
         self.levels = (self.normals * points[[loop[0] for loop in self.loops]]).sum(axis=1)
         self._part = np.repeat(np.arange(len(hulls)), [len(hull.loops) for hull in hulls])
         self._starts = np.searchsorted(self._part, np.arange(len(hulls) + 1))
