@@ -14,7 +14,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.polygons import by_size, widths
+from fcdm_opt.geometry.polygons import between, by_size, widths
 from fcdm_opt.geometry.sides import Polygon, Sides, components
 
 SHOWN = 3  # places that a message names
@@ -149,16 +149,8 @@ def _joined(faces: Faces, slack: float) -> Faces:
     on: dict[tuple[int, int], list[int]] = {}
     for k, own in enumerate(near):
         origin, end = int(sides.origin[first[k]]), int(sides.end[first[k]])
-        others = ends[own]
-        others = others[(others != origin) & (others != end)]
-        if not others.size:
-            continue
-        along = 2 * halves[k] / norms(2 * halves[k])
-        spokes = points[others] - points[origin]
-        steps = spokes @ along
-        close = norms(spokes - steps[:, None] * along) <= 2 * slack
-        if close.any():
-            row = others[close][np.argsort(steps[close])].tolist()
+        row = between(points, (origin, end), ends[own], 2 * slack)
+        if row:
             on[origin, end], on[end, origin] = row, row[::-1]
     if not on:
         return faces

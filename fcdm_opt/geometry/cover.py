@@ -42,7 +42,7 @@ def cover(
     """
     left, parts = list(cells), list[Cell]()
     while left:
-        options = []
+        options = list[tuple[float, int, Cell, list[Cell]]]()
         for target in sorted(left, key=space.volume, reverse=True)[:TARGETS]:
             if (part := _grown(space, hull, facets, seed, target, left)) is not None:
                 rest = [own for piece in left for own in _less(space, piece, part)]

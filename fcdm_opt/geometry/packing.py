@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +134,7 @@ def _face_normals(part: ConvexPart) -> tuple[Array, Array]:
     return normals, errors
 
 
-def _rounded_unit(n: NDArray[np.object_]) -> Array:
+def _rounded_unit(n: NDArray[Any]) -> Array:
     """Return the unit vector of an integer direction, to 5 roundings: entries, norm, quotient."""
     rounded = np.array([x / max(map(abs, n)) for x in n])
     return np.asarray(rounded / np.sqrt((rounded**2).sum()))

@@ -136,8 +136,7 @@ def _best_plane(space: Arrangement, facets: Sequence[Facet], reflex: dict[Edge, 
         score = score + ((a == 0) & (b == 0)).sum(axis=1) - rule.edge * (a * b < 0).sum(axis=1)
         score[len(planes) :] += rule.diagonal or 0.0
     while True:
-        best = np.flatnonzero(score == score.max())
-        k = int(best[0])
+        k = int(score.argmax())
         if k < len(planes):
             return int(planes[k])
         plane = space.shared_plane(pairs[k - len(planes)].tolist())

@@ -43,6 +43,17 @@ def widths(corners: Array) -> Array:
     return off
 
 
+def between(points: Array, ends: tuple[int, int], rows: Ints, slack: float) -> list[int]:
+    """Return which of some rows of points lie on the segment from one point to another, its ends not, in order."""
+    origin, end = points[list(ends)]
+    length = float(norms(end - origin))
+    along, spokes = (end - origin) / length, points[rows] - origin
+    steps = spokes @ along
+    on = (norms(spokes - steps[:, None] * along) <= slack) & (rows != ends[0]) & (rows != ends[1])
+    on &= (steps > slack / 2) & (steps < length - slack / 2)
+    return rows[on][np.argsort(steps[on], kind="stable")].tolist()
+
+
 def clipped(polygon: Array, heights: Array) -> Array:
     """Return what of a convex polygon, (m, 3), has no negative heights over a plane, (m,); of rationals too."""
     kept = []

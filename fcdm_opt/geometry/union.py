@@ -10,7 +10,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.hull import Hull
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
-from fcdm_opt.geometry.polygons import area, clipped, hold, inside, normals_of, triangulated
+from fcdm_opt.geometry.polygons import area, between, clipped, hold, inside, normals_of, triangulated
 from fcdm_opt.geometry.sides import components, fans
 from fcdm_opt.geometry.surface import Surface, label, straightened
 from fcdm_opt.tolerances import DEFAULT
@@ -47,8 +47,8 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     else:
         known = np.unique(np.concatenate([*(hull.used for hull in hulls), *faces]).astype(np.int64))
         edges, hidden = _true_edges(points, hulls, known, places[rows], np.array(normals), owner, walls.slack)
-    own, outlines = owner < len(faces), tuple(map(tuple, faces))
-    return Surface(places, rows[own], owner[own], outlines, edges, hidden, outlines)
+    named, outlines = owner < len(faces), tuple(map(tuple, faces))
+    return Surface(places, rows[named], owner[named], outlines, edges, hidden, outlines)
 
 
 def _added(corners: list[Array], piece: Array, slack: float) -> tuple[int, ...]:
@@ -224,7 +224,10 @@ def _true_edges(
     first, back = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
     same = first[back.ravel()]  # the first of equal points
     ends = np.unique(np.vstack([np.sort(same[hull.used[hull.edges[:, :2]]], axis=1) for hull in hulls]), axis=0)
-    cut = {(a, b): _cut_at(points, [a, b], np.unique(same[known]), slack) for a, b in ends.tolist()}
+    known, cut = np.unique(same[known]), dict[tuple[int, int], list[tuple[int, int]]]()
+    for a, b in ends.tolist():
+        pieces = pairwise([a, *between(points, (a, b), known, slack), b])
+        cut[a, b] = [(min(piece), max(piece)) for piece in pieces]
     lows, highs = triangles.min(axis=1) - slack, triangles.max(axis=1) + slack
     edges, hidden = dict[tuple[int, int], frozenset[int]](), set[tuple[int, int]]()
     for a, b in dict.fromkeys(piece for own in cut.values() for piece in own):
@@ -240,15 +243,3 @@ def _true_edges(
     unseen = [edge for edge, own in cut.items() if hidden.issuperset(own)]
     joined = list(straightened(points, edges))
     return np.array(joined, np.int64).reshape(-1, 2), np.array(unseen, np.int64).reshape(-1, 2)
-
-
-def _cut_at(points: Array, ends: list[int], used: Ints, slack: float) -> list[tuple[int, int]]:
-    """Cut an edge at the points that lie on it."""
-    origin, end = points[ends]
-    length = float(norms(end - origin))
-    spokes = points[used] - origin
-    steps = spokes @ (end - origin) / length
-    off = norms(spokes - steps[:, None] * (end - origin) / length)
-    on = (off <= slack) & (steps > slack) & (steps < length - slack)
-    row = used[on][np.argsort(steps[on], kind="stable")].tolist()
-    return [(min(pair), max(pair)) for pair in pairwise([ends[0], *row, ends[1]])]
