@@ -211,7 +211,7 @@ def _outlines(local: Array, sides: Sides, face: Ints, areas: Array) -> tuple[Int
     """Return the outlines of groups of triangles (corners, counts), and which of them are no convex polygon."""
     twin = np.empty(len(sides.origin), np.int64)
     twin[sides.pairs[:, 0]], twin[sides.pairs[:, 1]] = sides.pairs[:, 1], sides.pairs[:, 0]
-    own = np.repeat(face, 3)
+    own = face[sides.face]
     rim = np.flatnonzero(own != own[twin])
     count = int(face.max()) + 1
     rim = rim[np.lexsort((sides.origin[rim], own[rim]))]
@@ -244,8 +244,7 @@ def _edges(corners: Ints, sizes: Ints, key: str) -> Ints:
     if int(corners.max()) + 1 - len(sides.pairs) + len(sizes) != 2:
         raise InputError("the hull of the points is not a closed surface", key=key)
     up, down = sides.pairs[np.argsort(sides.pairs[:, 0])].T
-    face = np.repeat(np.arange(len(sizes)), sizes)
-    return np.column_stack([sides.origin[up], sides.end[up], face[up], face[down]])
+    return np.column_stack([sides.origin[up], sides.end[up], sides.face[up], sides.face[down]])
 
 
 def _tuples(corners: Ints, sizes: Ints) -> tuple[tuple[int, ...], ...]:

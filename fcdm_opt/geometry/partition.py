@@ -28,14 +28,17 @@ class Rule(NamedTuple):
         Against it: a reflex edge or a facet that it cuts.
     diagonal : float or None
         For it: that it is no facet's plane, but goes through two reflex edges. None: only facets' planes are tried.
+    last : bool
+        Of equally good planes the last one is taken.
     """
 
     edge: float
     facet: float
     diagonal: float | None = None
+    last: bool = False
 
 
-RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0))
+RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0), Rule(0.5, 0.1, last=True))
 NEAREST = 4  # edges that a diagonal plane is tried through, of each edge
 
 
@@ -136,7 +139,7 @@ def _best_plane(space: Arrangement, facets: Sequence[Facet], reflex: dict[Edge, 
         score = score + ((a == 0) & (b == 0)).sum(axis=1) - rule.edge * (a * b < 0).sum(axis=1)
         score[len(planes) :] += rule.diagonal or 0.0
     while True:
-        k = int(score.argmax())
+        k = int(np.flatnonzero(score == score.max())[-1 if rule.last else 0])
         if k < len(planes):
             return int(planes[k])
         plane = space.shared_plane(pairs[k - len(planes)].tolist())

@@ -219,7 +219,8 @@ def _true_edges(
 ) -> tuple[Ints, Ints]:
     """Return the union's edges, by their ends, and the parts' edges that are hidden in other parts.
 
-    The union's are the parts' edges on two of its faces, joined; hidden is what is on none wherever one looks.
+    The union's are the parts' edges on two of its faces that are not in one plane, joined; hidden is what is on none
+    wherever one looks.
     """
     first, back = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
     same = first[back.ravel()]  # the first of equal points
@@ -232,11 +233,13 @@ def _true_edges(
     edges, hidden = dict[tuple[int, int], frozenset[int]](), set[tuple[int, int]]()
     for a, b in dict.fromkeys(piece for own in cut.values() for piece in own):
         places = points[a] + FRACTIONS[:, None] * (points[b] - points[a])
-        near = np.flatnonzero(((lows <= places.max(axis=0)) & (highs >= places.min(axis=0))).all(axis=1))
+        near = ((lows <= places.max(axis=0)) & (highs >= places.min(axis=0))).all(axis=1)
+        near = np.flatnonzero(near & (np.abs(normals @ units(points[b] - points[a])) <= DEFAULT.snap))
         heights = ((places[:, None] - triangles[near, 0]) * normals[near]).sum(axis=2)
         on = (np.abs(heights) <= slack) & hold(triangles[near], normals[near], places, slack)
         beside = [frozenset(owners[near[row]].tolist()) for row in on]
-        if several := [own for own in beside if len(own) > 1]:
+        bent = (row.any() and np.ptp(normals[near[row]], axis=0).max() > DEFAULT.snap for row in on)
+        if several := [own for own, is_bent in zip(beside, bent, strict=True) if is_bent]:
             edges[a, b] = several[0]
         elif not any(beside):
             hidden.add((a, b))
