@@ -220,6 +220,16 @@ def test_overlapping_parts_name_their_hidden_faces_by_themselves():
     assert all(element.vertices not in body.faces for element in body.parts[1].elements["F"])
 
 
+def test_a_face_that_crosses_an_edge_where_one_looks_makes_it_no_edge_of_the_union():
+    """The middle of the third box's edge in the plane z = 1 lies on the side of the first box, which goes through."""
+    body = Body.from_parts(
+        [box((2, 0, 0), (3, 3, 2)), box((1, 1, 1), (4, 3, 3)), box((1, 0, 1), (3, 2, 2))], seed=(0, 0, 0)
+    )
+    named = labels(body, body.parts[2])
+    assert named["E"][(1, 2, 1), (3, 2, 1)].kind == "F"
+    assert named["V"][((1, 2, 1),)].kind == "E"
+
+
 @runs(50)
 @given(generators)
 def test_the_order_of_parts_changes_no_label(rng):

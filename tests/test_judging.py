@@ -53,6 +53,11 @@ def widest_facet(one: Any, two: Any, frame: _Frame) -> float:
     return float(np.nanmax(gaps[facets]))
 
 
+def part_pairs(scaled: ScaledPair) -> list[ScaledPair]:
+    one, two = map(len, scaled._hulls)
+    return [scaled.between(i, j) for i in range(one) for j in range(two)]
+
+
 def asked(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
     return rng.uniform(0.3, 2.0, (count, 2)), np.array([random_pose(rng, 12.0) for _ in range(count)])
 
@@ -79,7 +84,7 @@ def test_the_least_separation_is_that_of_every_vertex_on_every_direction(number:
         plain = np.array([np.fmax.reduce(_gaps(*own, frame)[0]) for own in hulls]) * row[UNIT]
         facets = np.array([widest_facet(*own, frame) for own in hulls]) * row[UNIT]
         slack = 1e-13 * row[UNIT]
-        each = scaled.separations(rho, pose).ravel()
+        each = np.array([own.least_separations([rho], pose[None])[0] for own in part_pairs(scaled)])
         assert np.allclose(np.minimum(each, 0.0), np.minimum(plain, 0.0), rtol=0, atol=slack)
         assert (each <= plain + slack).all()
         assert (each >= facets - slack).all()
@@ -96,7 +101,10 @@ def test_part_pairs_passed_over_are_not_the_nearest(number: int) -> None:
     scaled = ScaledPair(scattered(rng, 4, 8.0), scattered(rng, 3, 8.0))
     pairs, poses = asked(rng, 12)
     found, bounds = scaled.signed_distances(pairs, poses), scaled.lower_bounds(pairs, poses)
-    each = np.array([scaled.distances(rho, pose) for rho, pose in zip(pairs, poses, strict=True)])
+    each = np.array(
+        [[own.signed_distance(rho, pose) for own in part_pairs(scaled)] for rho, pose in zip(pairs, poses, strict=True)]
+    )
+    each = each.reshape(-1, 4, 3)
     assert np.array_equal(found, each.min(axis=(1, 2)))
     assert (bounds <= np.maximum(found, 0.0) + 1e-12).all()
     assert (bounds > 0).any()
@@ -115,7 +123,7 @@ def test_many_questions_at_once_are_answered_as_one_by_one() -> None:
     singly = [scaled.signed_distance(rho, pose) for rho, pose in zip(pairs, poses, strict=True)]
     assert np.array_equal(scaled.signed_distances(pairs, poses), singly)
     poses[20:25, :3, :3] = poses[19, :3, :3]  # at one rotation the same edges make facets
-    singly = [scaled.separation(rho, pose) for rho, pose in zip(pairs, poses, strict=True)]
+    singly = [scaled.least_separations([rho], pose[None])[0] for rho, pose in zip(pairs, poses, strict=True)]
     assert np.array_equal(scaled.least_separations(pairs, poses), singly)
     pairs[3, 0], pairs[7, 1], pairs[11, 0], poses[13, 0, 3], poses[17, 1, 1] = 0.0, -1.0, np.nan, np.inf, np.nan
     for found in (scaled.signed_distances(pairs, poses), scaled.least_separations(pairs, poses)):

@@ -1,9 +1,11 @@
 """Bodies, and the Euclidean queries on them.
 
 files, step      meshes as files have them, in a unit; `flattening` undoes what single precision bent
-mesh             a closed surface, checked and repaired where that is certain: `closing`, `crossings`, `polygons`
-measures         volume, centroid and winding numbers of triangles
+mesh             a closed surface, checked and repaired where that is certain: `closing`, `crossings`
 arrays           array types and checks
+measures         vectors; volume, centroid and winding numbers of triangles
+sides            the sides of polygons, the edges that they run along, and what hangs together by these
+polygons         planar polygons: cut by planes, what they hold, in one plane, in triangles
 corners          corners of a hull that are none, within rounding
 hull             face loops and edges of one convex part
 elements         the body's own vertices, edges and faces, for labels
@@ -17,5 +19,6 @@ decomposition    which of these, and why
 packing          a convex part as flat arrays for the kernels, with error bounds
 bodies           convex parts, and bodies made of them
 conversion       bodies from what other libraries hold
-collision        signed distance by a collision library, confirmed by explicit vertices
+collision        signed distance by a collision library, confirmed by explicit vertices: `judging`
+units            lengths and bounds in words
 """

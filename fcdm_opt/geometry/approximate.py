@@ -9,7 +9,10 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
-from fcdm_opt.geometry.hull import Hull, convex_hull, unit_normals
+from fcdm_opt.geometry.hull import Hull, convex_hull
+from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.polygons import distances, normals_of
+from fcdm_opt.geometry.sides import fans
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -93,16 +96,10 @@ def _numbered(local: Array, used: Ints, groups: list[Array]) -> tuple[Array, lis
 def _deviation(
     local: Array, triangles: Ints, mesh: Mesh, frame: tuple[Array, float], points: Array, hulls: list[Hull]
 ) -> tuple[float, float]:
-    fans = [
-        points[hull.used[[loop[0], *loop[k : k + 2]]]]
-        for hull in hulls
-        for loop in hull.loops
-        for k in range(1, len(loop) - 1)
-    ]
     origin, size = frame
     planes = []
     for hull in hulls:
-        normals = np.array([unit_normals(points[hull.used[list(loop)]]) for loop in hull.loops])
+        normals = normals_of(points[hull.used], hull.loops)
         bases = points[hull.used[[loop[0] for loop in hull.loops]]]
         planes.append((normals, (normals * bases).sum(axis=1)))
 
@@ -114,7 +111,7 @@ def _deviation(
                 found[k : k + step] |= (asked[k : k + step] @ normals.T <= levels).all(axis=1)
         return found
 
-    surface, others = local[triangles], np.array(fans)
+    surface, others = local[triangles], np.vstack([points[hull.used[fans(hull.loops)]] for hull in hulls])
     out = _farthest(others, surface, lambda asked: mesh.contains(origin + size * asked))
     return out, _farthest(surface, others, inside_a_part)
 
@@ -135,47 +132,27 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
         work += len(triangles)
         centres = triangles.mean(axis=1)
         off, nearest = tree.query(centres, NEAREST)
-        bounds = _distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
-        good = bounds <= max(FINEST, (1 + SHARE) * known)
+        around = surface[owners[nearest]]
+        bounds = distances(triangles[:, None], around).max(axis=2).min(axis=1)
         if work > min(MOST_PIECES, MOST_LOOKS / len(surface)):  # what is known so far holds for them all
             return max(closed, float(bounds.max()))
+        left = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
+        within, radii = contains(centres[left]), norms(triangles[left] - centres[left, None]).max(axis=1)
+        # exactly: of all triangles that may be nearer than the nearest sample
+        found = tree.query_ball_point(centres[left], off[left, 0] + SPACING)
+        there = np.array(
+            [
+                distances(x[None, None], surface[np.unique(owners[own])]).min()
+                for x, own in zip(centres[left], found, strict=True)
+            ]
+        )
+        bounds[left] = np.minimum(bounds[left], np.where(within, 0.0, there) + radii)
+        bounds[left[within & (there > radii)]] = 0.0  # inside as a whole
+        known = max(known, float(there[~within].max(initial=0.0)))
+        good = bounds <= max(FINEST, (1 + SHARE) * known)
         closed = max(closed, float(bounds[good].max(initial=0.0)))
-        triangles, centres, off = triangles[~good], centres[~good], off[~good, 0]
-        radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1)
-        inner = contains(centres)
-        whole = inner & (off - SPACING > radii)  # inside as a whole
-        left = np.flatnonzero(~whole)
-        if left.size:  # exactly: all triangles that may be nearer than the nearest sample
-            found = tree.query_ball_point(centres[left], off[left] + SPACING)
-            asked = np.repeat(np.arange(len(left)), [len(own) for own in found])
-            pairs = np.unique(asked * len(surface) + owners[np.concatenate(found).astype(np.int64)])
-            asked, around = np.divmod(pairs, len(surface))
-            each = _distances(centres[left[asked], None], surface[around])[:, 0]
-            there = np.minimum.reduceat(each, np.searchsorted(asked, np.arange(len(left))))
-            known = max(known, float(there[~inner[left]].max(initial=0.0)))
-            reach = np.where(inner[left], 0.0, there) + radii[left]
-            near = reach <= max(FINEST, (1 + SHARE) * known)
-            closed = max(closed, float(reach[near].max(initial=0.0)))
-            whole[left] = near | (inner[left] & (there > radii[left]))
-        triangles = _quartered(triangles[~whole])
+        triangles = _quartered(triangles[~good])
     return closed
-
-
-def _distances(points: Array, triangles: Array) -> Array:
-    """Return the distances of points, (..., k, 3), from triangles, (..., 3, 3), (..., k)."""
-    corners = triangles[..., None, :, :]
-    along = np.roll(corners, -1, axis=-2) - corners
-    spokes = points[..., None, :] - corners
-    share = (spokes * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), np.finfo(float).tiny)
-    rim = np.linalg.norm(spokes - np.clip(share, 0, 1)[..., None] * along, axis=-1).min(axis=-1)
-    normal = np.cross(along[..., 0, :], along[..., 1, :])
-    length = np.linalg.norm(normal, axis=-1)
-    broad = length > DEFAULT.nominal * (along**2).sum(axis=-1).max(axis=-1)  # of slivers the rim tells as much
-    length = np.where(broad, length, 1.0)
-    above = broad & ((np.cross(normal[..., None, :], along) * spokes).sum(axis=-1).min(axis=-1) >= 0)
-    height = np.abs((spokes[..., 0, :] * normal).sum(axis=-1)) / length
-    distances: Array = np.where(above, height, rim)
-    return distances
 
 
 def _samples(triangles: Array) -> tuple[Array, Ints]:
@@ -183,7 +160,7 @@ def _samples(triangles: Array) -> tuple[Array, Ints]:
     found, owners, own = [], [], np.arange(len(triangles))
     while len(triangles):
         centres = triangles.mean(axis=1)
-        small = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1) <= SPACING
+        small = norms(triangles - centres[:, None]).max(axis=1) <= SPACING
         found.append(centres[small])
         owners.append(own[small])
         triangles, own = _quartered(triangles[~small]), np.tile(own[~small], 4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 LARGEST = 1e50  # of any coordinate: volumes stay finite
+SMALLEST = 1e-50  # extent of a part: its volume stays above what floats can hold
 
 
 def numbers(values: Any, key: str) -> Array:
@@ -47,6 +49,31 @@ def checked_corners(points: Array, key: str) -> Array:
     if bad.size:
         raise InputError(f"vertex {bad[0] + 1} is not finite", key=key, found=points[bad[0]].tolist())
     return points
+
+
+def row_lists(lists: Any, count: int, key: str, noun: str, *, repeats: bool = False) -> list[list[int]]:
+    """Return lists of rows of vertices, checked: of the `noun` "part" or "face"; raise `InputError` otherwise."""
+    known = f"{noun}s are lists of rows of the vertices"
+    try:
+        every = list(lists)
+    except TypeError as reason:
+        raise InputError(f"expected lists of rows: {known}", key=f"{key}: {noun}s", found=lists) from reason
+    found = []
+    for k, own in enumerate(every):
+        where, place = f"{key}: {noun} {k + 1}", dict[int, int]()
+        try:
+            rows = list(own if repeats else islice(own, count + 1))  # of distinct rows longer lists repeat one
+        except TypeError as reason:
+            raise InputError(f"expected a list of rows: {known}", key=where, found=own) from reason
+        for entry, row in enumerate(rows):
+            if isinstance(row, bool | np.bool) or not isinstance(row, int | np.integer) or not 0 <= row < count:
+                what = f"entry {entry + 1} is not a row of the vertices"
+                raise InputError(what, key=where, found=row, allowed=f"0 to {count - 1}")
+            if (first := place.setdefault(int(row), entry)) != entry and not repeats:
+                what = f"a row appears twice, as entries {first + 1} and {entry + 1}"
+                raise InputError(what, key=where, found=row)
+        found.append(list(map(int, rows)))
+    return found
 
 
 def crossed(u: Array, v: Array) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations, islice
+from itertools import combinations
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
@@ -19,12 +19,15 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, checked_corners, frozen, numbers
+from fcdm_opt.geometry.arrays import LARGEST, SMALLEST, Array, Ints, checked_corners, frozen, numbers, row_lists
 from fcdm_opt.geometry.decomposition import Method, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
-from fcdm_opt.geometry.hull import SMALLEST, convex_hull, unit_normals
+from fcdm_opt.geometry.hull import convex_hull
+from fcdm_opt.geometry.measures import volume_and_centroid
 from fcdm_opt.geometry.mesh import checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
+from fcdm_opt.geometry.polygons import normals_of
+from fcdm_opt.geometry.sides import fans
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
@@ -72,12 +75,7 @@ class ConvexPart(_Sealed):
     @cached_property
     def normals(self) -> Array:
         """Outward unit normals of the faces, (f, 3)."""
-        normals = np.empty((len(self.loops), 3))
-        sizes = np.array([len(loop) for loop in self.loops])
-        for size in np.unique(sizes):
-            same = np.flatnonzero(sizes == size)
-            normals[same] = unit_normals(self.vertices[np.array([self.loops[k] for k in same])])
-        return frozen(normals)
+        return frozen(normals_of(self.vertices, self.loops))
 
     @cached_property
     def half_edges(self) -> Ints:
@@ -100,15 +98,16 @@ class ConvexPart(_Sealed):
 
     @cached_property
     def volume_and_centroid(self) -> tuple[float, Array]:
-        """Volume and centroid, by signed tetrahedra about the mean vertex."""
-        fans, centre = _fans(self.loops), self.vertices.mean(axis=0)
-        local = self.vertices - centre
-        volume, middle, rounding = _moments(local[fans])
+        """Volume and centroid, by signed tetrahedra."""
+        triangles = fans(self.loops)
+        volume, middle, rounding = volume_and_centroid(self.vertices[triangles])
         if rounding > DEFAULT.nominal * volume:  # thin: with its principal axes made equally long it is not
-            _, stretch, axes = np.linalg.svd(local, full_matrices=False)
-            volume, middle, _ = _moments((local @ (axes.T / stretch))[fans])
-            volume, middle = abs(volume) * float(stretch.prod()), middle @ (stretch[:, None] * axes)
-        return volume, centre + middle
+            centre = self.vertices.mean(axis=0)
+            _, stretch, axes = np.linalg.svd(self.vertices - centre, full_matrices=False)
+            even = (self.vertices - centre) @ (axes.T / stretch)
+            volume, middle, _ = volume_and_centroid(even[triangles])
+            volume, middle = abs(volume) * float(stretch.prod()), centre + middle @ (stretch[:, None] * axes)
+        return volume, middle
 
     def element_at(self, kind: str, k: int, point: Array) -> Element:
         """Return the body's own element that edge ("E") or face ("F") k of the part belongs to at a point of it.
@@ -238,8 +237,8 @@ class Body(_Sealed, Shown):
             points, rows = _numbered(groups)
         else:
             points = _points(vertices, f"body '{name}'")
-            rows = _row_lists(parts, len(points), name, "part")
-        given = None if faces is None else _row_lists(faces, len(points), name, "face")
+            rows = row_lists(parts, len(points), f"body '{name}'", "part")
+        given = None if faces is None else row_lists(faces, len(points), f"body '{name}'", "face")
         for k, face in enumerate(given or ()):
             if len(face) < 3:
                 raise InputError("a face needs at least 3 corners", key=f"body '{name}': face {k + 1}", found=len(face))
@@ -469,29 +468,6 @@ def _points(vertices: Any, key: str) -> Array:
     return checked_corners(points, key)
 
 
-def _row_lists(lists: Any, count: int, name: str, noun: str) -> list[list[int]]:
-    """Return checked lists of rows, `noun` "part" or "face"."""
-    try:
-        return [_rows(own, count, f"body '{name}': {noun} {k + 1}") for k, own in enumerate(lists)]
-    except TypeError as reason:
-        raise InputError("expected lists of rows", key=f"body '{name}': {noun}s", found=lists) from reason
-
-
-def _rows(indices: Iterable[int], count: int, key: str) -> list[int]:
-    try:
-        rows = list(islice(indices, count + 1))  # rows are distinct: longer lists repeat one
-    except TypeError as reason:
-        raise InputError("expected a list of rows", key=key, found=indices) from reason
-    place: dict[int, int] = {}
-    for k, row in enumerate(rows):
-        if isinstance(row, bool | np.bool) or not isinstance(row, int | np.integer) or not 0 <= row < count:
-            what = f"entry {k + 1} is not a row of the vertices"
-            raise InputError(what, key=key, found=row, allowed=f"0 to {count - 1}")
-        if place.setdefault(int(row), k) != k:
-            raise InputError(f"a row appears twice, as entries {place[int(row)] + 1} and {k + 1}", key=key, found=row)
-    return list(place)
-
-
 def _numbered(groups: list[Array]) -> tuple[Array, list[list[int]]]:
     """Return the distinct points by first appearance, and each group's rows among them."""
     number: dict[tuple[float, ...], int] = {}
@@ -527,23 +503,6 @@ def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array
         volumes, centroids = zip(*(part.volume_and_centroid for part in parts), strict=True)
         return frozen(np.average(centroids, axis=0, weights=volumes))
     raise InputError("unknown seed rule", key=key, found=seed, allowed=", ".join(SEED_RULES) + " or a point")
-
-
-def _fans(loops: tuple[tuple[int, ...], ...]) -> Ints:
-    """Return the triangles of all faces, fanned from their first vertices, (t, 3)."""
-    if all(len(loop) == 3 for loop in loops):
-        return np.array(loops)
-    return np.array([(loop[0], *loop[k : k + 2]) for loop in loops for k in range(1, len(loop) - 1)])
-
-
-def _moments(triangles: Array) -> tuple[float, Array, float]:
-    """Return volume, centroid and the volume's rounding, by signed tetrahedra of triangles (t, 3, 3) and the origin."""
-    a, b, c = triangles.transpose(1, 0, 2)
-    volumes = (a * np.cross(b, c)).sum(axis=1) / 6.0
-    volume = float(volumes.sum())
-    products = np.sqrt((triangles**2).sum(axis=2)).prod(axis=1).sum()
-    middle = volumes @ triangles.sum(axis=1) / 4.0 / volume if volume else np.zeros(3)
-    return volume, middle, float(np.finfo(float).eps * products)
 
 
 def _parts_overlap(parts: list[ConvexPart]) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.measures import cross, units
 from fcdm_opt.tolerances import DEFAULT
 
 Signs = NDArray[np.int8]
@@ -50,6 +51,17 @@ class Arrangement:
         The first points.
     used : (k,) int array
         Those of them that count for the size.
+
+    Attributes
+    ----------
+    local : (n, 3) array
+        The points relative to the first one, in units of the size.
+    exact : list of tuples
+        The same as drawn, as rationals.
+    normals, levels : (p, 3) and (p,) arrays
+        Unit normals of the planes, and their products with points of them, as in `local`.
+    signs : (p, n) array
+        The side (1, 0, -1) of each plane that each point lies on.
     """
 
     def __init__(self, vertices: Array, used: Ints) -> None:
@@ -59,54 +71,23 @@ class Arrangement:
         # far from the origin a drawn vertex is off its plane by its coordinates' last digit
         digits = 4 * float(np.spacing(np.abs(vertices[used]).max())) / self.size
         self.slack = max(DEFAULT.planarity, digits)
-        self._exact = [_exactly(row) for row in vertices]
-        self._rows = {point: k for k, point in reversed(list(enumerate(self._exact)))}
+        self.exact = [_exactly(row) for row in vertices]
+        self._rows = {point: k for k, point in reversed(list(enumerate(self.exact)))}
         self._cuts: dict[tuple[int, int, int], int] = {}
-        self._local, self._signs = spread / self.size, np.empty((0, len(vertices)), np.int8)
-        self._normals, self._levels = np.empty((0, 3)), np.empty(0)
+        self._volumes: dict[bytes, float] = {}
+        self.local, self.signs = spread / self.size, np.empty((0, len(vertices)), np.int8)
+        self.normals, self.levels = np.empty((0, 3)), np.empty(0)
         self._equations: list[Point] = []
-        self._planes, self._count = 0, len(vertices)
-        self._near = {name: int(k) for k in used[::-1] for name in self._cells(self._local[k])}
+        self._near = {name: int(k) for k in used[::-1] for name in self._cells(self.local[k])}
         self.planar = True
-
-    # ------------------------------------------------------------------------------------------------------- contents
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        return self._count
-
-    @property
-    def local(self) -> Array:
-        """The points relative to the first one, in units of the size."""
-        return self._local[: self._count]
-
-    @property
-    def signs(self) -> Signs:
-        """The side (1, 0, -1) of each plane that each point lies on, (planes, points)."""
-        return self._signs[: self._planes, : self._count]
-
-    @property
-    def normals(self) -> Array:
-        """Unit normals of the planes."""
-        return self._normals[: self._planes]
-
-    @property
-    def levels(self) -> Array:
-        """Products of the planes' unit normals with their points, as in `local`."""
-        return self._levels[: self._planes]
-
-    def exact(self, point: int) -> Point:
-        """Return a point's coordinates as rationals."""
-        return self._exact[point]
 
     def heights(self, points: Iterable[int] | slice, plane: int) -> Array:
         """Return how far points are above a plane, in units of the size."""
-        return self._local[points] @ self._normals[plane] - self._levels[plane]
+        return self.local[points] @ self.normals[plane] - self.levels[plane]
 
     def coordinates(self, points: Iterable[int]) -> Array:
         """Return points, rounded once."""
-        return np.array([[_rounded(x) for x in self._exact[k]] for k in points])
+        return np.array([[_rounded(x) for x in self.exact[k]] for k in points])
 
     # --------------------------------------------------------------------------------------------------------- adding
 
@@ -116,51 +97,41 @@ class Arrangement:
         if known.size:
             return int(known[0])
         if self.planar:
-            a, *others = (self._exact[k] for k in points)
-            u, v, w = ([x - y for x, y in zip(other, a, strict=True)] for other in others)
-            if sum(x * y for x, y in zip(_cross(u, v), w, strict=True)):
+            a, b, c, d = (np.array(self.exact[k]) for k in points)
+            if cross(b - a, c - a) @ (d - a):
                 return None
         return self.plane(points)
 
     def signs_of(self, quads: Ints, points: Ints) -> Signs:
         """Return the sides that points lie on of planes through four points each, not on one line."""
-        a, b, c, d = self._local[quads.T]
+        a, b, c, d = self.local[quads.T]
         one, two = np.cross(b - a, c - a), np.cross(b - a, d - a)
         normals = np.where(((one**2).sum(axis=1) > (two**2).sum(axis=1))[:, None], one, two)
         normals /= np.linalg.norm(normals, axis=1)[:, None]
-        return _sides(normals @ self._local[points].T - (normals * a).sum(axis=1)[:, None], self.slack)
+        return _sides(normals @ self.local[points].T - (normals * a).sum(axis=1)[:, None], self.slack)
 
     def plane(self, points: Sequence[int]) -> int:
         """Add the plane through points that lie in one, through the three that are furthest apart; return its row."""
         rows = np.array(points)
-        local = self._local[rows]
+        local = self.local[rows]
         first = int(((local - local.mean(axis=0)) ** 2).sum(axis=1).argmax())
         along = local - local[first]
         second = int((along**2).sum(axis=1).argmax())
         third = int((np.cross(along, along[second]) ** 2).sum(axis=1).argmax())
-        a, b, c = (self._exact[k] for k in rows[[first, second, third]])
-        u, v = [x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)]
-        n = _cross(u, v)
-        largest = max(abs(x) for x in n)
-        n = tuple(x / largest for x in n)
-        unit = np.array([_rounded(x) for x in n])
-        unit /= np.linalg.norm(unit)
-        if self._planes == len(self._signs):
-            more = 16 + self._planes
-            self._signs = np.vstack([self._signs, np.zeros((more, self._signs.shape[1]), np.int8)])
-            self._normals = np.vstack([self._normals, np.zeros((more, 3))])
-            self._levels = np.append(self._levels, np.zeros(more))
-        row = self._planes
-        self._normals[row], self._levels[row] = unit, unit @ local[first]
-        self._equations.append((*n, sum(x * y for x, y in zip(n, a, strict=True))))
-        self._planes += 1
-        self._signs[row, : self._count] = _sides(self.heights(slice(self._count), row), self.slack)
+        a, b, c = (np.array(self.exact[k]) for k in rows[[first, second, third]])
+        n = cross(b - a, c - a)
+        n = n / max(abs(n))
+        unit = units(np.array([_rounded(x) for x in n]))
+        row = len(self.levels)
+        self.normals, self.levels = np.vstack([self.normals, unit]), np.append(self.levels, unit @ local[first])
+        self._equations.append((*n, n @ a))
+        self.signs = np.vstack([self.signs, _sides(self.heights(slice(None), row), self.slack)])
         self.lie_on(points, row)
         return row
 
     def lie_on(self, points: Sequence[int], plane: int) -> None:
         """Count points as points of a plane."""
-        self._signs[plane, list(points)] = 0
+        self.signs[plane, list(points)] = 0
         self.planar = self.planar and not any(self._height(k, plane) for k in points)
 
     def cut(self, a: int, b: int, plane: int) -> int:
@@ -178,13 +149,13 @@ class Arrangement:
         a, b, plane = key
         above, below = self._height(a, plane), self._height(b, plane)
         share = above / (above - below)
-        point = tuple(x + share * (y - x) for x, y in zip(self._exact[a], self._exact[b], strict=True))
+        point = tuple(x + share * (y - x) for x, y in zip(self.exact[a], self.exact[b], strict=True))
         if not self.planar:  # drawn faces that are no planes: rounded now, or digits multiply from cut to cut
             point = _exactly([_rounded(x) for x in point])
         row = self._placed(point)
-        on = (self._signs[: self._planes, a] == 0) & (self._signs[: self._planes, b] == 0)
+        on = (self.signs[:, a] == 0) & (self.signs[:, b] == 0)
         on[plane] = True
-        self._signs[: self._planes, row][on] = 0
+        self.signs[on, row] = 0
         return row
 
     def _placed(self, point: Point) -> int:
@@ -196,16 +167,11 @@ class Arrangement:
             row = next((self._near[name] for name in names if name in self._near), None)
         if row is not None:
             return row
-        row = self._count
-        if row == self._signs.shape[1]:
-            self._signs = np.hstack([self._signs, np.zeros((len(self._signs), 64 + row), np.int8)])
-            self._local = np.vstack([self._local, np.zeros((64 + row, 3))])
-        self._count += 1
-        self._exact.append(point)
+        row = len(self.local)
+        self.exact.append(point)
         self._rows[point] = row
-        self._local[row] = local
-        heights = self._normals[: self._planes] @ local - self._levels[: self._planes]
-        self._signs[: self._planes, row] = _sides(heights, self.slack)
+        self.local = np.vstack([self.local, local])
+        self.signs = np.hstack([self.signs, _sides(self.normals @ local - self.levels, self.slack)[:, None]])
         self._near.update(dict.fromkeys(names, row))
         return row
 
@@ -216,7 +182,7 @@ class Arrangement:
 
     def _height(self, point: int, plane: int) -> fmpq:
         a, b, c, level = self._equations[plane]
-        x, y, z = self._exact[point]
+        x, y, z = self.exact[point]
         return a * x + b * y + c * z - level
 
     # -------------------------------------------------------------------------------------------------------- cutting
@@ -262,11 +228,13 @@ class Arrangement:
         """Return a cell's volume, in units of the size cubed; that of its box where it is too thin to tell."""
         from scipy.spatial import ConvexHull, QhullError
 
-        corners = self.local[cell.points]
-        try:
-            return float(ConvexHull(corners).volume)
-        except (QhullError, ValueError):
-            return float(np.ptp(corners, axis=0).prod())
+        key, corners = cell.points.tobytes(), self.local[cell.points]
+        if key not in self._volumes:
+            try:
+                self._volumes[key] = float(ConvexHull(corners).volume)
+            except (QhullError, ValueError):
+                self._volumes[key] = float(np.ptp(corners, axis=0).prod())
+        return self._volumes[key]
 
     def kept(self, cell: Cell | None, planes: Iterable[tuple[int, int]]) -> Cell | None:
         """Return what of a cell lies inside of planes, given with their outer sides."""
@@ -292,7 +260,7 @@ class Arrangement:
                 loop.append(a)
                 if sign[a] * sign[b] < 0:
                     loop.append(self.cut(a, b, plane))
-            sign.extend([0] * (self._count - len(sign)))
+            sign.extend([0] * (len(self.local) - len(sign)))
             for k, side in enumerate((-1, 1)):
                 parts[k].append(facet._replace(loop=tuple(v for v in loop if sign[v] * side >= 0)))
         return parts
@@ -300,10 +268,6 @@ class Arrangement:
 
 def _sides(heights: Array, slack: float) -> Signs:
     return np.where(np.abs(heights) <= slack, 0, np.sign(heights)).astype(np.int8)
-
-
-def _cross(u: Sequence[fmpq], v: Sequence[fmpq]) -> tuple[fmpq, ...]:
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
 
 
 def _exactly(point: Iterable[float]) -> Point:

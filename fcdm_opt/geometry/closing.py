@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.polygons import Polygon, by_size, widths
+from fcdm_opt.geometry.polygons import between, by_size, widths
+from fcdm_opt.geometry.sides import Polygon, Sides, components
 
 SHOWN = 3  # places that a message names
 
@@ -69,45 +70,6 @@ def listed(names: Sequence[str], one: str, many: str) -> str:
     return f"{many} {few}" if len(names) <= SHOWN else f"{len(names)} {many}, the first {few}"
 
 
-@dataclass(frozen=True, eq=False)
-class Sides:
-    """Directed sides of polygons: `origin`, `end`, the polygon's place `face`, and the number of its `edge`."""
-
-    origin: Ints
-    end: Ints
-    face: Ints
-    edge: Ints
-
-    @classmethod
-    def of(cls, polygons: Sequence[Polygon]) -> Sides:
-        """Return the sides of polygons, one after another."""
-        sizes = np.fromiter(map(len, polygons), np.int64, len(polygons))
-        origin = np.fromiter((v for own in polygons for v in own), np.int64, int(sizes.sum()))
-        after = np.arange(1, len(origin) + 1)
-        last = np.cumsum(sizes) - 1
-        after[last] = last - sizes + 1
-        end = origin[after]
-        low, high = np.minimum(origin, end), np.maximum(origin, end)
-        edge = np.unique(low * (origin.max(initial=0) + 1) + high, return_inverse=True)[1]
-        return cls(origin, end, np.repeat(np.arange(len(polygons)), sizes), edge)
-
-    @property
-    def counts(self) -> Ints:
-        """How many sides each edge has."""
-        return np.bincount(self.edge)
-
-    @property
-    def odd(self) -> Ints:
-        """Sides of edges that have an odd number of them: the surface ends there."""
-        return np.flatnonzero(self.counts[self.edge] % 2)
-
-    @property
-    def unequal(self) -> Ints:
-        """Sides of edges that are run along more often one way than the other."""
-        ways = np.where(self.origin < self.end, 1, -1)
-        return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
-
-
 def closed(faces: Faces, slack: float, key: str) -> Faces:
     """Return faces that make a closed, consistently wound surface.
 
@@ -125,36 +87,26 @@ def closed(faces: Faces, slack: float, key: str) -> Faces:
         Where no certain repair closes the surface; names edges and faces.
     """
     faces = _with_area(faces, slack)
-    for reading in (_without_fins, _without_copies):
-        read = _joined(reading(faces), slack)
+    readings = [_joined(_distinct(faces, fins=fins), slack) for fins in (True, False)]
+    for read in readings:
         if read.polygons and not Sides.of(read.polygons).odd.size:
             return _wound(read, key)
-    raise _open(_joined(_without_fins(faces), slack), faces, key)
+    raise _open(readings[0], faces, key)
 
 
 def _with_area(faces: Faces, slack: float) -> Faces:
     """Leave out faces that lie on a line."""
-    flat = [np.empty(0, np.int64)]
+    flat = np.zeros(len(faces.polygons), bool)
     for places, corners in by_size(faces.polygons):
-        flat.append(places[widths(faces.points[corners]) <= slack])
-    gone = np.sort(np.concatenate(flat))
-    if not gone.size:
+        flat[places] = widths(faces.points[corners]) <= slack
+    if not flat.any():
         return faces
-    kept = np.setdiff1d(np.arange(len(faces.polygons)), gone)
-    return faces.kept(kept.tolist(), f"left out as having no area: {faces.named(gone.tolist())}")
-
-
-def _without_fins(faces: Faces) -> Faces:
-    """Leave out faces that others cover, opposed, and copies."""
-    return _distinct(faces, fins=True)
-
-
-def _without_copies(faces: Faces) -> Faces:
-    """Leave out all but one of faces with the same corners, whichever way they are wound."""
-    return _distinct(faces, fins=False)
+    gone, kept = (np.flatnonzero(own).tolist() for own in (flat, ~flat))
+    return faces.kept(kept, f"left out as having no area: {faces.named(gone)}")
 
 
 def _distinct(faces: Faces, *, fins: bool) -> Faces:
+    """Leave out copies, faces with the same corners; with `fins` both where they are opposed, else all but one."""
     groups: dict[Polygon, tuple[list[int], list[int]]] = {}
     for place, polygon in enumerate(faces.polygons):
         least = polygon.index(min(polygon))
@@ -197,16 +149,8 @@ def _joined(faces: Faces, slack: float) -> Faces:
     on: dict[tuple[int, int], list[int]] = {}
     for k, own in enumerate(near):
         origin, end = int(sides.origin[first[k]]), int(sides.end[first[k]])
-        others = ends[own]
-        others = others[(others != origin) & (others != end)]
-        if not others.size:
-            continue
-        along = 2 * halves[k] / norms(2 * halves[k])
-        spokes = points[others] - points[origin]
-        steps = spokes @ along
-        close = norms(spokes - steps[:, None] * along) <= 2 * slack
-        if close.any():
-            row = others[close][np.argsort(steps[close])].tolist()
+        row = between(points, (origin, end), ends[own], 2 * slack)
+        if row:
             on[origin, end], on[end, origin] = row, row[::-1]
     if not on:
         return faces
@@ -267,33 +211,18 @@ def _wound(faces: Faces, key: str) -> Faces:
     return replace(faces, polygons=polygons, repairs=(*faces.repairs, remark))
 
 
-def _against(sides: Sides, count: int, faces: Faces, key: str) -> Ints:
+def _against(sides: Sides, count: int, faces: Faces, key: str) -> Flags:
     """Return which faces are wound against most of those that they are connected with by edges of two faces."""
-    order = np.argsort(sides.edge, kind="stable")
-    order = order[sides.counts[sides.edge[order]] == 2].reshape(-1, 2)
-    same = sides.origin[order[:, 0]] == sides.origin[order[:, 1]]
-    beside: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
-    for (one, two), turn in zip(sides.face[order].tolist(), same.tolist(), strict=True):
-        beside[one].append((two, turn))
-        beside[two].append((one, turn))
-    turned = np.full(count, -1)
-    for start in range(count):
-        if turned[start] >= 0:
-            continue
-        turned[start], patch, stack = 0, [start], [start]
-        while stack:
-            one = stack.pop()
-            for two, turn in beside[one]:
-                if turned[two] < 0:
-                    turned[two] = turned[one] ^ turn
-                    patch.append(two)
-                    stack.append(two)
-                elif turned[two] != turned[one] ^ turn:
-                    what = f"the surface has one side only: no winding fits both {faces.named([one])} and"
-                    raise InputError(f"{what} {faces.named([two])}", key=key)
-        if 2 * turned[patch].sum() > len(patch):
-            turned[patch] ^= 1
-    return turned
+    (one, two), first = sides.face[sides.pairs].T, sides.origin[sides.pairs]
+    turn = count * (first[:, 0] == first[:, 1])
+    # every face twice, as it is and turned: what fits together hangs together
+    links = np.concatenate([np.column_stack([one, two + turn]), np.column_stack([one + count, two + count - turn])])
+    patch, back = components(links, 2 * count).reshape(2, count)
+    if (wrong := np.flatnonzero(patch == back)).size:
+        what = f"the surface has one side only: no winding fits {faces.named(wrong.tolist())}"
+        raise InputError(what, key=key)
+    turned, least = patch > back, np.minimum(patch, back)
+    return turned ^ (2 * np.bincount(least, turned)[least] > np.bincount(least)[least])
 
 
 def reverse(polygon: Polygon) -> Polygon:

@@ -1,8 +1,8 @@
 """Distance and overlap of two bodies at given scales, by a collision library and by explicit vertices.
 
 The judge's view of a pair: it uses neither contact equations nor the kernels of the decision curve. Two independent
-ways: `distances` asks coal (GJK and EPA); `separations` projects every vertex on every direction that can separate.
-Both take many scale pairs and poses at once.
+ways: `signed_distances` asks coal (GJK and EPA); `least_separations` projects every vertex on every direction that can
+separate. Both take many scale pairs and poses at once.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
-# Above this many edge pairs `separations` would cost more than everything else the judge does: nan, coal stands alone.
+# Above this many edge pairs `least_separations` costs more than all else that the judge does: nan, coal stands alone.
 EXHAUSTIVE = 250_000
 
 
@@ -146,16 +146,11 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         return self._least(frames, settled) * frames[:, judging.UNIT]
 
-    def distances(self, rho: ArrayLike, transform: Array) -> Array:
-        """Return the signed distance of every part pair, (parts 1, parts 2); see `signed_distances`."""
-        return self._of_each(rho, transform, self._asked)
-
-    def separation(self, rho: ArrayLike, transform: Array) -> float:
-        """Return the least of `separations` at one scale pair and pose."""
-        return float(self.least_separations(np.asarray(rho)[None], transform[None])[0])
-
     def least_separations(self, pairs: ArrayLike, transforms: Array) -> Array:
-        """Return the least of `separations`, (k,), of pairs that the spheres about them leave in doubt; nan as there.
+        """Return the least of the part pairs' largest separations over face normals and edge x edge directions, (k,).
+
+        Of part pairs that the spheres about them leave in doubt, from explicit vertices: positive exactly where they
+        are apart, and then at most their distance, minus the penetration depth otherwise; nan for very large parts.
 
         Parameters
         ----------
@@ -175,23 +170,6 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         bounds: Array = judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
         return bounds
-
-    def separations(self, rho: ArrayLike, transform: Array) -> Array:
-        """Return each part pair's largest separation over face normals and edge x edge directions, (parts 1, parts 2).
-
-        Positive exactly where the parts are apart, and then at most their distance; minus the penetration depth
-        otherwise. Computed from explicit vertices; nan for pairs of very large parts.
-        """
-
-        def projected(one: _Hull, two: _Hull, frames: Array) -> Array:
-            return judging.least_gaps([one.solid], [two.solid], EXHAUSTIVE, frames)
-
-        return self._of_each(rho, transform, projected)
-
-    def _of_each(self, rho: ArrayLike, transform: Array, value: Callable[[_Hull, _Hull, Array], Array]) -> Array:
-        frames = self._framed(np.asarray(rho)[None], transform[None])
-        values = [[value(one, two, frames)[0] for two in self._hulls[1]] for one in self._hulls[0]]
-        return np.array(values) * frames[0, judging.UNIT]
 
     def _least(self, frames: Array, settled: Flags | None) -> Array:
         """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units.
@@ -243,22 +221,20 @@ class ScaledPair:
         return values, judging.believed(one.solid, two.solid, frames, values, witnesses, opposite)
 
     def exact_separation(self, rho: ArrayLike, transform: Array) -> float:
-        """Return the least of `separations`, in rational arithmetic on the numbers as given, rounded at the end.
+        """Return what `least_separations` does, in rational arithmetic on the numbers as given, rounded at the end.
 
         Only directions that come near the largest separation in floats are worked out again; the transform is taken
         as it is, rational and not exactly orthogonal.
         """
         frame = self._frame(rho, transform)
         least = np.inf
-        T = [[Fraction(float(x)) for x in row] for row in transform]
-        scales = [Fraction(float(x)) for x in np.asarray(rho)]
-        seeds = [[Fraction(float(x)) for x in seed] for seed in self._seeds]
+        T, (here, there), (rho_1, rho_2) = _exactly(transform), _exactly(self._seeds), _exactly(np.asarray(rho))
         for one, two in product(*self._hulls):
             places = _best_directions(one, two, frame)
             if not places:
                 return float("nan")
-            first = [_moved(T, _scaled(x, seeds[0], scales[0])) for x in one.part.vertices.tolist()]
-            second = [_scaled(x, seeds[1], scales[1]) for x in two.part.vertices.tolist()]
+            first = (here + rho_1 * (_exactly(one.part.vertices) - here)) @ T[:3, :3].T + T[:3, 3]
+            second = there + rho_2 * (_exactly(two.part.vertices) - there)
             least = min(least, max(_exact_gap(first, second, place) for place in places))
         return least
 
@@ -435,36 +411,18 @@ def face_corners(part: ConvexPart, face: int) -> tuple[int, int, int]:
 
 # ---------------------------------------------------------------------------------------------------- exact arithmetic
 
-Rational = list[Fraction]
+
+def _exactly(numbers: Array) -> NDArray[np.object_]:
+    return np.vectorize(Fraction, otypes=[object])(numbers)
 
 
-def _exact_gap(first: list[Rational], second: list[Rational], direction: Direction) -> float:
+def _exact_gap(first: NDArray[np.object_], second: NDArray[np.object_], direction: Direction) -> float:
     one, two, sign = direction
     if one and two:
-        n = _cross(_minus(first[one[1]], first[one[0]]), _minus(second[two[1]], second[two[0]]))
+        u, v = first[one[1]] - first[one[0]], second[two[1]] - second[two[0]]
     else:
-        a, b, c = (first[k] for k in one) if one else (second[k] for k in two)
-        n = _cross(_minus(b, a), _minus(c, a))
-    n = [sign * x for x in n]
-    gap = min(_dot(n, y) for y in second) - max(_dot(n, x) for x in first)
-    return float(gap / Fraction(float(np.linalg.norm([float(x) for x in n]))))
-
-
-def _scaled(point: list[float], seed: Rational, rho: Fraction) -> Rational:
-    return [s + rho * (Fraction(x) - s) for x, s in zip(point, seed, strict=True)]
-
-
-def _moved(T: list[Rational], x: Rational) -> Rational:
-    return [T[i][0] * x[0] + T[i][1] * x[1] + T[i][2] * x[2] + T[i][3] for i in range(3)]
-
-
-def _minus(a: Rational, b: Rational) -> Rational:
-    return [x - y for x, y in zip(a, b, strict=True)]
-
-
-def _dot(a: Rational, b: Rational) -> Fraction:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: Rational, b: Rational) -> Rational:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        a, b, c = first[list(one)] if one else second[list(two)]
+        u, v = b - a, c - a
+    n = sign * np.cross(u, v)
+    gap = (second @ n).min() - (first @ n).max()
+    return float(gap / Fraction(float(np.linalg.norm(n.astype(float)))))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints
+from fcdm_opt.geometry.measures import units
 from fcdm_opt.tolerances import DEFAULT
-
-SMALLEST = 1e-50  # extent of a part: its volume stays above what floats can hold
 
 
 def needless(local: Array, triangles: Ints, normals: Array) -> Ints:
@@ -76,9 +75,3 @@ def _least_norm(points: Array, chosen: list[int], weights: Array) -> tuple[list[
     for _ in range(2):  # again: what rounding left along the corral would tilt a short vector
         nearest = nearest - basis @ (basis.T @ nearest)
     return chosen, aim, nearest
-
-
-def units(vectors: Array) -> Array:
-    """Return rows at unit length; zero stays zero."""
-    units: Array = vectors / np.maximum(np.sqrt((vectors**2).sum(axis=1)), SMALLEST)[:, None]
-    return units

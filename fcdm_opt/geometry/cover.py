@@ -7,7 +7,6 @@ a facet at a reflex edge settles that edge. Cut like that until no reflex edge i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,13 +15,6 @@ from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
 from fcdm_opt.geometry.partition import Edge, inner_edges, reflex_edges
 
 TARGETS = 6  # largest pieces still to be covered that a part is grown around, of which the best is taken
-
-
-class _Piece(NamedTuple):
-    """A piece that is still to be covered, and its volume."""
-
-    cell: Cell
-    volume: float
 
 
 def is_star_shaped(space: Arrangement, facets: Sequence[Facet], seed: int) -> bool:
@@ -48,23 +40,17 @@ def cover(
         A partition of it.
     most : int
     """
-    left, parts = [_Piece(cell, space.volume(cell)) for cell in cells], list[Cell]()
+    left, parts = list(cells), list[Cell]()
     while left:
-        if len(parts) == most:
+        options = list[tuple[float, int, Cell, list[Cell]]]()
+        for target in sorted(left, key=space.volume, reverse=True)[:TARGETS]:
+            if (part := _grown(space, hull, facets, seed, target, left)) is not None:
+                rest = [own for piece in left for own in _less(space, piece, part)]
+                options.append((sum(map(space.volume, rest)), len(options), part, rest))
+        if not options or len(parts) == most:
             return None
-        best, rest, least = None, left, sum(piece.volume for piece in left)
-        for target in sorted(left, key=lambda piece: -piece.volume)[:TARGETS]:
-            part = _grown(space, hull, facets, seed, target, left)
-            if part is None:
-                continue
-            without = [own for piece in left for own in _pieces(space, piece, part)]
-            amount = sum(piece.volume for piece in without)
-            if amount < least:
-                best, rest, least = part, without, amount
-        if best is None:
-            return None
-        parts.append(best)
-        left = rest
+        *_, part, left = min(options, key=lambda option: option[:2])
+        parts.append(part)
     for part in list(parts):
         others = [own for own in parts if own is not part]
         if not _without(space, part, others):
@@ -73,12 +59,12 @@ def cover(
 
 
 def _grown(
-    space: Arrangement, cell: Cell, facets: Sequence[Facet], seed: int, target: _Piece, left: Sequence[_Piece]
+    space: Arrangement, cell: Cell, facets: Sequence[Facet], seed: int, target: Cell, left: Sequence[Cell]
 ) -> Cell | None:
     """Return a convex part of the solid that holds the seed and the middle of the target, and much of what is left."""
-    middle = space.local[target.cell.points].mean(axis=0)
-    weights = np.concatenate([np.full(len(own.cell.points), own.volume) for own in left])
-    points = np.concatenate([own.cell.points for own in left])
+    middle = space.local[target.points].mean(axis=0)
+    weights = np.concatenate([np.full(len(own.points), space.volume(own)) for own in left])
+    points = np.concatenate([own.points for own in left])
     total = max(float(weights.sum()), float(np.finfo(float).tiny))
     whole: Cell | None = cell
     while whole is not None:
@@ -90,7 +76,7 @@ def _grown(
         for plane, side in sorted({(f.plane, f.side) for own in reflex.values() for f in own}):
             if _height(space, plane, middle) * side > -space.slack:
                 continue
-            share = (space.signs[plane, target.cell.points] * side <= 0).mean()
+            share = (space.signs[plane, target.points] * side <= 0).mean()
             held = float(share == 1) + (weights * (space.signs[plane, points] * side <= 0)).sum() / total
             if held > most:
                 best, most = (plane, side), held
@@ -128,11 +114,6 @@ def _less(space: Arrangement, cell: Cell, part: Cell) -> list[Cell]:
             pieces.append(outer)
         rest = inner
     return pieces
-
-
-def _pieces(space: Arrangement, piece: _Piece, part: Cell) -> list[_Piece]:
-    left = _less(space, piece.cell, part)
-    return [piece] if len(left) == 1 and left[0] is piece.cell else [_Piece(own, space.volume(own)) for own in left]
 
 
 def _without(space: Arrangement, cell: Cell, others: Sequence[Cell]) -> list[Cell]:

@@ -9,13 +9,15 @@ crossing: around it the surface stays on one side.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
-from typing import Any, NamedTuple
+from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.polygons import clipped
+from fcdm_opt.geometry.sides import Sides
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
 BLOCK = 1 << 18  # pairs looked at together
@@ -54,24 +56,18 @@ def first_crossing(points: Array, triangles: Ints, slack: float) -> Crossing | N
 
 def _folded(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield neighbours across an edge that may lie on each other."""
-    origin, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
-    third = triangles[:, [2, 0, 1]].ravel()
-    low, high = np.minimum(origin, end), np.maximum(origin, end)
-    name = low * len(points) + high
-    order = np.argsort(name, kind="stable")
+    sides = Sides.around(triangles.ravel(), 3)
+    order = np.argsort(sides.edge, kind="stable")
     for step in range(1, len(order)):  # the next side of the same edge, the one after that, ...
-        same = np.flatnonzero(name[order[step:]] == name[order[:-step]])
+        same = np.flatnonzero(sides.edge[order[step:]] == sides.edge[order[:-step]])
         if not same.size:
             return
         one, two = order[same], order[same + step]
-        base = points[low[one]]
-        along, a, b = points[high[one]] - base, points[third[one]] - base, points[third[two]] - base
-        along /= norms(along)[:, None]
-        up, down = cross(along, a), cross(along, b)  # as long as the heights over the edge
-        tall, deep = norms(up), norms(down)
-        slope = ROUNDING * (norms(a) / tall + norms(b) / deep)
-        cosine = (up * down).sum(axis=1) / (tall * deep)
-        sine = norms(cross(up, down)) / (tall * deep)
+        _, c, d = sides.sections(points, np.column_stack([one, two]))
+        high, deep = norms(c), norms(d)
+        longest = norms(points[triangles] - points[np.roll(triangles, 1, axis=1)]).max(axis=1)
+        slope = ROUNDING * (longest[one // 3] / high + longest[two // 3] / deep)
+        cosine, sine = (c * d).sum(axis=1) / (high * deep), norms(cross(c, d)) / (high * deep)
         doubtful = ~((cosine < -slope) | (sine > slope))
         yield one[doubtful] // 3, two[doubtful] // 3
 
@@ -119,40 +115,27 @@ def _crossing_apart(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
             for other in triangles.T:
                 apart = column[one] != other[two]
                 one, two = one[apart], two[apart]
-        for axes in (_plane_axes, _edge_axes, _side_axes):
-            first, second = points[triangles[one]], points[triangles[two]]
-            base = first[:, :1]
-            left = _not_separated(first - base, second - base, axes)
-            one, two = one[left], two[left]
-        yield one, two
+        left = _not_separated(points[triangles[one]], points[triangles[two]])
+        yield one[left], two[left]
 
 
-def _plane_axes(one: Array, two: Array) -> Iterator[Array]:
-    for own in (one, two):
-        yield cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
+def _not_separated(one: Array, two: Array) -> Ints:
+    """Return the pairs of triangles, (m, 3, 3), that no plane across one of the axes keeps apart by more than rounding.
 
-
-def _edge_axes(one: Array, two: Array) -> Iterator[Array]:
-    for i in range(3):
-        for j in range(3):
-            yield cross(one[:, i] - one[:, i - 1], two[:, j] - two[:, j - 1])
-
-
-def _side_axes(one: Array, two: Array) -> Iterator[Array]:
-    for own, normal in zip((one, two), _plane_axes(one, two), strict=True):
-        for i in range(3):
-            yield cross(normal, own[:, i] - own[:, i - 1])
-
-
-def _not_separated(one: Array, two: Array, axes: Any) -> Ints:
-    """Return the pairs that no plane across one of the axes keeps apart by more than rounding."""
+    Across a triangle, along a side of both, or through a side and across its triangle.
+    """
+    one, two = one - one[:, :1], two - one[:, :1]
     reach = np.sqrt(np.maximum((one**2).sum(axis=2).max(axis=1), (two**2).sum(axis=2).max(axis=1)))
-    left = np.ones(len(one), bool)
-    for axis in axes(one, two):
-        here, there = (one * axis[:, None]).sum(axis=2), (two * axis[:, None]).sum(axis=2)
+    ways = np.concatenate([np.roll(own, -1, axis=1) - own for own in (one, two)], axis=1)
+    normals = np.stack([cross(ways[:, 0], ways[:, 1]), cross(ways[:, 3], ways[:, 4])], axis=1)
+    ways, left = np.concatenate([ways, normals], axis=1), np.arange(len(one))
+    sides = product(range(3), range(3, 6))
+    for i, j in ((0, 1), (3, 4), *sides, (6, 0), (6, 1), (6, 2), (7, 3), (7, 4), (7, 5)):
+        axis = cross(ways[left, i], ways[left, j])
+        here, there = ((own[left] * axis[:, None]).sum(axis=2) for own in (one, two))
         gap = np.maximum(there.min(axis=1) - here.max(axis=1), here.min(axis=1) - there.max(axis=1))
-        left &= ~(gap > ROUNDING * reach * norms(axis))
-    return np.flatnonzero(left)
+        left = left[~(gap > ROUNDING * reach[left] * norms(axis))]
+    return left
 
 
 def _overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, Ints]]:
@@ -196,9 +179,16 @@ def _meeting(one: Array, two: Array, slack: float) -> tuple[float, float, float]
     """Return a point at which two triangles meet beyond what they share, None if there is none off it by `slack`."""
     from flint import fmpq
 
-    first, second = ([tuple(fmpq(*x.as_integer_ratio()) for x in row) for row in own.tolist()] for own in (one, two))
+    rational = [np.array([[fmpq(*x.as_integer_ratio()) for x in row] for row in own.tolist()]) for own in (one, two)]
+    first, second = ([tuple(row) for row in own] for own in rational)
     shared = [point for point in first if point in second]
-    common = _intersection(first, second)
+    polygon, other = rational
+    ahead = np.roll(other, -1, axis=0) - other
+    normal = cross(ahead[0], ahead[1])
+    inwards = np.concatenate([[normal, -normal], cross(normal[None], ahead)])
+    for inward, origin in zip(inwards, other[[0, 0, 0, 1, 2]], strict=True):
+        polygon = clipped(polygon, (polygon - origin) @ inward)
+    common = list(dict.fromkeys(map(tuple, polygon)))
     found = [point for point in common if point not in shared]
     if not found:
         return None
@@ -211,35 +201,3 @@ def _meeting(one: Array, two: Array, slack: float) -> tuple[float, float, float]
         return None
     x, y, z = (float(sum(values) / len(found)) for values in zip(*found, strict=True))
     return x, y, z
-
-
-def _intersection(one: list[Any], two: list[Any]) -> list[Any]:
-    """Return the corners of the intersection of two triangles, exactly: the first is clipped by the second."""
-    a, b, c = two
-    normal = _cross(_minus(b, a), _minus(c, a))
-    planes = [(normal, a), (tuple(-x for x in normal), a)]
-    planes += [(_cross(normal, _minus(q, p)), p) for p, q in ((a, b), (b, c), (c, a))]
-    polygon = one
-    for inward, origin in planes:
-        sides = [_dot(inward, _minus(point, origin)) for point in polygon]
-        kept = []
-        for k, (point, side) in enumerate(zip(polygon, sides, strict=True)):
-            if side * sides[k - 1] < 0:
-                share = side / (side - sides[k - 1])
-                kept.append(tuple(x + share * (y - x) for x, y in zip(point, polygon[k - 1], strict=True)))
-            if side >= 0:
-                kept.append(point)
-        polygon = kept
-    return list(dict.fromkeys(polygon))
-
-
-def _dot(u: Any, v: Any) -> Any:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-def _minus(u: Any, v: Any) -> Any:
-    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
-
-
-def _cross(u: Any, v: Any) -> Any:
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]

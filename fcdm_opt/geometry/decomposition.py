@@ -14,8 +14,11 @@ from fcdm_opt.geometry.approximate import approximate
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
 from fcdm_opt.geometry.cover import cover, is_star_shaped
-from fcdm_opt.geometry.hull import convex_hull, unit_normals
+from fcdm_opt.geometry.hull import convex_hull
+from fcdm_opt.geometry.measures import cross, norms, volume_and_centroid
 from fcdm_opt.geometry.partition import RULES, Rule, merged, partition
+from fcdm_opt.geometry.polygons import area, coplanar, normals_of
+from fcdm_opt.geometry.sides import Sides, components, fans
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
@@ -25,8 +28,8 @@ if TYPE_CHECKING:
 Method = Literal["auto", "exact", "coacd"]
 METHODS: tuple[str, ...] = ("auto", "exact", "coacd")
 Rows = tuple[int, ...]
-# "auto" decomposes exactly up to this many reflex edges: some seconds. On fewer two rules are tried, or all.
-MOST_REFLEX, MOST_FOR_TWO, MOST_FOR_RULES = 500, 200, 48
+# "auto" decomposes exactly up to this many reflex edges: some seconds. On fewer all rules are tried.
+MOST_REFLEX, MOST_FOR_RULES = 500, 200
 MOST_COVERED = 24  # cells of a partition that a cover is looked for of: its time grows with their square
 LARGER = 2  # times as many parts as the partition that a cover may have
 
@@ -59,11 +62,6 @@ class Decomposition:
     surface: Surface | None = None
     cover: bool = False
     deviation: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def faces(self) -> tuple[Rows, ...]:
-        """The solid's true faces as rows: coplanar facets that share an edge are one; all its corners, holes' too."""
-        return () if self.surface is None else self.surface.faces
 
 
 def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposition:
@@ -101,8 +99,7 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
         return _approximated(mesh, asked)
     if method == "auto" and reflex > MOST_REFLEX:
         known += f", more than {MOST_REFLEX}, but CoACD is not installed"
-    rules = RULES if reflex <= MOST_FOR_RULES else RULES[:2] if reflex <= MOST_FOR_TWO else RULES[:1]
-    return _exact(mesh, seed, known, rules)
+    return _exact(mesh, seed, known, RULES if reflex <= MOST_FOR_RULES else RULES[:1])
 
 
 def _approximated(mesh: Mesh, asked: str) -> Decomposition:
@@ -118,10 +115,9 @@ def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomp
     best: list[Cell] | None = None
     for rule in rules:
         cells = partition(space, solid.hull, solid.inner, rule)
-        for last in (False, True):
-            joined = merged(space, cells, last=last)
-            if (best is None or len(joined) < len(best)) and _fills(mesh, space, joined):
-                best = joined
+        joined = merged(space, cells)
+        if (best is None or len(joined) < len(best)) and _fills(mesh, space, joined):
+            best = joined
     if best is None:
         raise InputError("no exact decomposition: the parts' volumes do not add up to the mesh's", key=mesh.name)
     covering, kind = None, "partition"
@@ -144,26 +140,24 @@ def _exact(mesh: Mesh, seed: Array, known: str, rules: Sequence[Rule]) -> Decomp
 
 def _numbered(space: Arrangement, drawn: int, cells: Sequence[Cell]) -> tuple[Array, tuple[Ints, ...]]:
     """Return the drawn points and those that the cells use, rounded once, each only once, and the cells' rows."""
-    used = sorted({int(k) for cell in cells for k in cell.points if k >= drawn})
-    points = space.coordinates([*range(drawn), *used])
+    rows = [*range(drawn), *sorted({k for cell in cells for k in cell.points.tolist() if k >= drawn})]
+    points = space.coordinates(rows) + 0.0
     number: dict[tuple[float, ...], int] = {}
-    for k, point in enumerate((points + 0.0).tolist()):
-        number.setdefault(tuple(point), k)
-    first = [number[tuple(point)] for point in (points + 0.0).tolist()]
-    kept = [k for k in range(len(points)) if k < drawn or first[k] == k]
-    place = {k: row for row, k in enumerate(kept)}
-    final = [place[k] if k < drawn else place[first[k]] for k in range(len(points))]
-    rows = dict(zip([*range(drawn), *used], final, strict=True))
-    return points[kept], tuple(frozen(sorted({rows[k] for k in cell.points.tolist()}), np.int64) for cell in cells)
+    kept, place = list(range(drawn)), dict[int, int]()
+    for k, (row, point) in enumerate(zip(rows, map(tuple, points.tolist()), strict=True)):
+        place[row] = k if k < drawn else number.setdefault(point, len(kept))
+        number.setdefault(point, place[row])
+        kept += [k] * (place[row] == len(kept))
+    return points[kept], tuple(frozen(sorted({place[k] for k in cell.points.tolist()}), np.int64) for cell in cells)
 
 
 def _fills(mesh: Mesh, space: Arrangement, cells: Sequence[Cell]) -> bool:
     """Tell whether the cells' volumes add up to the mesh's, within what moving its surface by the slack changes."""
-    corners = space.local[mesh.triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    a, b, c = space.local[mesh.triangles.T]
+    skin = norms(cross(b - a, c - a)).sum() / 2
     volume = mesh.volume / space.size**3
     error = abs(sum(space.volume(cell) for cell in cells) - volume)
-    return bool(error <= 2 * space.slack * area + DEFAULT.nominal * volume)
+    return bool(error <= 2 * space.slack * skin + DEFAULT.nominal * volume)
 
 
 # --------------------------------------------------------------------------------------------------------------- solid
@@ -181,10 +175,14 @@ class _Solid(NamedTuple):
     def of(cls, mesh: Mesh) -> _Solid:
         used = np.unique(mesh.triangles)
         space = Arrangement(mesh.vertices, used)
-        normals = np.array([unit_normals(space.local[list(face)]) for face in mesh.faces])
-        groups = _coplanar(space.local, mesh.faces, normals, space.slack)
+        outlines = [space.local[list(face)] for face in mesh.faces]
+        normals = normals_of(space.local, mesh.faces)
+        largest = np.argsort([-area(outline) for outline in outlines], kind="stable")
+        levels = (normals * [outline.mean(axis=0) for outline in outlines]).sum(axis=1)
+        polygons = [mesh.faces[k] for k in largest.tolist()]
         plane = np.empty(len(mesh.faces), np.int64)
-        for own in groups:
+        for group in coplanar(space.local, polygons, normals[largest], levels[largest], space.slack):
+            own = largest[group]
             corners = sorted({v for k in own for v in mesh.faces[k]})
             plane[own] = row = space.plane(corners)
             space.lie_on(corners, row)
@@ -207,69 +205,24 @@ class _Solid(NamedTuple):
         return cls(space, facets, space.pruned(whole), inner)
 
 
-def _coplanar(local: Array, faces: Sequence[Rows], normals: Array, slack: float) -> list[list[int]]:
-    """Group faces whose corners lie in one plane, that of the largest of them."""
-    areas = []
-    for face in faces:
-        spokes = local[list(face[1:])] - local[face[0]]
-        areas.append(float(np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0))))
-    groups: list[list[int]] = []
-    table, levels = np.empty((len(faces), 3)), np.empty(len(faces))
-    for k in np.argsort(-np.array(areas), kind="stable").tolist():
-        corners, count = local[list(faces[k])], len(groups)
-        near = np.flatnonzero(np.abs(corners @ table[:count].T - levels[:count]).max(axis=0) <= slack)
-        if near.size:
-            groups[near[np.abs(table[near] @ normals[k]).argmax()]].append(k)
-            continue
-        groups.append([k])
-        table[count], levels[count] = normals[k], normals[k] @ corners.mean(axis=0)
-    return groups
-
-
 # -------------------------------------------------------------------------------------------------------------- convex
-
-
-def _sides(mesh: Mesh) -> tuple[Ints, Ints]:
-    """Return pairs of the triangles' sides (three a triangle) along one edge, and how many sides each edge has."""
-    origin, end = mesh.triangles.ravel(), mesh.triangles[:, [1, 2, 0]].ravel()
-    name = np.minimum(origin, end) * len(mesh.vertices) + np.maximum(origin, end)
-    order = np.argsort(name, kind="stable")
-    _, starts, counts = np.unique(name[order], return_index=True, return_counts=True)
-    return np.column_stack([order[starts], order[starts + counts - 1]]), counts
 
 
 def _reflex_edges(mesh: Mesh, used: Ints) -> int:
     """Return how many edges are reflex, by the section across them; an edge of more than two triangles is."""
-    pairs, counts = _sides(mesh)
-    spread = mesh.vertices - mesh.vertices[used[0]]
-    size = np.abs(spread[used]).max()
+    sides, local = Sides.around(mesh.triangles.ravel(), 3), mesh.vertices - mesh.vertices[used[0]]
+    size = np.abs(local[used]).max()
     slack = max(DEFAULT.planarity, 4 * float(np.spacing(np.abs(mesh.vertices[used]).max())) / size)
-    corners = mesh.triangles.ravel()
-    opposite = mesh.triangles[:, [2, 0, 1]].ravel()
-    ends = mesh.triangles[:, [1, 2, 0]].ravel()
-    one, two = pairs.T
-    base = spread[corners[one]] / size
-    along = spread[ends[one]] / size - base
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    c, d = (spread[opposite[k]] / size - base for k in (one, two))
-    c, d = (x - (x * along).sum(axis=1)[:, None] * along for x in (c, d))
-    widest = np.sqrt(np.maximum((c**2).sum(axis=1), (d**2).sum(axis=1)))
-    fold = (np.cross(c, d) * along).sum(axis=1)  # the first triangle is to the left of the edge, inside below both
-    return int(((fold > slack * widest) | (counts > 2)).sum())
+    along, c, d = sides.sections(local / size, sides.pairs)
+    fold = (cross(c, d) * along).sum(axis=1)  # the first triangle is to the left of the edge, inside below both
+    return int((fold > slack * np.maximum(norms(c), norms(d))).sum() + (sides.counts > 2).sum())
 
 
 def _is_whole(mesh: Mesh, used: Ints) -> bool:
     """Tell whether a mesh without reflex edges is its own hull, not several solids."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    sides = np.vstack([mesh.triangles[:, :2], mesh.triangles[:, 1:]])
-    graph = coo_array((np.ones(len(sides)), sides.T), shape=(len(mesh.vertices),) * 2)
-    if len(np.unique(connected_components(graph, directed=False)[1][used])) > 1:
+    sides = Sides.around(mesh.triangles.ravel(), 3)
+    if np.ptp(components(np.column_stack([sides.origin, sides.end]), len(mesh.vertices))[used]):
         return False
     hull = convex_hull(mesh.vertices[used], used, f"body '{mesh.name}'")
-    local = mesh.vertices - mesh.vertices[used[0]]
-    fans = np.array([(loop[0], *loop[k : k + 2]) for loop in hull.loops for k in range(1, len(loop) - 1)])
-    a, b, c = local[hull.used[fans]].transpose(1, 0, 2)
-    volume = float((a * np.cross(b, c)).sum()) / 6
+    volume = volume_and_centroid(mesh.vertices[hull.used[fans(hull.loops)]])[0]
     return abs(volume - mesh.volume) <= DEFAULT.nominal * volume

@@ -21,7 +21,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, Array
 from fcdm_opt.geometry.flattening import flattened
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.polygons import Polygon
+from fcdm_opt.geometry.sides import Polygon
 from fcdm_opt.tolerances import DEFAULT
 
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}

@@ -13,7 +13,8 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.polygons import Polygon, by_size
+from fcdm_opt.geometry.polygons import by_size, coplanar
+from fcdm_opt.geometry.sides import Polygon, Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 100  # two are enough unless more than three faces meet at a corner
@@ -47,23 +48,36 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
         return vertices
     place = distinct.copy()
     corner, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(own) for own in groups])
-    order = np.argsort(corner, kind="stable")
-    corner, owner = corner[order], owner[order]
-    moved, starts, counts = np.unique(corner, return_index=True, return_counts=True)
     enough = DEFAULT.normal * float(np.abs(distinct).max())
     for _ in range(ROUNDS):
         normals, levels, _ = _fitted(place, groups)
         misses = levels[owner] - (normals[owner] * place[corner]).sum(axis=1)
         if np.abs(misses).max() <= enough:
             break
-        for count in np.unique(counts):
-            own = counts == count
-            rows = starts[own][:, None] + np.arange(count)
-            onto = np.linalg.pinv(normals[owner[rows]], rcond=DEFAULT.sharp)  # the shortest step onto all its planes
-            place[moved[own]] += (onto @ misses[rows][:, :, None])[:, :, 0]
+        place = onto_planes(place, corner, normals[owner], misses)
     far = norms(place - distinct) > slack / DEFAULT.sharp
     place[far] = distinct[far]
     return place[same]
+
+
+def onto_planes(points: Array, corner: Ints, normals: Array, misses: Array) -> Array:
+    """Return points moved the shortest way onto all their planes, but for directions that these hardly fix.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    corner : (k,) int array
+        The point that lies on a plane; several times the same one on several.
+    normals, misses : (k, 3) and (k,) arrays
+        Of that plane, and how far it is from the point.
+    """
+    order, place = np.argsort(corner, kind="stable"), points.copy()
+    moved, starts, counts = np.unique(corner[order], return_index=True, return_counts=True)
+    for count in np.unique(counts):
+        own = counts == count
+        rows = order[starts[own][:, None] + np.arange(count)]
+        place[moved[own]] += (np.linalg.pinv(normals[rows], rcond=DEFAULT.sharp) @ misses[rows][:, :, None])[:, :, 0]
+    return place
 
 
 def _fitted(points: Array, groups: Sequence[Ints]) -> tuple[Array, Array, Array]:
@@ -87,37 +101,19 @@ def _together(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
         return []
     bend = 4 * float(off[near].max())  # exact files keep the finest steps
     normals, levels, groups = normals[near], levels[near], [groups[k] for k in near]
-    corners, starts = np.concatenate(groups), np.cumsum([0, *map(len, groups)])[:-1]
-    free, joined = np.ones(len(groups), bool), []
-    for k in range(len(groups)):
-        if free[k]:
-            heights = np.abs(points[corners] @ normals[k] - levels[k])
-            own = free & (np.maximum.reduceat(heights, starts) <= bend)
-            own[k] = True
-            free &= ~own
-            joined.append(np.unique(np.concatenate([groups[j] for j in np.flatnonzero(own)])))
-    return joined
+    joined = coplanar(points, groups, normals, levels, bend)
+    return [np.unique(np.concatenate([groups[k] for k in own.tolist()])) for own in joined]
 
 
 def _connected(points: Array, triangles: Ints, slack: float) -> list[Ints]:
     """Return the corners of each group of triangles that lie in one plane and are connected by edges of two."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     if not len(triangles):
         return []
-    origin, end, third = triangles.ravel(), triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
-    name = np.minimum(origin, end) * len(points) + np.maximum(origin, end)
-    edge, counts = np.unique(name, return_inverse=True, return_counts=True)[1:]
-    order = np.argsort(edge, kind="stable")
-    one, two = order[counts[edge[order]] == 2].reshape(-1, 2).T
-    base, along = points[origin[one]], points[end[one]] - points[origin[one]]
-    along /= np.maximum(norms(along), np.finfo(float).tiny)[:, None]
-    up, down = cross(along, points[third[one]] - base), cross(along, points[third[two]] - base)
+    sides = Sides.around(triangles.ravel(), 3)
+    _, c, d = sides.sections(points, sides.pairs)
     # how far the lower triangle's corner is off the plane of the higher one, on the other side of the edge
-    folds = norms(cross(up, down)) / np.maximum(np.maximum(norms(up), norms(down)), np.finfo(float).tiny)
-    flat = (folds <= 4 * slack) & ((up * down).sum(axis=1) <= 0)
-    links = coo_array((np.ones(flat.sum()), (one[flat] // 3, two[flat] // 3)), shape=(len(triangles), len(triangles)))
-    group = connected_components(links, directed=False)[1]
+    folds = norms(cross(c, d)) / np.maximum(np.maximum(norms(c), norms(d)), np.finfo(float).tiny)
+    flat = (folds <= 4 * slack) & ((c * d).sum(axis=1) <= 0)
+    group = components(sides.face[sides.pairs[flat]], len(triangles))
     order = np.argsort(group, kind="stable")
     return [np.unique(triangles[own]) for own in np.split(order, np.flatnonzero(np.diff(group[order])) + 1)]

@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.corners import SMALLEST, needless, units
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
+from fcdm_opt.geometry.corners import needless
+from fcdm_opt.geometry.measures import cross, norms, units
+from fcdm_opt.geometry.sides import Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
 
@@ -32,22 +34,6 @@ class Hull(NamedTuple):
     used: Ints
     loops: tuple[tuple[int, ...], ...]
     edges: Ints
-
-
-class _Sides(NamedTuple):
-    """Directed sides of polygons, and the two sides of each edge as their rows, the one that runs upwards first."""
-
-    origin: Ints
-    end: Ints
-    pairs: Ints
-
-
-def unit_normals(polygons: Array) -> Array:
-    """Return unit normals of (nearly) planar polygons, (..., n, 3), by Newell's sum about their first vertices."""
-    spokes = polygons[..., 1:, :] - polygons[..., :1, :]
-    total = np.cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
-    normals: Array = total / np.linalg.norm(total, axis=-1, keepdims=True)
-    return normals
 
 
 def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
@@ -81,7 +67,8 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     frame = axes.T * (stretch[0] / stretch)
     triangles, normals = _triangulated(local, np.arange(len(points)), frame, key)
     if np.bincount(triangles.ravel(), minlength=len(points)).min() == 0:
-        triangles = _first_equals(points)[triangles]
+        first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+        triangles = first[same.ravel()][triangles]
     while (dropped := needless(local, triangles, normals)).size:
         kept = np.setdiff1d(triangles, dropped)
         triangles, normals = _triangulated(local, kept, frame, key)
@@ -95,7 +82,8 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
 
 def _flat(points: Array, rows: Ints, key: str, found: str) -> InputError:
     """Say why points span no volume: too few are distinct, or the line or plane that they lie in."""
-    owners = _first_equals(points)
+    first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+    owners = first[same.ravel()]
     distinct, names = np.unique(owners), rows + 1
     again = np.flatnonzero(owners != np.arange(len(points)))
     if len(distinct) < 4 and again.size:
@@ -118,22 +106,6 @@ def _flat(points: Array, rows: Ints, key: str, found: str) -> InputError:
     return InputError(what, key=key, found=found)
 
 
-def _first_equals(points: Array) -> Ints:
-    """Return for each point the first one equal to it."""
-    order = np.lexsort(points.T)
-    ranked = points[order]
-    new = np.concatenate([[True], (ranked[1:] != ranked[:-1]).any(axis=1)])
-    owners = np.empty(len(points), np.int64)
-    owners[order] = order[new][np.cumsum(new) - 1]
-    return owners
-
-
-def _cross(u: Array, v: Array) -> Array:
-    """Return cross products of rows; quicker than numpy's on few rows."""
-    one, two = [1, 2, 0], [2, 0, 1]
-    return u[:, one] * v[:, two] - u[:, two] * v[:, one]
-
-
 def _triangulated(local: Array, kept: Ints, frame: Array, key: str) -> tuple[Ints, Array]:
     """Return Qhull's triangles, counter-clockwise seen from outside, and the outward unit normals of their facets."""
     from scipy.spatial import ConvexHull, QhullError
@@ -148,7 +120,7 @@ def _triangulated(local: Array, kept: Ints, frame: Array, key: str) -> tuple[Int
     normals = units(hull.equations[:, :3] @ frame.T)
     triangles = kept[hull.simplices]
     a, b, c = local[triangles.T]
-    turned = (_cross(b - a, c - a) * normals).sum(axis=1) < 0
+    turned = (cross(b - a, c - a) * normals).sum(axis=1) < 0
     triangles[turned] = triangles[turned, ::-1]
     return triangles, normals
 
@@ -168,26 +140,12 @@ def _apart(points: Array) -> Ints:
 # ---------------------------------------------------------------------------------------------------------------- faces
 
 
-def _sides(corners: Ints, sizes: Ints, key: str) -> _Sides:
+def _closed(corners: Ints, sizes: Ints, key: str) -> Sides:
     """Return the sides of polygons, corners one after another; raise unless they close to a surface."""
-    after = np.arange(1, len(corners) + 1)
-    last = np.cumsum(sizes) - 1
-    after[last] = last - sizes + 1
-    origin, end = corners, corners[after]
-    low, high = np.minimum(origin, end), np.maximum(origin, end)
-    name = low * (corners.max() + 1) + high
-    order = np.argsort(2 * name + (origin > end))
-    pairs = order.reshape(-1, 2) if len(order) % 2 == 0 else np.empty((0, 2), np.int64)
-    up, down = pairs.T
-    closed = (
-        len(pairs)
-        and (name[up] == name[down]).all()
-        and (origin[up] == end[down]).all()
-        and (np.diff(name[up]) > 0).all()
-    )
-    if not closed:
+    sides = Sides.around(corners, sizes)
+    if (sides.counts != 2).any() or sides.unequal.size:
         raise InputError("the hull of the points is not a closed surface", key=key)
-    return _Sides(origin, end, pairs)
+    return sides
 
 
 def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
@@ -195,19 +153,23 @@ def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
 
     The face of the largest triangle comes first.
     """
-    sides = _sides(triangles.ravel(), np.full(len(triangles), 3), key)
+    sides = _closed(triangles.ravel(), np.full(len(triangles), 3), key)
     areas = _areas(local[triangles])
     sizes = np.sqrt((areas**2).sum(axis=1))
     order = np.argsort(-sizes, kind="stable")
-    flat = sides.pairs[_is_flat(local, triangles, sides)] // 3
+    along, c, d = sides.sections(local, sides.pairs)
+    fold = np.abs((along * cross(c, d)).sum(axis=1))  # both within `planarity` of the plane of one of them
+    joined = (fold <= DEFAULT.planarity * np.maximum(norms(c), norms(d))) & ((c * d).sum(axis=1) < 0)
+    flat = sides.pairs[joined] // 3
     if not flat.size:
         turn = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
         return np.take_along_axis(triangles, turn, axis=1)[order].ravel(), np.full(len(triangles), 3)
-    group = _joined(len(triangles), flat)
+    first, group = np.unique(components(flat, len(triangles)), return_index=True, return_inverse=True)[1:]
+    group = first[group]
     rank = np.empty(len(triangles), np.int64)
     rank[order] = np.arange(len(order))
-    for wrong in _bent(local[triangles], areas, group):
-        _flood(local[triangles], areas / sizes[:, None], group, np.flatnonzero(group == wrong), flat, rank)
+    bent = _bent(local[triangles], areas, group)
+    group[bent] = np.flatnonzero(bent)
     while True:
         lead = np.full(len(triangles), len(triangles))
         np.minimum.at(lead, group, rank)
@@ -231,75 +193,25 @@ def _areas(corners: Array) -> Array:
     longest, rows = lengths.argmax(axis=1), np.arange(len(corners))
     side, other = sides[rows, longest], sides[rows, longest - 2]
     across: Array = other - ((other * side).sum(axis=1) / lengths[rows, longest])[:, None] * side
-    return _cross(side, across)
+    return cross(side, across)
 
 
-def _is_flat(local: Array, triangles: Ints, sides: _Sides) -> Array:
-    """Tell for each edge whether its two triangles lie within `planarity` of the plane of one of them.
-
-    In the section across the edge, where rounding is of the order of the lengths however slim the triangles are.
-    """
-    up, down = sides.pairs.T
-    base = local[sides.origin[up]]
-    along = units(local[sides.end[up]] - base)
-    corners = np.roll(triangles, -2, axis=1).ravel()  # the corner opposite each side
-    c, d = local[corners[up]] - base, local[corners[down]] - base
-    c, d = c - (c * along).sum(axis=1)[:, None] * along, d - (d * along).sum(axis=1)[:, None] * along
-    widest = np.sqrt(np.maximum((c**2).sum(axis=1), (d**2).sum(axis=1)))
-    fold = np.abs((along * _cross(c, d)).sum(axis=1))
-    return (fold <= DEFAULT.planarity * widest) & ((c * d).sum(axis=1) < 0)
-
-
-def _joined(count: int, pairs: Ints) -> Ints:
-    """Return the least member of each one's connected component."""
-    group = np.arange(count)
-    one, two = pairs.T
-    while (group[one] != group[two]).any():
-        least = np.minimum(group[one], group[two])
-        np.minimum.at(group, group[one], least)
-        np.minimum.at(group, group[two], least)
-        while (group[group] != group).any():
-            group = group[group]
-    return group
-
-
-def _bent(corners: Array, areas: Array, group: Ints) -> Ints:
-    """Return the groups with a corner further than `planarity` from their mean plane: smooth surfaces."""
+def _bent(corners: Array, areas: Array, group: Ints) -> Flags:
+    """Tell which triangles are of a group with a corner further than `planarity` from its mean plane: smooth ones."""
     count = len(group)
     normals = units(np.column_stack([np.bincount(group, x, count) for x in areas.T]))
     heights = (corners * normals[group][:, None]).sum(axis=2)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, group, heights.min(axis=1))
     np.maximum.at(high, group, heights.max(axis=1))
-    return np.flatnonzero(high - low > 2 * DEFAULT.planarity)
+    return (high - low > 2 * DEFAULT.planarity)[group]
 
 
-def _flood(corners: Array, normals: Array, group: Ints, members: Ints, flat: Ints, rank: Ints) -> None:
-    """Cut a bent group into those that lie in the plane of their largest triangle, in place."""
-    beside: dict[int, list[int]] = {int(k): [] for k in members}
-    for one, two in flat[group[flat[:, 0]] == group[members[0]]].tolist():
-        beside[one].append(two)
-        beside[two].append(one)
-    free = set(beside)
-    for start in sorted(beside, key=lambda k: rank[k]):
-        if start not in free:
-            continue
-        free.remove(start)
-        group[start], stack = start, [start]
-        while stack:
-            for other in beside[stack.pop()]:
-                heights = (corners[other] - corners[start, 0]) @ normals[start]
-                if other in free and np.abs(heights).max() <= DEFAULT.planarity:
-                    free.remove(other)
-                    group[other] = start
-                    stack.append(other)
-
-
-def _outlines(local: Array, sides: _Sides, face: Ints, areas: Array) -> tuple[Ints, Ints, Array]:
+def _outlines(local: Array, sides: Sides, face: Ints, areas: Array) -> tuple[Ints, Ints, Array]:
     """Return the outlines of groups of triangles (corners, counts), and which of them are no convex polygon."""
     twin = np.empty(len(sides.origin), np.int64)
     twin[sides.pairs[:, 0]], twin[sides.pairs[:, 1]] = sides.pairs[:, 1], sides.pairs[:, 0]
-    own = np.repeat(face, 3)
+    own = face[sides.face]
     rim = np.flatnonzero(own != own[twin])
     count = int(face.max()) + 1
     rim = rim[np.lexsort((sides.origin[rim], own[rim]))]
@@ -321,19 +233,18 @@ def _outlines(local: Array, sides: _Sides, face: Ints, areas: Array) -> tuple[In
         before = before[before]
     wrong[own[~starts[before]]] = True
     normals = np.column_stack([np.bincount(face, x, count) for x in areas.T])
-    turns = _cross(local[end] - local[origin], local[end[after]] - local[end])
+    turns = cross(local[end] - local[origin], local[end[after]] - local[end])
     wrong[own[(turns * normals[own]).sum(axis=1) <= 0]] = True
     return origin[np.lexsort((steps, own))], sizes, wrong
 
 
 def _edges(corners: Ints, sizes: Ints, key: str) -> Ints:
     """Return `origin, end, left face, right face` of each edge, by left face and place in its loop."""
-    sides = _sides(corners, sizes, key)
+    sides = _closed(corners, sizes, key)
     if int(corners.max()) + 1 - len(sides.pairs) + len(sizes) != 2:
         raise InputError("the hull of the points is not a closed surface", key=key)
     up, down = sides.pairs[np.argsort(sides.pairs[:, 0])].T
-    face = np.repeat(np.arange(len(sizes)), sizes)
-    return np.column_stack([sides.origin[up], sides.end[up], face[up], face[down]])
+    return np.column_stack([sides.origin[up], sides.end[up], sides.face[up], sides.face[down]])
 
 
 def _tuples(corners: Ints, sizes: Ints) -> tuple[tuple[int, ...], ...]:

@@ -1,4 +1,4 @@
-"""What triangles enclose: volume, centroid, and how often they wind round a point."""
+"""Vectors, many at a time, and what triangles enclose: volume, centroid, and how often they wind round a point."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import SMALLEST, Array
 
 if TYPE_CHECKING:
     from flint import fmpq
@@ -24,6 +24,20 @@ def norms(vectors: Array) -> Array:
     """Return the lengths of vectors, (..., 3)."""
     lengths: Array = np.sqrt((vectors**2).sum(axis=-1))
     return lengths
+
+
+def units(vectors: Array) -> Array:
+    """Return vectors, (..., 3), at unit length; zero stays zero."""
+    directions: Array = vectors / np.maximum(norms(vectors), SMALLEST)[..., None]
+    return directions
+
+
+def unit_normals(polygons: Array) -> Array:
+    """Return unit normals of (nearly) planar polygons, (..., n, 3), by Newell's sum about their first vertices."""
+    spokes = polygons[..., 1:, :] - polygons[..., :1, :]
+    total = cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2)
+    normals: Array = total / norms(total)[..., None]
+    return normals
 
 
 def volume_and_centroid(corners: Array) -> tuple[float, Array, float]:
@@ -49,17 +63,10 @@ def exact_volume(corners: Array) -> fmpq:
     """Return the volume that triangles, (t, 3, 3), enclose, exactly that of their float corners."""
     from flint import fmpq, fmpz
 
-    largest = int(np.frexp(corners[corners != 0])[1].min(initial=0)) - 53  # every entry is a multiple of 2 to this
-    number: dict[float, fmpz] = {}
-    for x in np.unique(corners).tolist():
-        top, bottom = x.as_integer_ratio()
-        shift = -largest - (bottom.bit_length() - 1)
-        number[x] = fmpz(top << shift if shift >= 0 else top >> -shift)
-    total = fmpz(0)
-    for a, b, c in corners.tolist():
-        (p, q, r), (u, v, w), (x, y, z) = ([number[value] for value in row] for row in (a, b, c))
-        total += p * (v * z - w * y) + q * (w * x - u * z) + r * (u * y - v * x)
-    return fmpq(total, 6) * fmpq(2) ** (3 * largest)
+    least = int(np.frexp(corners[corners != 0])[1].min(initial=0)) - 53  # every entry is a multiple of 2 to this
+    number = {x: fmpz(int(fmpq(*x.as_integer_ratio()) * fmpq(2) ** -least)) for x in np.unique(corners).tolist()}
+    a, b, c = np.array([number[x] for x in corners.ravel().tolist()], dtype=object).reshape(-1, 3, 3).transpose(1, 0, 2)
+    return fmpq((a * cross(b, c)).sum(), 6) * fmpq(2) ** (3 * least)
 
 
 def winding_numbers(points: Array, corners: Array) -> Array:

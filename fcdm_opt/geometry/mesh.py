@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints, checked_corners, frozen, numbers
-from fcdm_opt.geometry.closing import Faces, Sides, closed, reverse
-from fcdm_opt.geometry.corners import SMALLEST
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, checked_corners, frozen, numbers, row_lists
+from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
-from fcdm_opt.geometry.polygons import Polygon, triangulated
+from fcdm_opt.geometry.polygons import triangulated
+from fcdm_opt.geometry.sides import Polygon, Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
         certain what is inside. Names faces and vertices (1-based) and a place.
     """
     key = f"body '{name}'"
-    points = _points(vertices, key)
+    points = checked_corners(numbers(vertices, f"{key}: vertices"), key) + 0.0  # no negative zeros
     polygons = _polygons(faces, len(points), key)
     # powers of two change no digit; sizes near 1 keep all products far from what floats cannot hold
     used = points[np.unique([v for polygon in polygons for v in polygon])]
@@ -143,55 +143,36 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
 # ---------------------------------------------------------------------------------------------------- input checks
 
 
-def _points(vertices: Any, key: str) -> Array:
-    return checked_corners(numbers(vertices, f"{key}: vertices"), key) + 0.0  # no negative zeros
-
-
 def _polygons(faces: Any, count: int, key: str) -> list[Polygon]:
     """Return faces as tuples of rows, each checked."""
     if isinstance(faces, np.ndarray) and faces.dtype.kind in "iu" and faces.ndim == 2:
-        polygons = [tuple(own) for own in faces.tolist()]
-    else:
-        try:
-            polygons = [tuple(own) for own in faces]
-        except TypeError as reason:
-            raise InputError("faces are lists of rows of the vertices", key=f"{key}: faces", found=faces) from reason
-        for k, own in enumerate(polygons):
-            for v in own:
-                if isinstance(v, bool | np.bool) or not isinstance(v, int | np.integer):
-                    raise InputError("not a row of the vertices", key=f"{key}: face {k + 1}", found=v)
-        polygons = [tuple(map(int, own)) for own in polygons]
+        faces = faces.tolist()
+    polygons = list(map(tuple, row_lists(faces, count, key, "face", repeats=True)))
     if not polygons:
         raise InputError("a solid needs faces", key=f"{key}: faces", found=0)
     for k, own in enumerate(polygons):
         if len(own) < 3:
             raise InputError("a face needs at least 3 corners", key=f"{key}: face {k + 1}", found=len(own))
-        wrong = next((v for v in own if not 0 <= v < count), None)
-        if wrong is not None:
-            what = "not a row of the vertices"
-            raise InputError(what, key=f"{key}: face {k + 1}", found=wrong, allowed=f"0 to {count - 1}")
     return polygons
 
 
 def _welded(points: Array, slack: float) -> tuple[Ints, Ints, tuple[str, ...]]:
     """Return the rows of distinct points, the place among them of each point, and a remark on unequal ones made one."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    distinct, inverse = np.sort(first), np.empty(len(first), np.int64)
-    inverse[np.argsort(first)] = np.arange(len(first))
-    owners = inverse[same.ravel()]
+    distinct, owners = _ranked(points)
     pairs = cKDTree(points[distinct] - points[0]).query_pairs(slack, output_type="ndarray")
     if not len(pairs):
         return distinct, owners, ()
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(distinct), len(distinct)))
-    group = connected_components(links, directed=False)[1]
-    _, least, group = np.unique(group, return_index=True, return_inverse=True)
-    rank = np.argsort(np.argsort(least))
+    least, group = _ranked(components(pairs, len(distinct)))
     remark = f"made one with others nearer than {DEFAULT.weld:g} of the size: {len(distinct) - len(least)} vertices"
-    return distinct[np.sort(least)], rank[group][owners], (remark,)
+    return distinct[least], group[owners], (remark,)
+
+
+def _ranked(rows: Array | Ints) -> tuple[Ints, Ints]:
+    """Return the first places of distinct rows, ascending, and which of these each row is equal to."""
+    first, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)[1:]
+    return np.sort(first), np.argsort(np.argsort(first))[same.ravel()]
 
 
 def _shortened(polygons: list[Polygon], owners: Ints, key: str) -> tuple[tuple[Polygon, ...], tuple[int, ...]]:
@@ -221,7 +202,7 @@ def _outward(surface: Faces, triangles: Ints, owner: Ints, slack: float, key: st
         volume, _, rounding = volume_and_centroid(own)
         if abs(volume) <= rounding:
             volume = float(exact_volume(own))
-        area = float(norms(cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])).sum()) / 2
+        area = norms(cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])).sum() / 2
         if abs(volume) <= slack * area:
             faces = surface.named(np.flatnonzero(shell == k).tolist())
             raise InputError(f"a surface encloses no volume: {faces}", key=key)
@@ -254,32 +235,19 @@ def _shells(surface: Faces) -> Ints:
 
     Others, cut open by edges of more faces, are taken together across those.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     sides = Sides.of(surface.polygons)
-    count = len(surface.polygons)
     order = np.argsort(sides.edge, kind="stable")
-    next_, before = order[1:], order[:-1]
-    linked = sides.edge[next_] == sides.edge[before]
-    next_, before = next_[linked], before[linked]
-    plain = sides.counts[sides.edge[next_]] == 2
-
-    def groups(links: Any) -> Ints:
-        pairs = sides.face[next_[links]], sides.face[before[links]]
-        graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
-        found: Ints = connected_components(graph, directed=False)[1]
-        return found
-
-    group = groups(plain)
+    links = np.column_stack([order[1:], order[:-1]])[np.diff(sides.edge[order]) == 0]
+    plain = sides.counts[sides.edge[links[:, 0]]] == 2
+    links = sides.face[links]
+    group = components(links[plain], len(surface.polygons))
     ways = np.where(sides.origin < sides.end, 1, -1)
     own = np.unique(group[sides.face] * (sides.edge.max() + 1) + sides.edge, return_inverse=True)[1]
     open_ = np.zeros(group.max() + 1, bool)
     open_[group[sides.face[np.bincount(own, ways)[own] != 0]]] = True
     if not open_.any():
         return group
-    cut = open_[group]
-    return groups(plain | (cut[sides.face[next_]] & cut[sides.face[before]]))
+    return components(links[plain | open_[group[links]].all(axis=1)], len(surface.polygons))
 
 
 def _is_inside(inner: Array, outer: Array) -> bool:

@@ -22,11 +22,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.measures import cross
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -35,8 +37,9 @@ if TYPE_CHECKING:
 HEADER = 9
 _UNIT = 2.0**-53
 _MOST_CELLS = 16  # along an edge of the cube: a start within a few steps of the answer is all that is wanted
-_FEW = 250  # points that every direction is compared with; from the best of them it climbs on
-_ROUNDS, _NEIGHBOURS = 100, 50  # of that climb: the grid is where kernels start to climb, not where they end
+_MANY = (
+    2_000  # points that every direction is compared with: the grid is where kernels start to climb, not where they end
+)
 
 
 def packed(part: ConvexPart) -> tuple[Array, Ints]:
@@ -56,10 +59,10 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     inside = bool((levels > radius * (2 * errors + 16 * _UNIT)).all())
     cells = int(np.clip(np.ceil(2 * np.sqrt(n / 6)), 4, _MOST_CELLS))
     towards = _directions(cells)
-    supports = _extreme(towards, local, vertices, table[:, 1], table[np.arange(2 * m) ^ 1, 3])
+    supports = _extreme(towards, local)
     # the ray's exit is the extreme vertex of the polar dual
     dual = normals / levels[:, None] if inside else normals
-    exits = _extreme(towards, dual, faces, table[np.arange(2 * m) ^ 1, 2], table[:, 3])
+    exits = _extreme(towards, dual)
     tables = (table.ravel(), vertices, faces, supports, exits)
     offsets = HEADER + np.concatenate([[0], np.cumsum([len(entries) for entries in tables])])
     reals = np.zeros((2 * n + f + 1, 4))
@@ -92,32 +95,18 @@ def _directions(cells: int) -> Array:
     return np.vstack(sides)
 
 
-def _extreme(directions: Array, points: Array, start: Ints, reach: Ints, following: Ints) -> Ints:
-    """Return a point with the largest product with each direction, or one not far from it.
+def _extreme(directions: Array, points: Array) -> Ints:
+    """Return the point with the largest product with each direction, of many points one not far from it."""
+    some = np.linspace(0, len(points) - 1, min(len(points), _MANY)).astype(np.int64)
+    return some[(directions @ points[some].T).argmax(axis=1)]
 
-    Points are the vertices of a convex polyhedron; `start` is a half-edge of each, `reach` and `following` lead from a
-    half-edge to the neighbour across it and to the next one around the same point.
-    """
-    some = np.linspace(0, len(points) - 1, min(len(points), _FEW)).astype(np.int64)
-    here = some[(directions @ points[some].T).argmax(axis=1)]
-    height = (directions * points[here]).sum(axis=1)
-    for _ in range(_ROUNDS if len(points) > len(some) else 0):
-        best, where = height.copy(), here.copy()
-        first = h = start[here]
-        around = np.ones(len(here), dtype=bool)
-        for _ in range(_NEIGHBOURS):
-            other = reach[h]
-            value = (directions * points[other]).sum(axis=1)
-            higher = value > best
-            best[higher], where[higher] = value[higher], other[higher]
-            h = following[h]
-            around &= h != first
-            if not around.any():
-                break
-        if not (best > height).any():
-            break
-        here, height = where, best
-    return here
+
+def _exact(points: Array) -> NDArray[np.object_]:
+    """Return points times one power of two that makes them integers, relative to the first."""
+    ratios = [[x.as_integer_ratio() for x in point] for point in points.tolist()]
+    unit = max(down for row in ratios for _, down in row)
+    whole = np.array([[up * (unit // down) for up, down in row] for row in ratios], dtype=object)
+    return whole - whole[0]
 
 
 def _face_normals(part: ConvexPart) -> tuple[Array, Array]:
@@ -138,51 +127,32 @@ def _face_normals(part: ConvexPart) -> tuple[Array, Array]:
     else:
         slim = triangles
     for k in slim.tolist():
-        normals[k], errors[k] = _rounded_normal(part.vertices[list(loops[k])]), 5 * _UNIT
+        _, one, two = _exact(part.vertices[list(loops[k])])
+        normals[k], errors[k] = _rounded_unit(cross(one, two)), 5 * _UNIT
     for k in np.flatnonzero(sizes > 3).tolist():
         normals[k], errors[k] = _polygon_normal(part.vertices[list(loops[k])], part.normals[k])
     return normals, errors
 
 
-def _exact(points: Array) -> list[list[int]]:
-    """Return points times one power of two that makes them integers, relative to the first."""
-    ratios = [[float(x).as_integer_ratio() for x in point] for point in points]
-    unit = max(down for row in ratios for _, down in row)
-    whole = [[up * (unit // down) for up, down in row] for row in ratios]
-    return [[x - y for x, y in zip(row, whole[0], strict=True)] for row in whole]
-
-
-def _cross(u: list[int], v: list[int]) -> list[int]:
-    return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
-
-
-def _rounded_unit(n: list[int]) -> Array:
+def _rounded_unit(n: NDArray[Any]) -> Array:
     """Return the unit vector of an integer direction, to 5 roundings: entries, norm, quotient."""
-    top = max(abs(x) for x in n)
-    rounded = np.array([x / top for x in n])
-    unit: Array = rounded / np.sqrt((rounded**2).sum())
-    return unit
-
-
-def _rounded_normal(triangle: Array) -> Array:
-    _, one, two = _exact(triangle)
-    return _rounded_unit(_cross(one, two))
+    rounded = np.array([x / max(map(abs, n)) for x in n])
+    return np.asarray(rounded / np.sqrt((rounded**2).sum()))
 
 
 def _polygon_normal(polygon: Array, drawn: Array) -> tuple[Array, float]:
     """Return a polygon's unit normal with its error bound: rounding where it is planar, else its spread too."""
     exact = _exact(polygon)
     corner = int(np.argmax(np.linalg.norm(np.cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]), axis=1))) + 1
-    n = _cross(exact[corner], exact[corner + 1])
-    if not any(n[0] * x + n[1] * y + n[2] * z for x, y, z in exact):
+    n = cross(exact[corner], exact[corner + 1])
+    if not (exact @ n).any():
         return _rounded_unit(n), 5 * _UNIT
     spokes = polygon - polygon[0]
     reach = float(np.sqrt((spokes**2).sum(axis=1)).max())
     ratios = [float(x).as_integer_ratio() for x in drawn]
     unit = max(down for _, down in ratios)
-    p, q, r = (up * (unit // down) for up, down in ratios)
-    size = max(abs(x) for point in exact for x in point)
-    height = max(abs(p * x + q * y + r * z) for x, y, z in exact) / (unit * size) * float(np.abs(spokes).max())
+    whole = np.array([up * (unit // down) for up, down in ratios], dtype=object)
+    height = max(abs(exact @ whole)) / (unit * abs(exact).max()) * float(np.abs(spokes).max())
     # A facet on three of the corners tilts by at most the spread, 2 height, over that triangle's least height, which is
     # least / reach; the smallest triangle of a convex polygon has consecutive corners. Doubled.
     before, after = np.roll(polygon, 1, axis=0) - polygon, np.roll(polygon, -1, axis=0) - polygon
@@ -206,5 +176,4 @@ def _folds(part: ConvexPart, origin: int, end: int, left: int, right: int) -> bo
     if len(part.loops[left]) > 3 or len(others) > 1:  # not known to be one plane each
         return False
     _, one, two, *rest = _exact(part.vertices[[origin, end, first, *others]])
-    n = _cross(one, two)
-    return all(n[0] * x + n[1] * y + n[2] * z < 0 for x, y, z in rest)
+    return all(point @ cross(one, two) < 0 for point in rest)

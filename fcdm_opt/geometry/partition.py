@@ -14,6 +14,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Ints
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
+from fcdm_opt.geometry.sides import components
 
 Edge = tuple[int, int]
 
@@ -37,14 +38,7 @@ class Rule(NamedTuple):
     last: bool = False
 
 
-RULES = (
-    Rule(1.0, 1e-3),
-    Rule(2.0, 0.0, 0.5),
-    Rule(1.0, 1e-3, 0.0),
-    Rule(0.5, 0.1, last=True),
-    Rule(1.0, 0.1, 0.5),
-    Rule(2.0, 0.0, last=True),
-)
+RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0), Rule(0.5, 0.1, last=True))
 NEAREST = 4  # edges that a diagonal plane is tried through, of each edge
 
 
@@ -92,22 +86,15 @@ def partition(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rul
 
 def inner_edges(space: Arrangement, cell: Cell, facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
     """Return the facets at each edge inside a cell."""
-    around = edges_of(facets)
-    a, b = np.array(list(around)).T
-    signs = space.signs
-    outer = ((signs[cell.planes[:, None], a] == 0) & (signs[cell.planes[:, None], b] == 0)).any(axis=0).tolist()
-    return {edge: own for (edge, own), out in zip(around.items(), outer, strict=True) if not out}
-
-
-def edges_of(facets: Sequence[Facet]) -> dict[Edge, list[Facet]]:
-    """Return the facets at each edge."""
     around: dict[Edge, list[Facet]] = {}
     for facet in facets:
         a = facet.loop[-1]
         for b in facet.loop:
             around.setdefault((a, b) if a < b else (b, a), []).append(facet)
             a = b
-    return around
+    on = space.signs[cell.planes[:, None, None], np.array(list(around)).T] == 0
+    outer = on.all(axis=1).any(axis=0).tolist()
+    return {edge: own for (edge, own), out in zip(around.items(), outer, strict=True) if not out}
 
 
 def reflex_edges(
@@ -128,16 +115,9 @@ def reflex_edges(
 
 
 def _connected(facets: Sequence[Facet], around: dict[Edge, list[Facet]]) -> bool:
-    beside: dict[Facet, set[Facet]] = {facet: set() for facet in facets}
-    for own in around.values():
-        for facet in own:
-            beside[facet].update(own)
-    reached, stack = {facets[0]}, [facets[0]]
-    while stack:
-        new = beside[stack.pop()] - reached
-        reached |= new
-        stack.extend(new)
-    return len(reached) == len(beside)
+    place = {facet: k for k, facet in enumerate(facets)}
+    links = [(place[own[0]], place[other]) for own in around.values() for other in own[1:]]
+    return not components(np.array(links), len(facets)).any()
 
 
 def _best_plane(space: Arrangement, facets: Sequence[Facet], reflex: dict[Edge, list[Facet]], rule: Rule) -> int:
@@ -159,8 +139,7 @@ def _best_plane(space: Arrangement, facets: Sequence[Facet], reflex: dict[Edge, 
         score = score + ((a == 0) & (b == 0)).sum(axis=1) - rule.edge * (a * b < 0).sum(axis=1)
         score[len(planes) :] += rule.diagonal or 0.0
     while True:
-        best = np.flatnonzero(score == score.max())
-        k = int(best[-1 if rule.last else 0])
+        k = int(np.flatnonzero(score == score.max())[-1 if rule.last else 0])
         if k < len(planes):
             return int(planes[k])
         plane = space.shared_plane(pairs[k - len(planes)].tolist())
@@ -207,8 +186,8 @@ def _is_inside(space: Arrangement, on: Iterable[Facet], plane: int, side: int) -
 # --------------------------------------------------------------------------------------------------------------- merge
 
 
-def merged(space: Arrangement, cells: Sequence[Cell], *, last: bool = False) -> list[Cell]:
-    """Join cells, two at a time, as long as two of them make a convex one; `last`: the last two first.
+def merged(space: Arrangement, cells: Sequence[Cell]) -> list[Cell]:
+    """Join cells, two at a time, as long as two of them make a convex one.
 
     Two cells make a convex one when the plane between them is all that keeps either from holding the other.
     """
@@ -218,7 +197,7 @@ def merged(space: Arrangement, cells: Sequence[Cell], *, last: bool = False) -> 
         pairs = [(i, j) for (i, j), wall in walls.items() if i < j and walls.get((j, i)) == wall]
         if not pairs:
             return list(own.values())
-        i, j = max(pairs) if last else min(pairs)
+        i, j = min(pairs)
         wall, one, two = walls[i, j], own.pop(i), own.pop(j)
         walls = {pair: plane for pair, plane in walls.items() if not {i, j} & set(pair)}
         sides = dict(zip([*one.planes.tolist(), *two.planes.tolist()], [*one.sides, *two.sides], strict=True))

@@ -1,4 +1,4 @@
-"""Triangles of planar polygons, convex or not, without new corners.
+"""Planar polygons: cut by planes, what they hold, and triangles of any of them, without new corners.
 
 Lengths here are in the mesh's own unit; `slack` is the length below which its points count as one.
 """
@@ -10,9 +10,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
-
-Polygon = tuple[int, ...]
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
+from fcdm_opt.geometry.sides import Polygon
+from fcdm_opt.tolerances import DEFAULT
 
 
 def by_size(polygons: Sequence[Polygon] | Sequence[Ints]) -> Iterator[tuple[Ints, Ints]]:
@@ -21,6 +22,14 @@ def by_size(polygons: Sequence[Polygon] | Sequence[Ints]) -> Iterator[tuple[Ints
     for size in np.unique(sizes):
         places = np.flatnonzero(sizes == size)
         yield places, np.array([polygons[k] for k in places.tolist()], np.int64)
+
+
+def normals_of(points: Array, polygons: Sequence[Polygon]) -> Array:
+    """Return the unit normals of polygons, (k, 3): rows of the points."""
+    normals = np.empty((len(polygons), 3))
+    for places, corners in by_size(polygons):
+        normals[places] = unit_normals(points[corners])
+    return normals
 
 
 def widths(corners: Array) -> Array:
@@ -34,15 +43,80 @@ def widths(corners: Array) -> Array:
     return off
 
 
-def heights(triangles: Array) -> Array:
-    """Return the least heights of triangles, (m, 3, 3): over their longest sides."""
-    a, b, c = triangles.transpose(1, 0, 2)
-    u, v, w = b - a, c - b, a - c
-    longest = np.sqrt(np.max([(x**2).sum(axis=1) for x in (u, v, w)], axis=0))
-    # of the two shorter sides, which lose least
-    twice = np.min([np.sqrt((np.cross(x, y) ** 2).sum(axis=1)) for x, y in ((u, v), (v, w), (w, u))], axis=0)
-    least: Array = twice / np.maximum(longest, np.finfo(float).tiny)
-    return least
+def between(points: Array, ends: tuple[int, int], rows: Ints, slack: float) -> list[int]:
+    """Return which of some rows of points lie on the segment from one point to another, its ends not, in order."""
+    origin, end = points[list(ends)]
+    length = float(norms(end - origin))
+    along, spokes = (end - origin) / length, points[rows] - origin
+    steps = spokes @ along
+    on = (norms(spokes - steps[:, None] * along) <= slack) & (rows != ends[0]) & (rows != ends[1])
+    on &= (steps > slack / 2) & (steps < length - slack / 2)
+    return rows[on][np.argsort(steps[on], kind="stable")].tolist()
+
+
+def clipped(polygon: Array, heights: Array) -> Array:
+    """Return what of a convex polygon, (m, 3), has no negative heights over a plane, (m,); of rationals too."""
+    kept = []
+    for k, height in enumerate(heights):
+        if height * heights[k - 1] < 0:
+            kept.append(polygon[k] + (polygon[k - 1] - polygon[k]) * (height / (height - heights[k - 1])))
+        if height >= 0:
+            kept.append(polygon[k])
+    return np.array(kept) if kept else polygon[:0]
+
+
+def inside(polygon: Array, outline: Array, normal: Array, slack: float = 0.0) -> Array:
+    """Return what of a convex polygon lies in another one of its plane, counter-clockwise about the normal."""
+    ways = units(cross(normal, np.roll(outline, -1, axis=0) - outline))
+    for base, way in zip(outline, ways, strict=True):
+        polygon = clipped(polygon, (polygon - base) @ way + slack)
+    return polygon
+
+
+def area(polygon: Array) -> float:
+    """Return the area of a planar polygon, (m, 3); 0 of none."""
+    spokes = polygon[1:] - polygon[:1]
+    return float(norms(cross(spokes[:-1], spokes[1:]).sum(axis=0))) / 2.0
+
+
+def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
+    """Tell which convex polygons, (k, c, 3), counter-clockwise about normals, hold points of their planes, (m, k)."""
+    inward = units(cross(normals[:, None], np.roll(polygons, -1, axis=1) - polygons))
+    depth = ((points[:, None, None] - polygons) * inward).sum(axis=3)
+    held: Flags = (depth >= -slack).all(axis=2)
+    return held
+
+
+def distances(points: Array, polygons: Array) -> Array:
+    """Return the distances of points, (..., k, 3), from triangles or segments, (..., 3 or 2, 3), (..., k)."""
+    corners = polygons[..., None, :, :]
+    along = np.roll(corners, -1, axis=-2) - corners
+    spokes = points[..., None, :] - corners
+    share = (spokes * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), np.finfo(float).tiny)
+    rim = norms(spokes - np.clip(share, 0, 1)[..., None] * along).min(axis=-1)
+    normal = cross(along[..., 0, :], along[..., 1, :])
+    length = norms(normal)
+    broad = length > DEFAULT.nominal * (along**2).sum(axis=-1).max(axis=-1)  # of slivers the rim tells as much
+    length = np.where(broad, length, 1.0)
+    above = broad & ((cross(normal[..., None, :], along) * spokes).sum(axis=-1).min(axis=-1) >= 0)
+    height = np.abs((spokes[..., 0, :] * normal).sum(axis=-1)) / length
+    return np.asarray(np.where(above, height, rim))
+
+
+def coplanar(
+    points: Array, polygons: Sequence[Polygon] | Sequence[Ints], normals: Array, levels: Array, slack: float
+) -> list[Ints]:
+    """Return groups of polygons, each within `slack` of the plane of its first one; take the best known first."""
+    corners, starts = np.concatenate(polygons), np.cumsum([0, *map(len, polygons)])[:-1]
+    free, groups = np.ones(len(polygons), bool), []
+    for k in range(len(polygons)):
+        if free[k]:
+            heights = np.abs(points[corners] @ normals[k] - levels[k])
+            own = free & (np.maximum.reduceat(heights, starts) <= slack)
+            own[k] = True
+            free &= ~own
+            groups.append(np.flatnonzero(own))
+    return groups
 
 
 def triangulated(

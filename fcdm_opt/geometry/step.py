@@ -13,6 +13,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.files import scene
+from fcdm_opt.geometry.flattening import onto_planes
 from fcdm_opt.tolerances import DEFAULT
 
 
@@ -54,28 +55,20 @@ def _sharpened(mesh: Any) -> Array:
     vertices = np.array(mesh.vertices)
     planes = mesh.metadata.get("cascadio", {}).get("brep_primitives", [])
     owner = mesh.face_attributes.get("brep_index")
-    size = np.abs(vertices).max(initial=0.0)
-    slack = 8 * float(np.finfo(np.float32).eps) * size
-    _, same = np.unique(vertices, axis=0, return_inverse=True)
-    if owner is None:
+    if owner is None or not any(planes):
         return vertices
-    around: dict[int, set[int]] = {}
-    for triangle, k in zip(same.reshape(-1)[mesh.faces].tolist(), owner.tolist(), strict=True):
-        if k < len(planes) and planes[k] is not None:
-            for v in triangle:
-                around.setdefault(v, set()).add(k)
-    moved = vertices.copy()
-    first = np.unique(same, return_index=True)[1]
-    for v, own in around.items():
-        x = vertices[first[v]]
-        normals = np.array([planes[k].normal for k in sorted(own)])
-        misses = np.array([(np.array(planes[k].origin) - x) @ planes[k].normal for k in sorted(own)])
-        near = np.abs(misses) <= slack
-        # the shortest step onto all planes; directions that they hardly fix are left alone
-        step = np.linalg.lstsq(normals[near], misses[near], rcond=DEFAULT.sharp)[0]
-        if np.abs(step).max(initial=0.0) <= slack / DEFAULT.sharp:
-            moved[same.reshape(-1) == v] = x + step
-    return moved
+    slack = 8 * float(np.finfo(np.float32).eps) * np.abs(vertices).max(initial=0.0)
+    distinct, same = np.unique(vertices, axis=0, return_inverse=True)
+    known = np.array([k < len(planes) and planes[k] is not None for k in owner.tolist()])
+    pairs = np.column_stack([same.reshape(-1)[mesh.faces[known]].ravel(), np.repeat(owner[known], 3)])
+    corner, plane = np.unique(pairs, axis=0).T
+    normals, origins = (np.array([getattr(planes[k], name) for k in plane.tolist()]) for name in ("normal", "origin"))
+    misses = ((origins - distinct[corner]) * normals).sum(axis=1)
+    near = np.abs(misses) <= slack
+    moved = onto_planes(distinct, corner[near], normals[near], misses[near])
+    far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
+    moved[far] = distinct[far]
+    return moved[same.reshape(-1)]
 
 
 @contextmanager

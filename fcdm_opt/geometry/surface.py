@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.polygons import area, hold, inside
+from fcdm_opt.geometry.sides import Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
 Rows = tuple[int, ...]
-FRACTIONS = np.array([1e-3, 0.25, 0.5, 0.75, 1 - 1e-3])  # of the way along an edge, or to a corner: where one looks
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,36 +50,28 @@ class Surface:
     @classmethod
     def of(cls, points: Array, triangles: Ints, planes: Ints) -> Surface:
         """Return the surface of triangles, of which each pair with one edge and one oriented plane is one face."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        around = defaultdict[tuple[int, int], list[int]](list)
-        for k, (a, b, c) in enumerate(triangles.tolist()):
-            for edge in ((a, b), (b, c), (c, a)):
-                around[min(edge), max(edge)].append(k)
-        links = [(i, j) for own in around.values() for i in own for j in own if i < j and planes[i] == planes[j]]
-        graph = coo_array((np.ones(len(links)), np.array(links, np.int64).reshape(-1, 2).T), shape=(len(planes),) * 2)
-        labels = connected_components(graph, directed=False)[1]
-        _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-        owners = np.argsort(np.argsort(first))[inverse]  # faces in the order of their first triangles
-        seams = defaultdict[frozenset[int], list[tuple[int, int]]](list)
-        for edge, own in around.items():
-            if len(beside := frozenset(owners[own].tolist())) > 1:
-                seams[beside].append(edge)
-        edges = dict[tuple[int, int], frozenset[int]]()
-        for beside, pieces in seams.items():
-            edges.update(dict.fromkeys(_straightened(points, pieces), beside))
+        sides = Sides.around(triangles.ravel(), 3)
+        plane = planes[sides.face]
+        order = np.lexsort((plane, sides.edge))
+        one, two = order[:-1], order[1:]
+        same = (sides.edge[one] == sides.edge[two]) & (plane[one] == plane[two])
+        owners = components(sides.face[np.column_stack([one, two])[same]], len(planes))
+        around = defaultdict[tuple[int, int], set[int]](set)
+        ends = np.sort(np.column_stack([sides.origin, sides.end]), axis=1).tolist()
+        for (low, high), face in zip(ends, owners[sides.face].tolist(), strict=True):
+            around[low, high].add(face)
+        edges = straightened(points, {edge: frozenset(beside) for edge, beside in around.items() if len(beside) > 1})
         corners: list[set[int]] = [set() for _ in range(owners.max() + 1)]
         for edge, beside in edges.items():
             for face in beside:
                 corners[face].update(edge)
         faces = tuple(tuple(sorted(own)) for own in corners)
-        sides: list[set[tuple[int, int]]] = [set() for _ in faces]
-        for face, (a, b, c) in zip(owners.tolist(), triangles.tolist(), strict=True):
-            sides[face].update([(a, b), (b, c), (c, a)])
-        outlines = tuple(_outline(own, face) for own, face in zip(sides, faces, strict=True))
-        ends = np.array(list(edges), np.int64).reshape(-1, 2)
-        return cls(points, triangles, owners, faces, ends, np.empty((0, 2), np.int64), outlines)
+        ways: list[set[tuple[int, int]]] = [set() for _ in faces]
+        for a, b, face in zip(sides.origin.tolist(), sides.end.tolist(), owners[sides.face].tolist(), strict=True):
+            ways[face].add((a, b))
+        outlines = tuple(_outline(own, face) for own, face in zip(ways, faces, strict=True))
+        rows = np.array(list(edges), np.int64).reshape(-1, 2)
+        return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), outlines)
 
     @cached_property
     def size(self) -> float:
@@ -106,31 +100,24 @@ class Surface:
         """Return a face's triangles, (k, 3, 3)."""
         return self.points[self.triangles[self.owners == face]]
 
-    def heights(self, points: Array) -> Array:
-        """Return how far points, (m, 3), are above the faces' planes, in units of the size, (m, faces)."""
+    def flat(self, points: Array) -> Flags:
+        """Tell which points lie in the planes of which faces, (m, faces)."""
         normals, bases = self.planes
-        return np.stack([(points - base) @ n for n, base in zip(normals, bases, strict=True)], axis=1) / self.size
+        heights = np.stack([(points - base) @ n for n, base in zip(normals, bases, strict=True)], axis=1)
+        near: Flags = np.abs(heights) <= DEFAULT.nominal * self.size
+        return near
 
-    def lies_on(self, face: int, points: Array) -> Array:
+    def lies_on(self, face: int, points: Array) -> Flags:
         """Tell which points of a face's plane, (m, 3), lie on the face, its border included."""
-        corners = self.polygons(face)
-        along = np.roll(corners, -1, axis=1) - corners
-        inward = np.cross(self.planes[0][face], along)
-        inward /= np.linalg.norm(inward, axis=2)[:, :, None]
-        depth = ((points[:, None, None] - corners) * inward).sum(axis=3)
-        on: Array = (depth >= -DEFAULT.nominal * self.size).all(axis=2).any(axis=1)
-        return on
+        held = hold(self.polygons(face), self.planes[0][[face]], points, DEFAULT.nominal * self.size)
+        return np.asarray(held.any(axis=1))
 
     def area_within(self, face: int, outline: Array) -> float:
         """Return the area of a face inside a convex polygon of its plane, (m, 3), in units of the size squared."""
-        normal = self.planes[0][face]
-        across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-        axes = np.column_stack([across, np.cross(normal, across)]) / np.linalg.norm(across)
-        polygon = (outline - outline[0]) @ axes
-        triangles = (self.polygons(face) - outline[0]) @ axes
-        low, high = polygon.min(axis=0), polygon.max(axis=0)
-        near = ((triangles.min(axis=1) < high) & (triangles.max(axis=1) > low)).all(axis=1)
-        return sum(_area(_clipped(polygon, triangle)) for triangle in triangles[near]) / self.size**2
+        triangles, normal = self.polygons(face), self.planes[0][face]
+        low, high = outline.min(axis=0) - DEFAULT.nominal * self.size, outline.max(axis=0) + DEFAULT.nominal * self.size
+        near = ((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)
+        return sum(area(inside(outline, triangle, normal)) for triangle in triangles[near]) / self.size**2
 
     def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
         """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.
@@ -157,39 +144,20 @@ class Surface:
         middles = (places[1:] + places[:-1]) / 2.0
         return np.diff(places) * length / self.size, ends[0] + middles[:, None] * way
 
-    def along_edges(self, points: Array) -> tuple[Array, Array]:
-        """Return how far points are off the edges' lines, and where on them: 0 at the origin, 1 at the end."""
-        origin, end = (self.points[self.edges[:, k]] for k in (0, 1))
-        along = end - origin
-        lengths = np.linalg.norm(along, axis=1)
+    @cached_property
+    def lengths(self) -> Array:
+        """Lengths of the edges, in units of the size."""
+        return norms(np.diff(self.points[self.edges], axis=1)[:, 0]) / self.size
+
+    def along_edges(self, points: Array, edges: Ints | slice = slice(None)) -> tuple[Flags, Flags]:
+        """Tell which points lie on the lines of which edges, and which on the edges, (m, edges) each."""
+        origin, end = (self.points[self.edges[edges, k]] for k in (0, 1))
+        along, lengths = end - origin, self.lengths[edges]
         spokes = points[:, None] - origin
-        share = (spokes * along).sum(axis=2) / lengths**2
-        off = np.linalg.norm(spokes - share[:, :, None] * along, axis=2)
-        return off / self.size, share
-
-
-def _clipped(polygon: Array, triangle: Array) -> list[tuple[float, float]]:
-    """Return the corners of a convex polygon inside a triangle that runs counter-clockwise, both in a plane."""
-    kept = [tuple(point) for point in polygon.tolist()]
-    corners = triangle.tolist()
-    for (x, y), (u, v) in zip(corners, corners[1:] + corners[:1], strict=True):
-        heights = [(u - x) * (q - y) - (v - y) * (p - x) for p, q in kept]
-        inside = []
-        for k, (point, height) in enumerate(zip(kept, heights, strict=True)):
-            before, other = kept[k - 1], heights[k - 1]
-            if (height > 0.0) != (other > 0.0):
-                share = height / (height - other)
-                inside.append(tuple(a + share * (b - a) for a, b in zip(point, before, strict=True)))
-            if height > 0.0:
-                inside.append(point)
-        kept = inside
-    return kept
-
-
-def _area(polygon: list[tuple[float, float]]) -> float:
-    """Return the area of a polygon in a plane."""
-    sides = zip(polygon, polygon[1:] + polygon[:1], strict=True)
-    return abs(sum(a * d - b * c for (a, b), (c, d) in sides)) / 2.0
+        share = (spokes * along).sum(axis=2) / (lengths * self.size) ** 2
+        on = norms(spokes - share[:, :, None] * along) <= DEFAULT.nominal * self.size
+        room = DEFAULT.nominal / lengths
+        return on, on & (share >= -room) & (share <= 1 + room)
 
 
 def _outline(sides: set[tuple[int, int]], corners: Rows) -> Rows:
@@ -207,25 +175,27 @@ def label(rows: Iterable[int]) -> tuple[int, ...]:
     return tuple(sorted(v + 1 for v in rows))
 
 
-def _straightened(points: Array, pieces: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Join edges between the same faces that go on straight."""
-    at = defaultdict[int, list[tuple[int, int]]](list)
-    left = dict.fromkeys(pieces)
-    for edge in left:
+def straightened(
+    points: Array, edges: Mapping[tuple[int, int], frozenset[int]]
+) -> dict[tuple[int, int], frozenset[int]]:
+    """Return edges, each with the faces beside it, with those joined that go on straight between the same faces."""
+    left = dict(edges)
+    at = defaultdict[tuple[int, frozenset[int]], list[tuple[int, int]]](list)
+    for edge, beside in edges.items():
         for v in edge:
-            at[v].append(edge)
-    for v, own in at.items():
+            at[v, beside].append(edge)
+    for (v, beside), own in at.items():
         if len(own) != 2:
             continue
         (a, b), (c, d) = own
         one, two = a + b - v, c + d - v
         u, w = points[one] - points[v], points[two] - points[v]
-        lengths = float(np.linalg.norm(u)), float(np.linalg.norm(w))
-        if u @ w < 0 and np.linalg.norm(np.cross(u, w)) <= DEFAULT.nominal * max(lengths) * min(lengths):
+        lengths = float(norms(u)), float(norms(w))
+        if u @ w < 0 and norms(cross(u, w)) <= DEFAULT.nominal * max(lengths) * min(lengths):
             joined = (min(one, two), max(one, two))
             for edge in own:
                 left.pop(edge, None)
-            left[joined] = None
+            left[joined] = beside
             for end in (one, two):
-                at[end] = [joined if edge in own else edge for edge in at[end]]
-    return list(left)
+                at[end, beside] = [joined if edge in own else edge for edge in at[end, beside]]
+    return left

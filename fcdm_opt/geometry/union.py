@@ -3,463 +3,246 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.hull import Hull, unit_normals
-from fcdm_opt.geometry.polygons import triangulated
-from fcdm_opt.geometry.surface import FRACTIONS, Surface, label
+from fcdm_opt.geometry.hull import Hull
+from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
+from fcdm_opt.geometry.polygons import area, between, clipped, hold, inside, normals_of, triangulated
+from fcdm_opt.geometry.sides import components, fans
+from fcdm_opt.geometry.surface import Surface, label, straightened
 from fcdm_opt.tolerances import DEFAULT
+
+FRACTIONS = np.array([1e-3, 0.25, 0.5, 0.75, 1 - 1e-3])  # of the way along an edge: where one looks
 
 
 def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | None, name: str) -> Surface:
     """Return the faces and edges of a union of parts."""
-    size = float(np.abs(points - points.mean(axis=0)).max())
-    rows = [[tuple(hull.used[list(loop)].tolist()) for loop in hull.loops] for hull in hulls]
-    planes = [[_plane(points, loop) for loop in loops] for loops in rows]
-    drawn, slack = given is not None, DEFAULT.nominal * size
-    if given is None:
-        groups = _faces_from_parts(points, rows, planes, size)
-        given = [sorted({v for part, face in group for v in rows[part][face]}) for group in groups]
-        owner = {place: k for k, group in enumerate(groups) for place in group}
-    else:
-        _check_faces(points, rows, planes, given, size, name)
-        owner = _owners(points, rows, planes, given, size)
+    walls = _Walls(points, hulls)
+    exposed = [walls.exposed(k) for k in range(len(walls.loops))]
+    shown = [k for k, pieces in enumerate(exposed) if pieces]
+    groups = walls.grouped(shown) if given is None else walls.owned(shown, given, name)
+    faces = [sorted({v for k in own for v in walls.loops[k]}) for own in groups] if given is None else given
+    corners, triangles, owners, normals = list(points), list[Ints](), list[int](), list[Array]()
+    # last those that no given face has: edges lie between them too
+    for face, own in enumerate([*groups, *([k] for k in sorted(set(shown).difference(*groups)))]):
+        outline = None if given is None or face >= len(given) else walls.outlined(given[face])
+        for k in own:
+            pieces = [walls.loops[k]] if outline is None else []
+            if pieces and sum(map(area, exposed[k])) < (1.0 - DEFAULT.nominal) * area(points[list(walls.loops[k])]):
+                pieces = [_added(corners, piece, walls.slack) for piece in exposed[k]]
+            made = [fans([piece]) for piece in pieces if len(piece) > 2]
+            triangles += made
+            normals += [walls.normals[k]] * sum(map(len, made))
+            owners += [face] * sum(map(len, made))
+        if outline is not None:
+            triangles.append(outline)
+            normals += [unit_normals(points[outline[0]])] * len(outline)
+            owners += [face] * len(outline)
+    rows, places, owner = np.concatenate(triangles), np.array(corners), np.array(owners)
     if len(hulls) == 1:
         edges, hidden = np.sort(hulls[0].used[hulls[0].edges[:, :2]], axis=1), np.empty((0, 2), np.int64)
     else:
-        known = np.unique(np.concatenate([*(hull.used for hull in hulls), *given]).astype(np.int64))
-        edges, hidden = _true_edges(points, hulls, rows, planes, owner, known, size)
-    triangles, owners, corners = [], [], list(points)
-    sides = {pair for face in given for pair in zip(face, face[1:] + face[:1], strict=True)}
-    cover = _Cover(points, rows, planes, slack)
-    for k, face in enumerate(given):
-        fans = _fans_of_outline(points, face, edges, sides, slack) if drawn else None
-        if fans is None:
-            loops = [loop for place, one in owner.items() if one == k for loop in cover.loops(place, corners)]
-            fans = [(loop[0], *pair) for loop in loops for pair in pairwise(loop[1:])]
-        elif _is_clockwise(points, fans, rows, planes, slack):
-            fans = [own[::-1] for own in fans]
-        triangles += fans
-        owners += [k] * len(fans)
-    faces, rows_of_corners = tuple(map(tuple, given)), np.array(triangles, np.int64).reshape(-1, 3)
-    return Surface(np.array(corners), rows_of_corners, np.array(owners, np.int64), faces, edges, hidden, faces)
+        known = np.unique(np.concatenate([*(hull.used for hull in hulls), *faces]).astype(np.int64))
+        edges, hidden = _true_edges(points, hulls, known, places[rows], np.array(normals), owner, walls.slack)
+    named, outlines = owner < len(faces), tuple(map(tuple, faces))
+    return Surface(places, rows[named], owner[named], outlines, edges, hidden, outlines)
 
 
-def _is_clockwise(points: Array, fans: list[tuple[int, ...]], rows: Any, planes: Any, slack: float) -> bool:
-    """Tell whether triangles of a face are turned to the solid: all part faces at the middle of one face the other way.
-
-    Where faces of parts meet there that are turned to each other, the face is as it was given.
-    """
-    a, b, c = points[np.array(fans).T]
-    normals = np.cross(b - a, c - a)
-    largest = int((normals**2).sum(axis=1).argmax())
-    middle, normal = points[list(fans[largest])].mean(axis=0), normals[largest]
-    ways = {
-        bool(own @ normal > 0)
-        for loops, others in zip(rows, planes, strict=True)
-        for loop, (own, level) in zip(loops, others, strict=True)
-        if abs(own @ middle - level) <= slack
-        and np.linalg.norm(np.cross(own, normal)) <= DEFAULT.nominal * np.linalg.norm(normal)
-        and _covers(points[list(loop)], middle, own, slack)
-    }
-    return ways == {False}
+def _added(corners: list[Array], piece: Array, slack: float) -> tuple[int, ...]:
+    """Add the corners of a convex polygon; return their rows, none of a sliver's."""
+    apart = norms(piece - np.roll(piece, 1, axis=0)) > slack
+    if apart.sum() < 3:
+        return ()
+    corners += list(piece[apart])
+    return tuple(range(len(corners) - int(apart.sum()), len(corners)))
 
 
-def _fans_of_outline(
-    points: Array, face: list[int], edges: Ints, sides: set[tuple[int, int]], slack: float
-) -> list[tuple[int, ...]] | None:
-    """Return triangles of a face given by its corners in order; None where that order does not follow edges.
-
-    Reflex edges need not be edges of any part: `sides`, those of all faces, have them.
-    """
-    base, along = points[edges[:, 0]], np.diff(points[edges], axis=1)[:, 0]
-    length = np.linalg.norm(along, axis=1)
-    spokes = points[face][:, None] - base
-    share = (spokes * along).sum(axis=2) / length
-    off = np.linalg.norm(spokes - (share / length)[:, :, None] * along, axis=2)
-    on = (off <= slack) & (share >= -slack) & (share <= length + slack)
-    along_edges = (on & np.roll(on, -1, axis=0)).any(axis=1)
-    if not all(ok or (b, a) in sides for ok, a, b in zip(along_edges, face, face[1:] + face[:1], strict=True)):
-        return None
-    try:
-        return [tuple(own) for own in triangulated(points, [tuple(face)], [0], slack, "face")[0].tolist()]
-    except InputError:
-        return None
-
-
-def _true_edges(
-    points: Array, hulls: list[Hull], rows: Any, planes: Any, owner: Any, known: Ints, size: float
-) -> tuple[Ints, Ints]:
-    """Return the union's edges, by their ends, and the parts' edges that are hidden in other parts.
-
-    The union's are the parts' edges with no flat surroundings, joined; hidden is what is so wherever it is looked at.
-    """
-    slack = DEFAULT.nominal * size
-    normals = [np.array([normal for normal, _ in own]) for own in planes]
-    levels = [np.array([level for _, level in own]) for own in planes]
-    lows, highs = (np.array([f(points[hull.used], axis=0) for hull in hulls]) for f in (np.min, np.max))
-    pieces: dict[frozenset[Any], list[tuple[int, int]]] = {}
-    hidden: set[tuple[int, int]] = set()
-    ends = np.unique(np.vstack([np.sort(hull.used[hull.edges[:, :2]], axis=1) for hull in hulls]), axis=0)
-    cut = {(a, b): _cut_at(points, [a, b], known, slack) for a, b in ends.tolist()}
-    for a, b in dict.fromkeys(piece for own in cut.values() for piece in own):
-        along = points[b] - points[a]
-        frame = np.linalg.svd((along / np.linalg.norm(along))[None])[2][1:]
-        flat = False
-        for place in points[a] + FRACTIONS[:, None] * along:
-            wedges, tight = [], []
-            for part in np.flatnonzero(((place >= lows - slack) & (place <= highs + slack)).all(axis=1)).tolist():
-                heights = normals[part] @ place - levels[part]
-                if heights.max() > slack:
-                    continue
-                on = np.flatnonzero(heights >= -slack)
-                across = normals[part][on] @ frame.T
-                wide = np.linalg.norm(across, axis=1)
-                wedges.append(across[wide > DEFAULT.nominal])
-                tight += [
-                    (part, face, normal / length)
-                    for face, normal, length in zip(on.tolist(), across, wide, strict=True)
-                    if length > DEFAULT.nominal
-                ]
-            rims = _exposed(wedges)
-            if rims:
-                own = frozenset(
-                    owner.get((part, face), rows[part][face])
-                    for part, face, normal in tight
-                    if any(np.abs(normal - rim).max() <= DEFAULT.snap for rim in rims)
-                )
-                pieces.setdefault(own, []).append((a, b))
-                break
-            flat |= rims is None
-        else:
-            if not flat:
-                hidden.add((a, b))
-    edges = [edge for own in pieces.values() for edge in _joined_edges(points, own, slack)]
-    unseen = [edge for edge, own in cut.items() if hidden.issuperset(own)]
-    return np.array(edges, np.int64).reshape(-1, 2), np.array(unseen, np.int64).reshape(-1, 2)
-
-
-def _cut_at(points: Array, ends: list[int], used: Ints, slack: float) -> list[tuple[int, int]]:
-    """Cut an edge at the points that lie on it."""
-    origin, end = points[ends]
-    length = float(np.linalg.norm(end - origin))
-    spokes = points[used] - origin
-    along = spokes @ (end - origin) / length
-    inside = used[(along > slack) & (along < length - slack)]
-    if not inside.size:
-        return [(ends[0], ends[1])]
-    spokes = points[inside] - origin
-    share = spokes @ (end - origin) / length
-    off = np.linalg.norm(spokes - share[:, None] * (end - origin) / length, axis=1)
-    on = inside[off <= slack][np.argsort(share[off <= slack], kind="stable")].tolist()
-    return [(min(pair), max(pair)) for pair in pairwise([ends[0], *on, ends[1]])]
-
-
-def _exposed(wedges: list[Array]) -> list[Array] | None:
-    """Return the outward normals at the rims of what plane wedges leave free: none of nothing, None of a half-plane.
-
-    A wedge is where the products with its normals, (k, 2), are negative.
-    """
-    if any(not len(own) for own in wedges):
-        return []
-    angles = np.concatenate([np.arctan2(own[:, 1], own[:, 0]) for own in wedges])
-    rays = np.sort(np.concatenate([angles - np.pi / 2, angles + np.pi / 2]) % (2 * np.pi))
-    rays = rays[np.diff(rays, append=rays[0] + 2 * np.pi) > DEFAULT.snap]
-    widths = np.diff(rays, append=rays[0] + 2 * np.pi)
-    middles = rays + widths / 2
-    ways = np.column_stack([np.cos(middles), np.sin(middles)])
-    free = ~np.any([(ways @ own.T < 0).all(axis=1) for own in wedges], axis=0)
-    if not free.any():
-        return []
-    starts, ends = free & ~np.roll(free, 1), free & ~np.roll(free, -1)
-    if starts.sum() == 1 and abs(widths[free].sum() - np.pi) <= 4 * DEFAULT.snap:
-        return None
-    turned = [(rays[k], np.pi / 2) for k in np.flatnonzero(starts)]
-    turned += [(rays[k] + widths[k], -np.pi / 2) for k in np.flatnonzero(ends)]
-    return [np.array([np.cos(ray + turn), np.sin(ray + turn)]) for ray, turn in turned]
-
-
-def _joined_edges(points: Array, pieces: list[tuple[int, int]], slack: float) -> list[tuple[int, int]]:
-    """Join pieces of edges on one line that touch or overlap."""
-    joined: list[tuple[int, int]] = []
-    left = sorted(pieces, key=lambda piece: -float(np.linalg.norm(points[piece[1]] - points[piece[0]])))
-    while left:
-        a, b = left.pop(0)
-        grown = True
-        while grown:
-            grown = False
-            base, along = points[a], points[b] - points[a]
-            length = float(np.linalg.norm(along))
-            for piece in left:
-                spokes = points[list(piece)] - base
-                share = spokes @ along / length
-                if (np.linalg.norm(spokes - share[:, None] * along / length, axis=1) > slack).any():
-                    continue
-                if share.max() < -slack or share.min() > length + slack:
-                    continue
-                places = {a: 0.0, b: length, piece[0]: float(share[0]), piece[1]: float(share[1])}
-                a, b = min(places, key=places.__getitem__), max(places, key=places.__getitem__)
-                left.remove(piece)
-                grown = True
-                break
-        joined.append((min(a, b), max(a, b)))
-    return joined
-
-
-def _plane(points: Array, loop: tuple[int, ...]) -> tuple[Array, float]:
-    normal = unit_normals(points[list(loop)])
-    return normal, float(normal @ points[loop[0]])
-
-
-def _seams(rows: Any, planes: Any) -> set[tuple[int, int]]:
-    """Return the part faces that two parts turn to each other: the same outline, opposite normals."""
-    outlines: dict[frozenset[int], list[tuple[int, int]]] = {}
-    for part, loops in enumerate(rows):
-        for face, loop in enumerate(loops):
-            outlines.setdefault(frozenset(loop), []).append((part, face))
-    return {
-        (part, face)
-        for same in outlines.values()
-        if len(same) > 1
-        for part, face in same
-        if any(planes[part][face][0] @ planes[p][f][0] < 0 for p, f in same)
-    }
-
-
-def _faces_from_parts(points: Array, rows: Any, planes: Any, size: float) -> list[list[tuple[int, int]]]:
-    """Group part faces in one plane that touch along a line or share vertices; drop those that other parts hide."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
-    slack = DEFAULT.nominal * size
-    seams = _seams(rows, planes)
-    places = [
-        (part, face) for part, loops in enumerate(rows) for face in range(len(loops)) if (part, face) not in seams
-    ]
-    cover = _Cover(points, rows, planes, slack)
-    places = [place for place in places if not cover.hides(place)]
-    keys = np.array([(*planes[part][face][0], planes[part][face][1] / size) for part, face in places])
-    pairs = cKDTree(keys).query_pairs(DEFAULT.nominal, p=np.inf, output_type="ndarray")
-    loops = [rows[part][face] for part, face in places]
-    corners = [points[list(loop)] for loop in loops]
-    lows, highs = (np.array([f(own, axis=0) for own in corners]) for f in (np.min, np.max))
-    one, two = pairs.T
-    near = ((lows[one] <= highs[two] + slack) & (lows[two] <= highs[one] + slack)).all(axis=1)
-    links = [
-        (i, j)
-        for i, j in pairs[near].tolist()
-        if not set(loops[i]).isdisjoint(loops[j]) or _touch(corners[i], corners[j], keys[i, :3], slack)
-    ]
-    graph = coo_array((np.ones(len(links)), np.array(links, np.int64).reshape(-1, 2).T), shape=(len(places),) * 2)
-    groups: dict[int, list[tuple[int, int]]] = {}
-    for place, group in zip(places, connected_components(graph, directed=False)[1].tolist(), strict=True):
-        groups.setdefault(group, []).append(place)
-    return list(groups.values())
-
-
-class _Cover:
-    """What parts cover of each other's faces from outside.
+class _Walls:
+    """Faces of all parts, one after another.
 
     Parameters
     ----------
     points : (n, 3) array
-    rows : per part, per face, the rows of its loop
-    planes : per part, per face, (outward unit normal, level)
-    slack : float
-        Length.
+    hulls : list of Hull
+        The parts.
     """
 
-    def __init__(self, points: Array, rows: Any, planes: Any, slack: float) -> None:
-        self._points, self._rows, self._slack = points, rows, slack
-        self._normals = [np.array([normal for normal, _ in own]) for own in planes]
-        self._levels = [np.array([level for _, level in own]) for own in planes]
-        corners = [points[sorted({v for loop in loops for v in loop})] for loops in rows]
-        self._lows, self._highs = (np.array([f(own, axis=0) for own in corners]) for f in (np.min, np.max))
+    def __init__(self, points: Array, hulls: list[Hull]) -> None:
+        self.points, self.size = points, float(np.abs(points - points.mean(axis=0)).max())
+        self.slack = DEFAULT.nominal * self.size
+        self.loops: list[tuple[int, ...]] = [
+            tuple(hull.used[list(own)].tolist()) for hull in hulls for own in hull.loops
+        ]
+        self.normals = normals_of(points, self.loops)
+        self.levels = (self.normals * points[[loop[0] for loop in self.loops]]).sum(axis=1)
+        self._part = np.repeat(np.arange(len(hulls)), [len(hull.loops) for hull in hulls])
+        self._starts = np.searchsorted(self._part, np.arange(len(hulls) + 1))
+        self._lows, self._highs = (np.array([f(points[hull.used], axis=0) for hull in hulls]) for f in (np.min, np.max))
 
-    def hides(self, place: tuple[int, int]) -> bool:
-        """Tell whether other parts cover a part's face, (part, face), wherever one looks."""
-        part, face = place
-        outline, normal = self._points[list(self._rows[part][face])], self._normals[part][face]
-        middle = outline.mean(axis=0)
-        samples = (middle + FRACTIONS[:, None, None] * (outline - middle)).reshape(-1, 3)
-        for other in self._near(place).tolist():
-            heights = samples @ self._normals[other].T - self._levels[other]
-            inwards = self._normals[other] @ normal < DEFAULT.nominal
-            samples = samples[((heights > self._slack) | ((heights > -self._slack) & ~inwards)).any(axis=1)]
-            if not len(samples):
-                break
-        return not len(samples) and not self._left(place)
-
-    def loops(self, place: tuple[int, int], corners: list[Array]) -> list[tuple[int, ...]]:
-        """Return what is not covered of a part's face as convex polygons: rows of `corners`, which it may add to."""
-        part, face = place
-        whole: tuple[int, ...] = self._rows[part][face]
-        pieces = self._left(place)
-        if sum(map(_area, pieces)) >= (1.0 - DEFAULT.nominal) * _area(self._points[list(whole)]):
-            return [whole]
-        loops = []
-        for piece in pieces:
-            apart = np.linalg.norm(piece - np.roll(piece, 1, axis=0), axis=1) > self._slack
-            if apart.sum() > 2:  # no sliver
-                loops.append(tuple(range(len(corners), len(corners) + int(apart.sum()))))
-                corners += list(piece[apart])
-        return loops
-
-    def _near(self, place: tuple[int, int]) -> Ints:
-        part, face = place
-        outline = self._points[list(self._rows[part][face])]
-        low, high = outline.min(axis=0), outline.max(axis=0)
-        near = ((self._lows <= high + self._slack) & (self._highs >= low - self._slack)).all(axis=1)
-        near[part] = False
-        return np.flatnonzero(near)
-
-    def _left(self, place: tuple[int, int]) -> list[Array]:
-        """Return the convex polygons, (m, 3), that stay of a part's face where others are taken away one by one.
+    def exposed(self, k: int) -> list[Array]:
+        """Return the convex polygons, (m, 3), that stay of a face where other parts are taken away one by one.
 
         A part with a face in its plane, turned the same way, covers nothing of it.
         """
-        part, face = place
-        normal, slack = self._normals[part][face], self._slack
-        pieces = [self._points[list(self._rows[part][face])]]
-        for other in self._near(place).tolist():
-            normals, levels, left = self._normals[other], self._levels[other], []
+        outline, slack = self.points[list(self.loops[k])], self.slack
+        low, high = outline.min(axis=0) - slack, outline.max(axis=0) + slack
+        near, pieces = ((self._lows <= high) & (self._highs >= low)).all(axis=1), [outline]
+        for part in np.flatnonzero(near).tolist():
+            if part == self._part[k]:
+                continue
+            own, left = slice(*self._starts[part : part + 2]), list[Array]()
+            normals, levels = self.normals[own], self.levels[own]
             for whole in pieces:
                 piece, heights = whole, whole @ normals.T - levels
                 beside = heights.min(axis=0) > slack
-                level = (np.abs(heights).max(axis=0) <= slack) & (normals @ normal >= DEFAULT.nominal)
+                level = (np.abs(heights).max(axis=0) <= slack) & (normals @ self.normals[k] >= DEFAULT.nominal)
                 if (beside | level).any():
                     left.append(whole)
                     continue
-                for k in np.flatnonzero(heights.max(axis=0) > slack).tolist():
-                    above = piece @ normals[k] - levels[k]
-                    if above.max() > slack:
-                        left.append(_clipped(piece, above))
-                        piece = _clipped(piece, -above)
-                    if len(piece) < 3:
-                        break
+                for plane in np.flatnonzero(heights.max(axis=0) > slack).tolist():
+                    above = piece @ normals[plane] - levels[plane]
+                    if len(piece) and above.max() > slack:
+                        left.append(clipped(piece, above))
+                        piece = clipped(piece, -above)
             pieces = [piece for piece in left if len(piece) > 2]
-            if not pieces:
-                break
         return pieces
 
+    def grouped(self, shown: list[int]) -> list[list[int]]:
+        """Group faces in one plane that touch along a line or share vertices."""
+        from scipy.spatial import cKDTree
 
-def _area(polygon: Array) -> float:
-    """Return the area of a convex polygon, (m, 3)."""
-    spokes = polygon[1:] - polygon[0]
-    return float(np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0))) / 2.0
+        keys = np.column_stack([self.normals, self.levels / self.size])[shown]
+        pairs = cKDTree(keys).query_pairs(DEFAULT.nominal, p=np.inf, output_type="ndarray")
+        links = [pair for pair in pairs.tolist() if self._touch(*(shown[k] for k in pair))]
+        groups = components(np.array(links), len(shown))
+        return [[shown[k] for k in np.flatnonzero(groups == group)] for group in range(groups.max() + 1)]
 
+    def _touch(self, one: int, two: int) -> bool:
+        """Tell whether two faces of a plane have a vertex or more than a point in common."""
+        if not set(self.loops[one]).isdisjoint(self.loops[two]):
+            return True
+        first, second = (self.points[list(self.loops[k])] for k in (one, two))
+        common = inside(first, second, self.normals[one], self.slack)
+        return len(common) > 0 and bool(np.ptp(common, axis=0).max() > 8 * self.slack)
 
-def _clipped(polygon: Array, heights: Array) -> Array:
-    """Return the part of a convex polygon where heights over a plane are not negative."""
-    kept = []
-    for k, height in enumerate(heights.tolist()):
-        before = float(heights[k - 1])
-        if (height < 0.0) != (before < 0.0):
-            kept.append(polygon[k] + height / (height - before) * (polygon[k - 1] - polygon[k]))
-        if height >= 0.0:
-            kept.append(polygon[k])
-    return np.array(kept)
+    def owned(self, shown: list[int], given: list[list[int]], name: str) -> list[list[int]]:
+        """Return the faces of each given face: in its plane, with most vertices of it, or in it."""
+        self._check(shown, given, name)
+        groups: list[list[int]] = [[] for _ in given]
+        same = {frozenset(own): k for k, own in reversed(list(enumerate(given)))}
+        for k in range(len(self.loops)):
+            best = same.get(frozenset(self.loops[k]))
+            if best is None:
+                shared = {
+                    face: len(set(own) & set(self.loops[k]))
+                    for face, own in enumerate(given)
+                    if np.abs(self.points[own] @ self.normals[k] - self.levels[k]).max() <= self.slack
+                }
+                best = max(shared, key=lambda face: shared[face], default=None)
+                if best is None or not (shared[best] or self._surrounded(k, given[best])):
+                    continue
+            groups[best].append(k)
+        return groups
 
+    def _surrounded(self, k: int, outline: list[int]) -> bool:
+        """Tell whether a polygon, corners in order, goes round the middle of a face: its winding number is not zero."""
+        spokes = self.points[outline] - self.points[list(self.loops[k])].mean(axis=0)
+        ahead = np.roll(spokes, -1, axis=0)
+        return bool(abs(np.arctan2(cross(spokes, ahead) @ self.normals[k], (spokes * ahead).sum(axis=1)).sum()) > np.pi)
 
-def _touch(one: Array, two: Array, normal: Array, slack: float) -> bool:
-    """Tell whether two convex polygons of a plane have more than a point in common."""
-    ways = np.roll(two, -1, axis=0) - two
-    inward = np.cross(normal, ways)
-    inward /= np.linalg.norm(inward, axis=1)[:, None]
-    for base, way in zip(two, inward, strict=True):
-        heights = (one - base) @ way + slack
-        kept: list[Array] = []
-        for k, height in enumerate(heights):
-            before = heights[k - 1]
-            if (before < 0) != (height < 0):
-                kept.append(one[k - 1] + before / (before - height) * (one[k] - one[k - 1]))
-            if height >= 0:
-                kept.append(one[k])
-        if not kept:
-            return False
-        one = np.array(kept)
-    return bool(np.ptp(one, axis=0).max() > 8 * slack)
+    def outlined(self, face: list[int]) -> Ints | None:
+        """Return triangles of a face given by its corners in order; None where that order goes round no polygon.
 
+        They are turned as the parts' faces at its middle are; as given where these are turned to each other.
+        """
+        try:
+            triangles = triangulated(self.points, [tuple(face)], [0], self.slack, "face")[0]
+        except InputError:
+            return None
+        a, b, c = self.points[triangles.T]
+        across = cross(b - a, c - a)
+        largest = int(norms(across).argmax())
+        middle, normal = self.points[triangles[largest]].mean(axis=0), units(across[largest])
+        level = np.abs(self.normals @ middle - self.levels) <= self.slack
+        ways = {
+            bool(self.normals[k] @ normal > 0)
+            for k in np.flatnonzero(level & (norms(cross(self.normals, normal)) <= DEFAULT.nominal)).tolist()
+            if hold(self.points[[self.loops[k]]], self.normals[[k]], middle[None], self.slack).any()
+        }
+        return triangles[:, ::-1] if ways == {False} else triangles
 
-def _owners(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float) -> dict[tuple[int, int], int]:
-    """Map each part face to the given face in its plane with which it shares most vertices, or in which it lies."""
-    owner = {}
-    same = {frozenset(own): k for k, own in reversed(list(enumerate(given)))}
-    for part, loops in enumerate(rows):
-        for face, loop in enumerate(loops):
-            if (exactly := same.get(frozenset(loop))) is not None:
-                owner[part, face] = exactly
+    def _check(self, shown: list[int], given: list[list[int]], name: str) -> None:
+        """Refuse given faces that are no face of the body."""
+        points, slack, normals = self.points, self.slack, self.normals[shown]
+        known, earlier = {frozenset(self.loops[k]) for k in shown}, dict[frozenset[int], int]()
+        for k, face in enumerate(given):
+            key, found, corners = f"body '{name}': face {k + 1}", tuple(v + 1 for v in face), points[face]
+            if (first := earlier.setdefault(frozenset(face), k)) != k:
+                raise InputError(f"the corners are those of face {first + 1}", key=key, found=found)
+            if frozenset(face) in known:
                 continue
-            normal, level = planes[part][face]
-            shared = {
-                k: len(set(own) & set(loop))
-                for k, own in enumerate(given)
-                if np.abs(points[own] @ normal - level).max() <= DEFAULT.nominal * size
-            }
-            middle = points[list(loop)].mean(axis=0)
-            best = max(shared, key=lambda k: shared[k], default=None)
-            if best is not None and (shared[best] or _surrounds(points[given[best]], middle, normal)):
-                owner[part, face] = best
-    return owner
+            if np.linalg.svd(corners - corners.mean(axis=0))[1][1] <= slack:
+                raise InputError("the corners lie on one line", key=key, found=found)
+            off = np.abs(corners @ normals.T - self.levels[shown])
+            here = np.flatnonzero(off.max(axis=0) <= slack)
+            if not here.size:
+                nearest = int(off.max(axis=0).argmin())
+                worst = int(off[:, nearest].argmax())
+                what = (
+                    "the corners lie in no plane of a face of the body: the nearest misses vertex "
+                    f"{face[worst] + 1} by {off[worst, nearest]:.3g}"
+                )
+                raise InputError(what, key=key, found=found, allowed=f"at most {slack:.3g}")
+            loops = [self.loops[shown[c]] for c in here]
+            for v in set(face).difference(*loops):
+                held = (
+                    hold(points[[own]], normals[[c]], points[[v]], slack) for c, own in zip(here, loops, strict=True)
+                )
+                if not any(each.any() for each in held):
+                    what = f"vertex {v + 1} lies in the plane of the face, but not on it"
+                    raise InputError(what, key=key, found=found)
+            if (self._part == 0).all():
+                own = max(loops, key=lambda loop: len(set(loop) & set(face)))
+                if missing := set(own) - set(face):
+                    what = f"only a piece of a face of the body, whose corner at vertex {min(missing) + 1} is missing"
+                    raise InputError(what, key=key, found=found, allowed=str(label(own)))
 
 
-def _surrounds(outline: Array, point: Array, normal: Array) -> bool:
-    """Tell whether a polygon, corners in order, goes round a point of its plane: its winding number is not zero."""
-    spokes = outline - point
-    ahead = np.roll(spokes, -1, axis=0)
-    turns = np.arctan2(np.cross(spokes, ahead) @ normal, (spokes * ahead).sum(axis=1))
-    return bool(abs(turns.sum()) > np.pi)
+# ---------------------------------------------------------------------------------------------------------------- edges
 
 
-def _check_faces(points: Array, rows: Any, planes: Any, given: list[list[int]], size: float, name: str) -> None:
-    """Refuse given faces that are no face of the body."""
-    slack = DEFAULT.nominal * size
-    seams = _seams(rows, planes)
-    table = [
-        (loop, *planes[part][face])
-        for part, loops in enumerate(rows)
-        for face, loop in enumerate(loops)
-        if (part, face) not in seams
-    ]
-    known, earlier = {frozenset(loop) for loop, _, _ in table}, dict[frozenset[int], int]()
-    normals, levels = np.array([normal for _, normal, _ in table]), np.array([level for _, _, level in table])
-    for k, face in enumerate(given):
-        key, found, corners = f"body '{name}': face {k + 1}", tuple(v + 1 for v in face), points[face]
-        if (first := earlier.setdefault(frozenset(face), k)) != k:
-            raise InputError(f"the corners are those of face {first + 1}", key=key, found=found)
-        if frozenset(face) in known:
-            continue
-        if np.linalg.svd(corners - corners.mean(axis=0))[1][1] <= slack:
-            raise InputError("the corners lie on one line", key=key, found=found)
-        off = np.abs(corners @ normals.T - levels)
-        here = np.flatnonzero(off.max(axis=0) <= slack)
-        if not here.size:
-            nearest = int(off.max(axis=0).argmin())
-            worst = int(off[:, nearest].argmax())
-            what = (
-                "the corners lie in no plane of a face of the body: the nearest misses vertex "
-                f"{face[worst] + 1} by {off[worst, nearest]:.3g}"
-            )
-            raise InputError(what, key=key, found=found, allowed=f"at most {slack:.3g}")
-        loops = [table[c][0] for c in here]
-        for v in set(face).difference(*loops):
-            if not any(_covers(points[list(table[c][0])], points[v], normals[c], slack) for c in here):
-                raise InputError(f"vertex {v + 1} lies in the plane of the face, but not on it", key=key, found=found)
-        if len(rows) == 1:
-            own = max(loops, key=lambda loop: len(set(loop) & set(face)))
-            if missing := set(own) - set(face):
-                what = f"only a piece of a face of the body, whose corner at vertex {min(missing) + 1} is missing"
-                raise InputError(what, key=key, found=found, allowed=str(label(own)))
+def _true_edges(
+    points: Array, hulls: list[Hull], known: Ints, triangles: Array, normals: Array, owners: Ints, slack: float
+) -> tuple[Ints, Ints]:
+    """Return the union's edges, by their ends, and the parts' edges that are hidden in other parts.
 
-
-def _covers(loop: Array, point: Array, normal: Array, slack: float) -> bool:
-    """Tell whether a convex polygon, counter-clockwise about its normal, has a point of its plane on it."""
-    along = np.roll(loop, -1, axis=0) - loop
-    inward = np.cross(normal, along)
-    inward /= np.linalg.norm(inward, axis=1)[:, None]
-    return bool(((point - loop) * inward).sum(axis=1).min() >= -slack)
+    The union's are the parts' edges on two of its faces that are not in one plane, joined; hidden is what is on none
+    wherever one looks.
+    """
+    first, back = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+    same = first[back.ravel()]  # the first of equal points
+    ends = np.unique(np.vstack([np.sort(same[hull.used[hull.edges[:, :2]]], axis=1) for hull in hulls]), axis=0)
+    known, cut = np.unique(same[known]), dict[tuple[int, int], list[tuple[int, int]]]()
+    for a, b in ends.tolist():
+        pieces = pairwise([a, *between(points, (a, b), known, slack), b])
+        cut[a, b] = [(min(piece), max(piece)) for piece in pieces]
+    lows, highs = triangles.min(axis=1) - slack, triangles.max(axis=1) + slack
+    edges, hidden = dict[tuple[int, int], frozenset[int]](), set[tuple[int, int]]()
+    for a, b in dict.fromkeys(piece for own in cut.values() for piece in own):
+        places = points[a] + FRACTIONS[:, None] * (points[b] - points[a])
+        near = ((lows <= places.max(axis=0)) & (highs >= places.min(axis=0))).all(axis=1)
+        near = np.flatnonzero(near & (np.abs(normals @ units(points[b] - points[a])) <= DEFAULT.snap))
+        heights = ((places[:, None] - triangles[near, 0]) * normals[near]).sum(axis=2)
+        on = (np.abs(heights) <= slack) & hold(triangles[near], normals[near], places, slack)
+        beside = [frozenset(owners[near[row]].tolist()) for row in on]
+        bent = (row.any() and np.ptp(normals[near[row]], axis=0).max() > DEFAULT.snap for row in on)
+        if several := [own for own, is_bent in zip(beside, bent, strict=True) if is_bent]:
+            edges[a, b] = several[0]
+        elif not any(beside):
+            hidden.add((a, b))
+    unseen = [edge for edge, own in cut.items() if hidden.issuperset(own)]
+    joined = list(straightened(points, edges))
+    return np.array(joined, np.int64).reshape(-1, 2), np.array(unseen, np.int64).reshape(-1, 2)
