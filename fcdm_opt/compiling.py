@@ -280,7 +280,9 @@ def _read(code: CodeType, function: Any, values: list[Any]) -> list[Any]:
     names = function.__globals__
     values += [names[name] for name in code.co_names if name in names]
     for value in values:
-        value = getattr(value, "py_func", value)
+        if isinstance(value, _Compiled):
+            said.append(value.targetoptions)
+            value = value.py_func
         if isinstance(value, FunctionType):
             said.append(stamp_of(value))
         elif isinstance(value, np.ndarray):

@@ -62,6 +62,8 @@ def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_pat
     assert answer(factor=2.0, share=0.0) == (2.0, 0)
     assert answer(factor=3.0, share=0.0) == (3.0, 1)
     assert answer(factor=3.0, share=0.5) == (3.5, 1)
+    kind = "step" if kind == "kernel" else "kernel"
+    assert answer(factor=3.0, share=0.5) == (3.5, 1)
 
 
 def test_a_stamp_tells_what_a_kernel_is_made_from_and_nothing_else() -> None:

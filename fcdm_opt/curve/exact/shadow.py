@@ -20,7 +20,6 @@ from fcdm_opt.curve.exact.program import Program
 from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, coprime, cross, dot
 from fcdm_opt.curve.exact.simplex import Basis, phase_one
 
-
 _AXES = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
 
 
