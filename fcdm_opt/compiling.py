@@ -181,7 +181,7 @@ def _plain(type_: Any) -> Any:
     if isinstance(type_, types.Array) and not type_.mutable:
         return type_.copy(readonly=False)
     if isinstance(type_, types.BaseTuple):
-        return types.BaseTuple.from_types(tuple(map(_plain, type_)))
+        return types.BaseTuple.from_types(tuple(_plain(part) for part in type_.types))
     return types.unliteral(type_)
 
 

@@ -949,11 +949,11 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     bound, two features within `planarity`, a line or direction known to too few digits, or no such direction and no
     closed polygon was found.
     """
-    room = 32
+    room, frame = 32, np.empty(FRAME)
     while True:
         sites, rows, points, chains = _space(room)
         state, used, made = walk_into(
-            reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, sites, rows, points, chains
+            reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, sites, rows, points, chains, frame
         )
         if state != CROWDED:
             return state, sites[:used], rows[:used], points[: used + made], chains[:made]
@@ -972,15 +972,15 @@ def _space(room):
 
 
 @kernel
-def walk_into(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, sites, rows, points, chains):
+def walk_into(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, sites, rows, points, chains, frame):
     """Fill the arrays that `walk` returns; return (state, segments, chains): CROWDED where there is too little room."""
-    frame, pose, kind, face = np.empty(FRAME), np.empty(12), -1, -1
-    known = _set_pose(transform, seed1, seed2, pose)
-    _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
+    kind, face = -1, -1
+    known = _set_pose(transform, seed1, seed2, frame)
+    _set_frame(reals1, ints1, reals2, ints2, frame, planarity, frame)
     while True:
         state, used, made = _walk(reals1, ints1, reals2, ints2, frame, kind, face, sites, rows, points, chains)
         if state == ADRIFT:
-            state, kind, face = _landfall(reals1, ints1, reals2, ints2, pose, frame)
+            state, kind, face = _landfall(reals1, ints1, reals2, ints2, frame[:12].copy(), frame)
             if state == ADRIFT:
                 continue
         return (state if known or state == CROWDED else UNDECIDED), used, made
@@ -1080,7 +1080,7 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     """
     total = len(transforms)
     states, counts = np.empty(total, np.int64), np.zeros(total, np.int64)
-    room = 32
+    room, frame, seed1, seed2 = 32, np.empty(FRAME), seeds[0], seeds[1]
     sites, rows, points, chains = _space(room)
     capacity, kept = 4 * total + room, 0
     all_sites, all_rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
@@ -1088,7 +1088,7 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     item = 0
     while item < total:
         state, used, made = walk_into(
-            reals1, ints1, reals2, ints2, transforms[item], seeds[0], seeds[1], planarity, sites, rows, points, chains
+            reals1, ints1, reals2, ints2, transforms[item], seed1, seed2, planarity, sites, rows, points, chains, frame
         )
         if state == CROWDED:
             room *= 4
