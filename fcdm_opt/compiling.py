@@ -88,6 +88,7 @@ class _Compiled(_Dispatcher):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        self._cache: Any = NullCache()
         self.keeps = False  # its code on disk
         self.patience = 0.0
         self.needed: dict[tuple[Any, ...], Needed] = {}  # of each version: others that must be there before it
@@ -146,7 +147,8 @@ class _Compiled(_Dispatcher):
     def _is_little(self, args: tuple[Any, ...]) -> bool:
         if isinstance(self._cache, NullCache):  # the first call
             self._find_files()
-            if self.keeps and self._cache.holds_some:
+            kept: Any = self._cache
+            if self.keeps and kept.holds_some:
                 self.patience = 0.0
         return not self.overloads and sum(a.size for a in args if isinstance(a, np.ndarray)) <= LITTLE
 
@@ -180,8 +182,9 @@ def _plain(type_: Any) -> Any:
     """Return the type that stands for one: an array that may be written to, a number that is not known in advance."""
     if isinstance(type_, types.Array) and not type_.mutable:
         return type_.copy(readonly=False)
-    if isinstance(type_, types.BaseTuple):
-        return types.BaseTuple.from_types(tuple(_plain(part) for part in type_.types))
+    if isinstance(type_, types.BaseAnonymousTuple):
+        parts: Any = type_
+        return types.BaseTuple.from_types(tuple(_plain(part) for part in parts))
     return types.unliteral(type_)
 
 

@@ -87,7 +87,7 @@ def test_flags_of_arrays_and_known_numbers_make_no_versions() -> None:
     frozen.flags.writeable = False
     assert [total(x, 0.5) for x in (values, frozen, values, frozen)] == [18.5] * 4
     assert len(total.signatures) == 1
-    assert len(times.signatures) == 1
+    assert len(times.signatures) <= 1  # none where the code of its caller was kept
     assert total(np.arange(8.0)[::2], 0.5) == 36.5  # not contiguous: served all the same
 
 
