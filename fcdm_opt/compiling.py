@@ -7,11 +7,10 @@
   it were not; a kernel writes into nothing but what its docstring says that it fills.
 - kernels call the code of others, as it was compiled once; numba would take it into each of theirs and compile it there
   again. Steps, and functions whose names start with an underscore, are taken in: those are to be small, or called once.
-- a function that only other kernels call, named with an underscore, gets no entry from Python. Where one calls it all
-  the same, as tests do, it is compiled for that too.
+- what only kernels call, a step or named with an underscore, gets no entry from Python: there it runs as it is written.
 - a *light* kernel takes little time on little data: its first calls on such run as plain Python, so that what is asked
   once needs no compiling, unless compiled code is kept already.
-- the code that is kept is found by what it was made from: a function's instructions and those of all that it calls, in
+- the code that is kept is known by what it was made from: a function's instructions and those of all that it calls, in
   whichever file, and each number that these take from their modules. So no change anywhere can leave old code in use.
 """
 
@@ -19,35 +18,29 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
-import pickle
 import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 from time import perf_counter
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
-import numba
 import numpy as np
 from numba import types
 from numba.core import config as numba_config
 from numba.core import event
-from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.dispatcher import OmittedArg
 from numba.core.registry import CPUDispatcher
-from numba.core.serialize import dumps
-from numba.misc.appdirs import AppDirs
 
 from fcdm_opt.doors import upper
 
 config: Any = numba_config
 _Dispatcher: Any = CPUDispatcher
+_Format: Any = CompileResultCacheImpl
+_Files: Any = FunctionCache
 
 # no fastmath, as NaN and the order of sums matter; no bounds checks; "numpy" division: nothing tests for zero twice
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
@@ -55,12 +48,12 @@ _INNER = _OPTIONS | {"no_cpython_wrapper": True}
 # nothing is allocated in a step, so arrays need no counting of references, which would take half of the time
 _STEP = _INNER | {"forceinline": True, "_nrt": False}
 
-
 Needed = dict[tuple[str, str, tuple[Any, ...]], str]
 """Compiled code that other code calls: module, name and types of each kernel, and the symbol of its code."""
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
 PATIENCE = 0.4  # seconds that a light kernel may take in plain Python, in all, before it is compiled
+CALLS = 2000  # that it may answer so, however short
 LITTLE = 6000  # entries of all its arrays up to which it is light
 
 
@@ -73,13 +66,13 @@ def kernel(function: Callable[..., Any]) -> Any:
         return function
     inner = function.__name__.startswith("_")
     made = (_Inner if inner else _Compiled)(function, targetoptions=_INNER if inner else _OPTIONS)
-    made.keep()
+    made.keeps = True
     _ALL[made] = None
     return made
 
 
 def light(made: Any) -> Any:
-    """Let a kernel run as plain Python until it has taken `PATIENCE`: for those whose work is little on little data."""
+    """Let a kernel run as plain Python until that has cost enough: for those whose work is little on little data."""
     if not config.DISABLE_JIT:
         made.patience = PATIENCE
     return made
@@ -95,19 +88,18 @@ class _Compiled(_Dispatcher):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        self._cache: Any = NullCache()
+        self.keeps = False  # its code on disk
         self.patience = 0.0
         self.needed: dict[tuple[Any, ...], Needed] = {}  # of each version: others that must be there before it
         self._served: set[tuple[Any, ...]] = set()
-
-    def keep(self) -> None:
-        """Keep its code on disk."""
-        self._cache = _Kept(self.py_func)
 
     def compile(self, sig: Any) -> Any:
         """Compile for some types, or return what serves them."""
         args = tuple(map(types.unliteral, sig if isinstance(sig, tuple) else sig.args))
         with global_compiler_lock:
             if args not in self.overloads:
+                self._find_files()
                 _NEEDED.append({})
                 try:
                     super().compile(args)
@@ -115,6 +107,13 @@ class _Compiled(_Dispatcher):
                     self.needed[args] = _NEEDED.pop()
                 self._register(self.overloads[args])
             return self.overloads[args].entry_point
+
+    def _find_files(self) -> None:
+        if self.keeps and isinstance(self._cache, NullCache):
+            try:
+                self._cache = _Kept(self.py_func)
+            except RuntimeError:  # nowhere to write
+                self.keeps = False
 
     def _register(self, made: Any) -> None:
         """Have kernels that call it call the code that there is, instead of each taking its code into its own."""
@@ -135,34 +134,35 @@ class _Compiled(_Dispatcher):
     def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
         """Return what a call from Python is to go to."""
         self._compilation_chain_init_hook()
-        given: tuple[Any, ...] = tuple(
-            types.Omitted(a.value) if isinstance(a, OmittedArg) else self.typeof_pyval(a) for a in args
-        )
-        wanted = tuple(map(_plain, given))
-        if self.patience > 0.0 and not keywords and self._is_little(args, wanted):
+        if self.patience > 0.0 and not keywords and self._is_little(args):
             return self._interpreted
+        given: tuple[Any, ...] = tuple(map(self.typeof_pyval, args))
+        wanted = tuple(map(_plain, given))
         entry = self.compile(wanted)
         if given != wanted and given not in self._served:
             self._served.add(given)
             self._insert([type_._code for type_ in given], entry, False)
         return entry
 
-    def _is_little(self, args: tuple[Any, ...], wanted: tuple[Any, ...]) -> bool:
-        if wanted in self.overloads or self._cache.has(wanted, self.targetctx):
-            return False
-        return sum(a.size for a in args if isinstance(a, np.ndarray)) <= LITTLE
+    def _is_little(self, args: tuple[Any, ...]) -> bool:
+        if isinstance(self._cache, NullCache):  # the first call
+            self._find_files()
+            kept: Any = self._cache
+            if self.keeps and kept.holds_some:
+                self.patience = 0.0
+        return not self.overloads and sum(a.size for a in args if isinstance(a, np.ndarray)) <= LITTLE
 
     def _interpreted(self, *args: Any) -> Any:
         """Run as plain Python, with all that it calls."""
         start = perf_counter()
         with np.errstate(all="ignore"):
             found = _written(self)(*args)
-        self.patience -= perf_counter() - start
+        self.patience -= max(perf_counter() - start, PATIENCE / CALLS)
         return _unboxed(found)
 
 
 class _Inner(_Compiled):
-    """One that kernels call: what Python calls is compiled apart, when it does."""
+    """One that kernels call."""
 
     def add_overload(self, made: Any) -> None:
         """Register a version for kernels alone."""
@@ -174,47 +174,32 @@ class _Inner(_Compiled):
     def _needed_for(self, args: tuple[Any, ...]) -> Needed:
         return self.needed[args]
 
-    def _compile_for_args(self, *args: Any, **keywords: Any) -> Any:
-        entry = _outer(self)._compile_for_args(*args, **keywords)
-        given: tuple[Any, ...] = tuple(self.typeof_pyval(a) for a in args)
-        if given not in self._served:
-            self._served.add(given)
-            self._insert([type_._code for type_ in given], entry, False)
-        return entry
-
-
-@cache
-def _outer(inner: _Inner) -> _Compiled:
-    return _Compiled(inner.py_func, targetoptions=_OPTIONS)
+    def _compile_for_args(self, *_: Any, **__: Any) -> Any:
+        return _written(self)
 
 
 def _plain(type_: Any) -> Any:
     """Return the type that stands for one: an array that may be written to, a number that is not known in advance."""
     if isinstance(type_, types.Array) and not type_.mutable:
         return type_.copy(readonly=False)
-    if isinstance(type_, types.UniTuple):
-        return types.UniTuple(_plain(type_.dtype), type_.count)
-    if isinstance(type_, types.Tuple):
-        return types.Tuple(tuple(_plain(part) for part in type_.types))
+    if isinstance(type_, types.BaseAnonymousTuple):
+        parts: Any = type_
+        return types.BaseTuple.from_types(tuple(_plain(part) for part in parts))
     return types.unliteral(type_)
-
-
-@cache
-def _written(made: _Compiled) -> Callable[..., Any]:
-    """Return a kernel as plain Python, which calls others as plain Python."""
-    function = made.py_func
-    return FunctionType(function.__code__, _names(function), function.__name__, function.__defaults__)
 
 
 _NAMES: dict[str, dict[str, Any]] = {}  # of each module, with plain Python in place of what is compiled
 
 
-def _names(function: Any) -> dict[str, Any]:
+@cache
+def _written(made: _Compiled) -> Callable[..., Any]:
+    """Return a kernel as plain Python, which calls others as plain Python."""
+    function: Any = made.py_func
     names = _NAMES.get(function.__module__)
     if names is None:
         names = _NAMES[function.__module__] = dict(function.__globals__)
         names |= {name: _written(value) for name, value in names.items() if isinstance(value, _Compiled)}
-    return names
+    return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
 
 
 def _unboxed(found: Any) -> Any:
@@ -227,96 +212,42 @@ def _unboxed(found: Any) -> Any:
 # ------------------------------------------------------------------------------------------------ code that is kept
 
 
-class _Kept(_Cache):
-    """The compiled versions of a function on disk, one file each, named by all that it was made from.
+class _Payload(_Format):
+    """What is written of a version: the code that it calls, and its own."""
 
-    Parameters
-    ----------
-    function : function
-        As written.
-    """
+    def reduce(self, data: Any) -> Any:
+        """Return what is written."""
+        return _NEEDED[-1], super().reduce(data._replace(type_annotation=""))
 
-    def __init__(self, function: Any) -> None:
-        self._function, self._enabled = function, True
-        self._folder: Path | None = None
-
-    @property
-    def cache_path(self) -> str:
-        """The folder."""
-        return str(self._folder or "")
-
-    def has(self, sig: Any, target_context: Any) -> bool:
-        """Tell whether a version is on the disk."""
-        path = self._path(sig, target_context.codegen())
-        return path is not None and path.is_file()
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return a version from the disk, None if it is not there or cannot be read."""
-        path = self._path(sig, target_context.codegen())
-        if path is None or not path.is_file():
-            return None
-        target_context.refresh()
-        try:
-            needed, parts = pickle.loads(path.read_bytes())
-        except (OSError, EOFError, pickle.UnpicklingError):
-            return None
+    def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
+        """Return the version, None if what it calls was compiled anew since."""
+        needed, parts = reduced_data
         for (module, name, args), symbol in needed.items():
             made = getattr(import_module(module), name)
             made.compile(args)
-            if made.overloads[args].fndesc.llvm_func_name != symbol:  # compiled anew since
+            if made.overloads[args].fndesc.llvm_func_name != symbol:
                 return None
         _NEEDED[-1].update(needed)
-        return CompileResult._rebuild(target_context, *parts)
+        return super().rebuild(target_context, parts)
 
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Write a version, whole or not at all; what other code left under the same name goes."""
-        path = self._path(sig, data.codegen)
-        if path is None or data.library.has_dynamic_globals:
-            return
-        unfinished = path.with_suffix(f".{os.getpid()}")
-        try:
-            unfinished.write_bytes(dumps((_NEEDED[-1], data._replace(type_annotation="")._reduce())))
-            unfinished.replace(path)
-            if path.parent.name == "__pycache__":  # of this tree alone
-                name, stamp, _ = path.stem.rsplit("-", 2)
-                for other in path.parent.glob(f"{name}-*.nb?"):
-                    if not other.name.startswith(f"{name}-{stamp}-"):
-                        other.unlink(missing_ok=True)
-        except OSError:
-            unfinished.unlink(missing_ok=True)
-
-    def _path(self, sig: Any, codegen: Any) -> Path | None:
-        if self._folder is None:
-            self._folder = _folder(Path(self._function.__code__.co_filename))
-        if not self._enabled or not self._folder.name:
-            return None
-        version = hashlib.sha256(repr((str(sig), codegen.magic_tuple(), sys.version, numba.__version__)).encode())
-        name = f"{self._function.__module__.rpartition('.')[2]}.{self._function.__qualname__}"
-        return self._folder / f"{name}-{stamp_of(self._function)[:16]}-{version.hexdigest()[:16]}.nbc"
-
-    def enable(self) -> None:
-        """Use it."""
-        self._enabled = True
-
-    def disable(self) -> None:
-        """Leave it alone."""
-        self._enabled = False
-
-    def flush(self) -> None:
-        """Nothing waits to be written."""
+    def check_cachable(self, data: Any) -> bool:
+        """Tell whether it may be written."""
+        return not data.library.has_dynamic_globals
 
 
-def _folder(source: Path) -> Path:
-    """Return where the code of a source file is kept: `NUMBA_CACHE_DIR`, beside it, with the user's caches; or none."""
-    folders = [source.parent / "__pycache__", Path(AppDirs("fcdm_opt", False).user_cache_dir)]
-    for folder in [Path(config.CACHE_DIR)] if config.CACHE_DIR else folders:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    return Path()
+class _Kept(_Files):
+    """The compiled versions of a function on disk, stamped with all that it was made from."""
+
+    _impl_class = _Payload
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        self._cache_file: Any = IndexDataCacheFile(self._cache_path, self._impl.filename_base, stamp_of(function))
+
+    @property
+    def holds_some(self) -> bool:
+        """Whether any version is there."""
+        return self._enabled and bool(self._cache_file._load_index())
 
 
 _STAMPS: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
@@ -352,7 +283,9 @@ def _read(code: CodeType, function: Any, values: list[Any]) -> list[Any]:
     names = function.__globals__
     values += [names[name] for name in code.co_names if name in names]
     for value in values:
-        value = getattr(value, "py_func", value)
+        if isinstance(value, _Compiled):
+            said.append(value.targetoptions)
+            value = value.py_func
         if isinstance(value, FunctionType):
             said.append(stamp_of(value))
         elif isinstance(value, np.ndarray):

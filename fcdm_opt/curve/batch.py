@@ -146,14 +146,15 @@ def _poses(transforms: ArrayLike) -> Array:
         poses = poses.reshape(0, 4, 4)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise InputError("transforms are an (N, 4, 4) array", key="transforms", found=f"shape {poses.shape}")
-    R = poses[:, :3, :3]
+    x, y, z = np.ascontiguousarray(poses[:, :3].transpose(1, 2, 0))
     with np.errstate(over="ignore", invalid="ignore"):
-        errors = np.abs(R @ R.mT - np.eye(3)).max(axis=(1, 2)) + np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).sum(axis=1)
-        rigid = (errors <= DEFAULT.rigid) & (np.linalg.det(R) > 0.0) & np.isfinite(poses[:, :3, 3]).all(axis=1)
-    if not rigid.all():
-        bad = int(np.argmin(rigid))
-        rigid_transform(poses[bad], key=f"transforms[{bad}]")
-        raise InputError("the transform is not a rigid motion", key=f"transforms[{bad}]", found=poses[bad].tolist())
+        third = x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+        off = [(x[:3] * x[:3]).sum(axis=0) - 1.0, (y[:3] * y[:3]).sum(axis=0) - 1.0, (x[:3] * y[:3]).sum(axis=0)]
+        off += [z[k] - third[k] for k in range(3)]
+        sure = np.abs(off).max(axis=0) <= DEFAULT.rigid / 4.0
+    sure &= (poses[:, 3] == [0.0, 0.0, 0.0, 1.0]).all(axis=1) & np.isfinite(x[3] + y[3] + z[3])
+    for k in np.flatnonzero(~sure).tolist():
+        rigid_transform(poses[k], key=f"transforms[{k}]")
     poses.flags.writeable = False
     return poses
 

@@ -314,7 +314,7 @@ class DecisionCurve(Shown):
 
         For each part pair the largest separation over the facet directions of its Minkowski difference (minus the
         penetration depth where they overlap), least over the pairs; never more than the distance. Pairs of a union
-        count with the separation of the spheres about the two parts where that is more.
+        count with that along the axes, their diagonals, or from middle to middle of the two parts where it is more.
 
         Parameters
         ----------

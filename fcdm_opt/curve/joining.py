@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.compiling import kernel, light
+from fcdm_opt.curve.kernels import _longer
 
 
 @light
@@ -61,12 +62,12 @@ def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, sha
                 for k in range(count):
                     if left[k, 0] == left[k, 1]:
                         if marked == len(points):
-                            points = _longer(points)
+                            points = _longer(points, 2 * len(points))
                         points[marked, 0], points[marked, 1] = piece, left[k, 0]
                         marked += 1
                         continue
                     if used == len(found):
-                        found = _longer(found)
+                        found = _longer(found, 2 * len(found))
                     found[used, 0], found[used, 1], found[used, 2] = piece, left[k, 0], left[k, 1]
                     used += 1
     kept = _without_repeats(_merged(found[:used]), pieces, limits)
@@ -191,7 +192,7 @@ def _without_repeats(spans, pieces, limits):
                 some[0, 0], some[0, 1] = kept[known, 1], kept[known, 2]
                 outside = _take_out(some, room, 1, begin, stop, limits[1], scale, False)
                 if count + outside + 1 > len(kept):
-                    kept = _longer(kept)
+                    kept = _longer(kept, 2 * len(kept))
                 for r in range(outside):
                     kept[count, 0], kept[count, 1], kept[count, 2] = other, some[r, 0], some[r, 1]
                     kept[count, 3], kept[count, 4] = kept[known, 3], kept[known, 4]
@@ -204,7 +205,7 @@ def _without_repeats(spans, pieces, limits):
                 kept[known, 4] = 1.0
             left = _take_out(rest, room, left, lo, hi, limits[1], scale, False)
         while count + left > len(kept):
-            kept = _longer(kept)
+            kept = _longer(kept, 2 * len(kept))
         for r in range(left):
             kept[count, 0], kept[count, 1], kept[count, 2], kept[count, 3] = piece, rest[r, 0], rest[r, 1], 0.0
             kept[count, 4] = 0.0
@@ -279,10 +280,3 @@ def _end(kept, pieces, k, last):
 def _same_pair(p, q, near):
     size = np.abs(p[0]) + np.abs(p[1]) + np.abs(q[0]) + np.abs(q[1])
     return size < np.inf and np.abs(p[0] - q[0]) + np.abs(p[1] - q[1]) < near * size
-
-
-@kernel
-def _longer(rows):
-    more = np.empty((2 * len(rows), rows.shape[1]))
-    more[: len(rows)] = rows
-    return more

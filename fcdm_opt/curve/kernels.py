@@ -949,22 +949,41 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     bound, two features within `planarity`, a line or direction known to too few digits, or no such direction and no
     closed polygon was found.
     """
-    frame, pose, chains = np.empty(FRAME), np.empty(12), np.empty((4, 4), np.int64)
-    known = _set_pose(transform, seed1, seed2, pose)
-    _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
-    capacity, kind, face = 32, -1, -1
+    room, frame = 32, np.empty(FRAME)
     while True:
-        sites, rows, points = np.empty((capacity, 6), np.int64), np.empty((capacity, 6)), np.empty((capacity + 4, 2))
+        sites, rows, points, chains = _space(room)
+        state, used, made = walk_into(
+            reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, sites, rows, points, chains, frame
+        )
+        if state != CROWDED:
+            return state, sites[:used], rows[:used], points[: used + made], chains[:made]
+        room *= 4
+
+
+@kernel
+def _space(room):
+    """Return sites, rows, points and chains for a walk of so many segments."""
+    return (
+        np.empty((room, 6), np.int64),
+        np.empty((room, 6)),
+        np.empty((room + 4, 2)),
+        np.empty((4, 4), np.int64),
+    )
+
+
+@kernel
+def walk_into(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, sites, rows, points, chains, frame):
+    """Fill the arrays that `walk` returns; return (state, segments, chains): CROWDED where there is too little room."""
+    kind, face = -1, -1
+    known = _set_pose(transform, seed1, seed2, frame)
+    _set_frame(reals1, ints1, reals2, ints2, frame, planarity, frame)
+    while True:
         state, used, made = _walk(reals1, ints1, reals2, ints2, frame, kind, face, sites, rows, points, chains)
         if state == ADRIFT:
-            state, kind, face = _landfall(reals1, ints1, reals2, ints2, pose, frame)
+            state, kind, face = _landfall(reals1, ints1, reals2, ints2, frame[:12].copy(), frame)
             if state == ADRIFT:
                 continue
-        if state != CROWDED:
-            if not known:
-                state = UNDECIDED
-            return state, sites[:used], rows[:used], points[: used + made], chains[:made]
-        capacity *= 4
+        return (state if known or state == CROWDED else UNDECIDED), used, made
 
 
 @step
@@ -1061,33 +1080,24 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     """
     total = len(transforms)
     states, counts = np.empty(total, np.int64), np.zeros(total, np.int64)
-    frame, pose, chains = np.empty(FRAME), np.empty(12), np.empty((4, 4), np.int64)
-    room = 32
-    sites, rows, points = np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2))
+    room, frame, seed1, seed2 = 32, np.empty(FRAME), seeds[0], seeds[1]
+    sites, rows, points, chains = _space(room)
     capacity, kept = 4 * total + room, 0
     all_sites, all_rows = np.empty((capacity, 3), np.int64), np.empty((capacity, 6))
     ends = np.empty((capacity, 2, 2))
-    item, kind, face = 0, -1, -1
+    item = 0
     while item < total:
-        known = _place(transforms, item, seeds, pose)
-        _set_frame(reals1, ints1, reals2, ints2, pose, planarity, frame)
-        state, used, made = _walk(reals1, ints1, reals2, ints2, frame, kind, face, sites, rows, points, chains)
-        if state == ADRIFT:
-            state, kind, face = _landfall(reals1, ints1, reals2, ints2, pose, frame)
-            if state == ADRIFT:
-                continue
+        state, used, made = walk_into(
+            reals1, ints1, reals2, ints2, transforms[item], seed1, seed2, planarity, sites, rows, points, chains, frame
+        )
         if state == CROWDED:
             room *= 4
-            sites, rows, points = np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2))
+            sites, rows, points, chains = _space(room)
             continue
-        if not known:
-            state = UNDECIDED
         if kept + used > capacity:
-            more = 2 * capacity + used
-            more_sites, more_rows = np.empty((more, 3), np.int64), np.empty((more, 6))
-            more_ends = np.empty((more, 2, 2))
-            more_sites[:kept], more_rows[:kept], more_ends[:kept] = all_sites[:kept], all_rows[:kept], ends[:kept]
-            all_sites, all_rows, ends, capacity = more_sites, more_rows, more_ends, more
+            capacity = 2 * capacity + used
+            all_sites = _longer(all_sites, capacity)
+            all_rows, ends = _longer(all_rows, capacity), _longer(ends, capacity)
         counts[item] = 0
         if state == WALKED:
             counts[item] = _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, ends, kept)
@@ -1095,14 +1105,8 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
                 state = _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
         kept += counts[item]
         states[item] = state
-        item, kind, face = item + 1, -1, -1
+        item += 1
     return states, counts, all_sites[:kept], all_rows[:kept], ends[:kept]
-
-
-@step
-def _place(transforms, item, seeds, pose):
-    """Fill the pose of one of many transforms; tell whether it is known well."""
-    return _set_pose(transforms[item], seeds[0], seeds[1], pose)
 
 
 @step
@@ -1229,7 +1233,7 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
             if g < 0 or not _cross_surely(reals1, ints1, reals2, ints2, frame, h, g, SPOKE):
                 break
             if count == len(sites):
-                sites, rows = _more_ints(sites, count), _more_rows(rows, count)
+                sites, rows = _longer(sites, 2 * count), _longer(rows, 2 * count)
             n, _, _, level = _edge_row(reals1, ints1, reals2, ints2, frame, h, g)
             inward = _turned_back(frame, R, n)
             a, _ = _climbed(reals1, ints1, _side(ints1, h)[0], inward)
@@ -1286,7 +1290,7 @@ def _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, edge
                 listed, row = _supporting_row(reals1, ints1, reals2, ints2, frame, h, 2 * other + turn)
                 if listed:
                     if count == len(sites):
-                        sites, rows = _more_ints(sites, count), _more_rows(rows, count)
+                        sites, rows = _longer(sites, 2 * count), _longer(rows, 2 * count)
                     _list(sites, rows, count, E1E2, edge, other, row)
                     count += 1
     return sites[:count], rows[:count]
@@ -1363,25 +1367,20 @@ def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
     """
     frame, row = np.empty(FRAME), np.full(6, np.nan)
     _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
-    _track_row(reals1, ints1, reals2, ints2, frame, site[0], site[1], site[2], sign, row)
-    return row
-
-
-@step
-def _track_row(reals1, ints1, reals2, ints2, frame, kind, i, j, sign, row):
-    if kind == F1V2:
-        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, j)
-    elif kind == V1F2:
-        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, i)
-    else:
+    kind, i, j = site[0], site[1], site[2]
+    if kind == E1E2:
         a, b, _, _ = _side(ints1, 2 * i)
         u, v, _, _ = _side(ints2, 2 * j)
         along = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a)))
         if not _length(_cross(along, _minus(_at(reals2, v), _at(reals2, u)))) > 0.0:
-            return
+            return row
         n, one, two, level = _edge_row(reals1, ints1, reals2, ints2, frame, 2 * i + (0 if sign > 0 else 1), 2 * j)
+    else:
+        face, apex = (i, j) if kind == F1V2 else (j, i)
+        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, kind, face, apex)
     row[0], row[1], row[2] = n
     row[3], row[4], row[5] = one, two, level
+    return row
 
 
 # --------------------------------------------------------------------------- part pairs that a union's curve depends on
@@ -1409,16 +1408,12 @@ def relevant_pairs(
     """
     n1, n2 = len(places1) - 1, len(places2) - 1
     pose = relative_pose(transform, seed1, seed2)
-    extents1, spheres1 = _supports(reals1, ints1, places1, pose, 1.0)
-    extents2, spheres2 = _supports(reals2, ints2, places2, pose, -1.0)
-    levels = np.empty(_WAYS)
-    for way in range(_WAYS):
-        levels[way] = _dot(_direction(way), _entry(pose, 9))
-    d = _entry(pose, 9)
     finite = np.isfinite(box[1]) and np.isfinite(box[3])
+    x, y = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])) if finite else (1.0, 1.0)
+    quick, most1, most2 = _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y)
     slack = _INF
     if finite:
-        slack = margin * (_length(d) + box[1] * np.abs(extents1).max() + box[3] * np.abs(extents2).max())
+        slack = margin * (_length(_entry(pose, 9)) + box[1] * most1 + box[3] * most2)
     walked = np.full(n1 * n2, -1, np.int64)
     made = 0  # pairs walked
     pairs, empty = np.empty((n1 * n2, 2), np.int64), np.empty(n1 * n2, np.bool_)
@@ -1447,10 +1442,9 @@ def relevant_pairs(
             p = walked[code]
             if finite:
                 if p >= 0:
-                    value = _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
+                    value = _least_depth(bounds, 3, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
                 else:
-                    i, j = code // n2, code % n2
-                    value = _bound(extents1, spheres1, extents2, spheres2, levels, d, i, j, x0, x1, y0, y1, slack)
+                    value = _least_depth(quick, 0, _WAYS * code, _WAYS * (code + 1), x0, x1, y0, y1, slack)
             if value > -_INF:
                 lists[own + count] = code
                 depths[count] = value
@@ -1468,14 +1462,12 @@ def relevant_pairs(
             code = lists[own + best]
             p = walked[code]
             if p < 0:
-                p = walked[code] = made
-                made += 1
-                pairs[p, 0], pairs[p, 1] = code // n2, code % n2
-                empty[p], bounds, ends[made] = _bounded(
+                p, made = made, made + 1
+                bounds = _walk_pair(
                     reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-                    pairs[p], bounds, ends[p],
+                    code, p, walked, pairs, empty, bounds, ends,
                 )  # fmt: skip
-            value = _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
+            value = _least_depth(bounds, 3, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
             if value > slack:
                 covered, roles[p, 0] = True, 1
                 break
@@ -1528,23 +1520,21 @@ def relevant_pairs(
             code = lists[own + k]
             p = walked[code]
             if p < 0:
-                p = walked[code] = made
-                made += 1
-                pairs[p, 0], pairs[p, 1] = code // n2, code % n2
-                empty[p], bounds, ends[made] = _bounded(
+                p, made = made, made + 1
+                bounds = _walk_pair(
                     reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-                    pairs[p], bounds, ends[p],
+                    code, p, walked, pairs, empty, bounds, ends,
                 )  # fmt: skip
-            apart = finite and _least_depth(bounds, ends[p], ends[p + 1], x0, x1, y0, y1, slack) == -_INF
+            apart = finite and _least_depth(bounds, 3, ends[p], ends[p + 1], x0, x1, y0, y1, slack) == -_INF
             if apart or empty[p]:
                 continue
             if used == len(members):
-                members = _longer(members)
+                members = _longer(members, 2 * used)
             members[used] = p
             used += 1
         if used > first:
             if kept == len(cells):
-                cells, shares = _more_rows(cells, kept), _longer(shares)
+                cells, shares = _longer(cells, 2 * kept), _longer(shares, 2 * kept + 1)
             cells[kept, 0], cells[kept, 1], cells[kept, 2], cells[kept, 3] = x0, x1, y0, y1
             kept += 1
             shares[kept] = used
@@ -1552,21 +1542,34 @@ def relevant_pairs(
 
 
 @kernel
-def _bounded(
-    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity, pair, bounds, used
-):
-    """Walk one more pair and append its rows; return whether it is empty, the rows and how many are used."""
-    one, two = places1[pair[0]], places1[pair[0] + 1]
-    three, four = places2[pair[1]], places2[pair[1] + 1]
-    own1, own2 = reals1[one[0] : two[0]], reals2[three[0] : four[0]]
-    table1, table2 = ints1[one[1] : two[1]], ints2[three[1] : four[1]]
+def _walk_pair(
+    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
+    code, p, walked, pairs, empty, bounds, ends,
+):  # fmt: skip
+    """Walk a pair as number p: fill in what is known of it, append its rows, and return all rows."""
+    i, j, used = code // (len(places2) - 1), code % (len(places2) - 1), ends[p]
+    own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
     state, _, lines, _, _ = walk(own1, table1, own2, table2, transform, seed1, seed2, planarity)
     if state != WALKED:
         lines = facet_rows(own1, table1, own2, table2, pose)[1]
-    while used + len(lines) > len(bounds):
-        bounds = _more_rows(bounds, used)
-    bounds[used : used + len(lines)] = lines
-    return state == EMPTY, bounds, used + len(lines)
+    walked[code], pairs[p, 0], pairs[p, 1], empty[p], ends[p + 1] = p, i, j, state == EMPTY, used + len(lines)
+    if ends[p + 1] > len(bounds):
+        bounds = _longer(bounds, 2 * ends[p + 1])
+    for k in range(len(lines)):
+        for entry in range(6):
+            bounds[used + k, entry] = lines[k, entry]
+    return bounds
+
+
+@kernel
+def _pair(reals1, ints1, places1, reals2, ints2, places2, i, j):
+    """Return the packed arrays of two of several parts."""
+    return (
+        reals1[places1[i, 0] : places1[i + 1, 0]],
+        ints1[places1[i, 1] : places1[i + 1, 1]],
+        reals2[places2[j, 0] : places2[j + 1, 0]],
+        ints2[places2[j, 1] : places2[j + 1, 1]],
+    )
 
 
 @light
@@ -1574,71 +1577,29 @@ def _bounded(
 def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, rho):
     """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2).
 
-    Of a part pair the largest separation over its facet directions, or of the spheres about the parts where that is
-    more; of the bodies the least over the pairs.
+    The least over the pairs of what `near_gaps` tells.
     """
-    n1, n2 = len(places1) - 1, len(places2) - 1
-    pose = relative_pose(transform, seed1, seed2)
-    extents1, spheres1 = _supports(reals1, ints1, places1, pose, 1.0)
-    extents2, spheres2 = _supports(reals2, ints2, places2, pose, -1.0)
-    d, levels = _entry(pose, 9), np.empty(_WAYS)
-    for way in range(_WAYS):
-        levels[way] = _dot(_direction(way), d)
-    gaps, owners = np.empty(len(rho)), np.zeros((len(rho), 2), np.int64)
-    spread = np.empty(n1 * n2)
+    pose, n2 = relative_pose(transform, seed1, seed2), len(places2) - 1
+    least, owners = np.full(len(rho), _INF), np.zeros((len(rho), 2), np.int64)
     for k in range(len(rho)):
-        x, y = rho[k, 0], rho[k, 1]
-        for code in range(n1 * n2):
-            one, two = _at(spheres1, code // n2), _at(spheres2, code % n2)
-            way = _minus(_minus(d, _times(x, one)), _times(-y, two))
-            spread[code] = _length(way) - x * spheres1[code // n2, 3] - y * spheres2[code % n2, 3]
-        least = np.argmin(spread)
-        best = _INF
-        for turn in range(-1, n1 * n2):  # the likeliest first
-            code = least if turn < 0 else turn
-            if spread[code] >= best or turn == least:
-                continue
+        gaps = near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho[k], -_INF)
+        for code in range(gaps.size):
             i, j = code // n2, code % n2
-            apart = -_INF
-            if best < 0.0:  # a pair that overlaps is no deeper in any direction
-                for way in range(_WAYS):
-                    apart = max(apart, levels[way] - x * extents1[i, way] - y * extents2[j, way])
-                if apart >= best:
-                    continue
-            value = least_separation(
-                reals1[places1[i, 0] : places1[i + 1, 0]],
-                ints1[places1[i, 1] : places1[i + 1, 1]],
-                reals2[places2[j, 0] : places2[j + 1, 0]],
-                ints2[places2[j, 1] : places2[j + 1, 1]],
-                pose,
-                rho[k],
-            )
-            value = max(value, spread[code])
-            if value < best:
-                best, owners[k, 0], owners[k, 1] = value, i, j
-        gaps[k] = best
-    return gaps, owners
+            if gaps[i, j] < least[k]:
+                least[k], owners[k, 0], owners[k, 1] = gaps[i, j], i, j
+    return least, owners
 
 
 @light
 @kernel
 def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
-    """Return a lower bound of each part pair's distance at a scale pair, (parts 1, parts 2); negative where unknown.
-
-    From the spheres about the parts, and from a few directions where those do not tell.
-    """
+    """Return lower bounds of all part pairs' signed gaps at a scale pair, (parts 1, parts 2), from a few directions."""
     n1, n2 = len(places1) - 1, len(places2) - 1
-    extents1, spheres1 = _supports(reals1, ints1, places1, pose, 1.0)
-    extents2, spheres2 = _supports(reals2, ints2, places2, pose, -1.0)
-    d, bounds = _entry(pose, 9), np.empty((n1, n2))
-    for i in range(n1):
-        for j in range(n2):
-            one, two = _times(rho[0], _at(spheres1, i)), _times(rho[1], _at(spheres2, j))
-            way = _minus(_minus(d, one), _times(-1.0, two))
-            bounds[i, j] = _length(way) - rho[0] * spheres1[i, 3] - rho[1] * spheres2[j, 3]
-            for k in range(_WAYS if bounds[i, j] <= 0.0 else 0):
-                level = _dot(_direction(k), d)
-                bounds[i, j] = max(bounds[i, j], level - rho[0] * extents1[i, k] - rho[1] * extents2[j, k])
+    quick, _, _ = _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, rho[0], rho[1])
+    bounds = np.full((n1, n2), -_INF)
+    for k in range(len(quick)):
+        i, j = k // _WAYS // n2, k // _WAYS % n2
+        bounds[i, j] = max(bounds[i, j], quick[k, 2] - quick[k, 0] * rho[0] - quick[k, 1] * rho[1])
     return bounds
 
 
@@ -1647,31 +1608,23 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
 def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
     """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed.
 
-    As `least_gaps` for pairs that may have the least of all, or less than `enough`; of others a lower bound of the
-    distance that is at least as much.
+    The largest separation over its facet directions and those of `pair_bounds`, for pairs that may have the least of
+    all, or less than `enough`; of others a lower bound that is at least as much.
     """
-    n1, n2 = len(places1) - 1, len(places2) - 1
-    bounds = pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho)
-    gaps, best, least = bounds.copy(), _INF, np.argmin(bounds)
-    for turn in range(-1, n1 * n2):  # the likeliest first
+    gaps, best = pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho), _INF
+    n2, least = len(places2) - 1, np.argmin(gaps)
+    for turn in range(-1, gaps.size):  # the likeliest first
         code = least if turn < 0 else turn
         i, j = code // n2, code % n2
-        if turn == least or bounds[i, j] >= max(best, enough):
+        if turn == least or gaps[i, j] >= max(best, enough):
             continue
-        value = least_separation(
-            reals1[places1[i, 0] : places1[i + 1, 0]],
-            ints1[places1[i, 1] : places1[i + 1, 1]],
-            reals2[places2[j, 0] : places2[j + 1, 0]],
-            ints2[places2[j, 1] : places2[j + 1, 1]],
-            pose,
-            rho,
-        )
-        gaps[i, j] = value if value <= 0.0 else max(value, bounds[i, j])
+        own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
+        gaps[i, j] = max(gaps[i, j], least_separation(own1, table1, own2, table2, pose, rho))
         best = min(best, gaps[i, j])
     return gaps
 
 
-_WAYS = 14  # directions of the quick test: both ways along the axes and along the diagonals of a cube
+_WAYS = 15  # directions of the quick test: both ways along the axes and along the diagonals of a cube, and another
 _DEPTH, _FEW, _ATTEMPTS = 8, 4, 3  # halvings at most; pairs that need no more; pairs tried to cover a cell
 _DIAGONAL = 1.0 / np.sqrt(3.0)
 
@@ -1688,61 +1641,62 @@ def _direction(way):
 
 
 @kernel
-def _supports(reals, ints, places, pose, sign):
-    """Return each part's supports in all directions (parts, ways), of body 2 in the opposite ones, and its sphere.
+def _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
+    """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs times ways, 3), largest |a| and |b|.
 
-    `sign` is 1 for body 1, whose directions are turned into its axes and whose spheres (centre, radius) out of them.
+    The last is from the middle of the one part to that of the other at a scale pair.
     """
-    count = len(places) - 1
-    extents, spheres = np.empty((count, _WAYS)), np.empty((count, 4))
-    for part in range(count):
+    n1, n2, d = len(places1) - 1, len(places2) - 1, _entry(pose, 9)
+    lines, most1, most2 = np.empty((n1 * n2 * _WAYS, 3)), 0.0, 0.0
+    middles1, middles2 = _middles(reals1, ints1, places1), _middles(reals2, ints2, places2)
+    for way in range(_WAYS - 1):
+        u = _direction(way)
+        inward, back, level = _turned_back(pose, 0, u), _times(-1.0, u), _dot(u, d)
+        for i in range(n1):
+            a = _support(reals1, ints1, places1, i, inward)
+            most1 = max(most1, np.abs(a))
+            for j in range(n2):
+                lines[(i * n2 + j) * _WAYS + way, 0] = a
+        for j in range(n2):
+            b = _support(reals2, ints2, places2, j, back)
+            most2 = max(most2, np.abs(b))
+            for i in range(n1):
+                k = (i * n2 + j) * _WAYS + way
+                lines[k, 1], lines[k, 2] = b, level
+    for i in range(n1):
+        middle = _times(x, _turned(pose, 0, _at(middles1, i)))
+        for j in range(n2):
+            n = _minus(_minus(d, middle), _times(-y, _at(middles2, j)))
+            length, k = _length(n), (i * n2 + j) * _WAYS + _WAYS - 1
+            n = _times(1.0 / length, n) if length > 0.0 else (1.0, 0.0, 0.0)
+            lines[k, 0] = _support(reals1, ints1, places1, i, _turned_back(pose, 0, n))
+            lines[k, 1], lines[k, 2] = _support(reals2, ints2, places2, j, _times(-1.0, n)), _dot(n, d)
+    return lines, most1, most2
+
+
+@kernel
+def _middles(reals, ints, places):
+    """Return the mean of each part's vertices."""
+    middles = np.zeros((len(places) - 1, 3))
+    for part in range(len(middles)):
         first, n = places[part, 0], ints[places[part, 1]]
-        middle = (0.0, 0.0, 0.0)
         for k in range(first, first + n):
-            x = _at(reals, k)
-            middle = middle[0] + x[0] / n, middle[1] + x[1] / n, middle[2] + x[2] / n
-        radius = 0.0
-        for k in range(first, first + n):
-            radius = max(radius, _length(_minus(_at(reals, k), middle)))
-        spheres[part, 0], spheres[part, 1], spheres[part, 2] = _turned(pose, 0, middle) if sign > 0 else middle
-        spheres[part, 3] = radius
-        for way in range(_WAYS):
-            u = _times(sign, _direction(way))
-            extents[part, way] = _support(reals, ints, places, part, _turned_back(pose, 0, u) if sign > 0 else u)
-    return extents, spheres
+            for axis in range(3):
+                middles[part, axis] += reals[k, axis] / n
+    return middles
 
 
 @step
-def _bound(extents1, spheres1, extents2, spheres2, levels, d, i, j, x0, x1, y0, y1, slack):
-    """Return -inf where a pair is apart in a whole cell, else an upper bound of its least depth in the cell."""
-    x, y, dx, dy = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    one, two = _at(spheres1, i), _at(spheres2, j)
-    way = _minus(_minus(d, _times(x, one)), _times(-y, two))
-    length = _length(way)
-    depth = _INF
-    if length > 0.0:
-        n = _times(1.0 / length, way)
-        a, b = _dot(n, one) + spheres1[i, 3], spheres2[j, 3] - _dot(n, two)
-        level, spread = a * x + b * y - _dot(n, d), np.abs(a) * dx + np.abs(b) * dy
-        if level + spread < -slack:
-            return -_INF
-    for k in range(_WAYS):
-        a, b = extents1[i, k], extents2[j, k]
-        level, spread = a * x + b * y - levels[k], np.abs(a) * dx + np.abs(b) * dy
-        if level + spread < -slack:
-            return -_INF
-        depth = min(depth, level - spread)
-    return depth
+def _least_depth(lines, at, first, last, x0, x1, y0, y1, slack):
+    """Return -inf where some contact line keeps a whole cell apart, else the least depth below any in the cell.
 
-
-@step
-def _least_depth(bounds, first, last, x0, x1, y0, y1, slack):
-    """Return -inf where some contact line keeps a whole cell apart, else the least depth below any in the cell."""
+    `at`: the column of a, then b and c.
+    """
     x, y, dx, dy = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     depth = _INF
     for k in range(first, last):
-        a, b = bounds[k, 3], bounds[k, 4]
-        level, spread = a * x + b * y - bounds[k, 5], np.abs(a) * dx + np.abs(b) * dy
+        a, b = lines[k, at], lines[k, at + 1]
+        level, spread = a * x + b * y - lines[k, at + 2], np.abs(a) * dx + np.abs(b) * dy
         if level + spread < -slack:
             return -_INF
         depth = min(depth, level - spread)
@@ -1766,21 +1720,8 @@ def _support(reals, ints, places, part, u):
 
 
 @kernel
-def _longer(values):
-    more = np.empty(2 * len(values), np.int64)
+def _longer(values, room):
+    """Return an array with more rows, the first as they were."""
+    more = np.empty((room,) + values.shape[1:], values.dtype)  # noqa: RUF005 -- compiled code cannot unpack
     more[: len(values)] = values
-    return more
-
-
-@kernel
-def _more_ints(values, used):
-    more = np.empty((2 * len(values), values.shape[1]), np.int64)
-    more[:used] = values[:used]
-    return more
-
-
-@kernel
-def _more_rows(values, used):
-    more = np.empty((2 * len(values), values.shape[1]))
-    more[:used] = values[:used]
     return more

@@ -11,7 +11,7 @@ image of a polygon, the shadow of a linear program's solutions; its edges in the
 rationals   integers and rationals, to and from floats
 program     the linear program of two parts: its columns, and their pricing
 simplex     bases, pivots, phase one
-shadow      the polygon of all scale pairs that meet, by the shadow vertex method
+shadow      the polygon of all scale pairs that meet, corner by corner
 weights     which vertices carry a contact
 proof       a verdict on a scale pair, and its check
 curve       what they come to: pieces, corners, chains

@@ -14,8 +14,8 @@ from flint import fmpq, fmpz
 from fcdm_opt.curve.exact.program import Program
 from fcdm_opt.curve.exact.proof import Verdict
 from fcdm_opt.curve.exact.rationals import Number, Vector, length, over_length, quotient, scale_pair
-from fcdm_opt.curve.exact.shadow import Edge, Shadow, Vertex
-from fcdm_opt.curve.exact.weights import touching_along, touching_at, witness
+from fcdm_opt.curve.exact.shadow import Edge, Shadow
+from fcdm_opt.curve.exact.weights import touching_along, touching_at_end, witness
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 
@@ -246,7 +246,7 @@ def _chain(shadow: Shadow, edges: Sequence[Edge], closed: bool) -> ExactChain:
     corners = edges if closed else edges[:-1]
     return ExactChain(
         tuple([_piece(shadow.program, edge) for edge in edges]),
-        tuple([_corner(shadow.program, edge.end) for edge in corners]),
+        tuple([_corner(shadow.program, edge) for edge in corners]),
         closed,
     )
 
@@ -263,8 +263,8 @@ def _piece(program: Program, edge: Edge) -> ExactPiece:
     )
 
 
-def _corner(program: Program, vertex: Vertex) -> ExactCorner:
-    return ExactCorner(program.homogeneous(vertex.point), *program.vertices(touching_at(vertex)))
+def _corner(program: Program, edge: Edge) -> ExactCorner:
+    return ExactCorner(program.homogeneous(edge.end.point), *program.vertices(touching_at_end(edge)))
 
 
 def _rounded(point: Vector) -> Array:

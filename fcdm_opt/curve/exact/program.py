@@ -141,10 +141,7 @@ class Program:
         basic : sequence of int
             Columns where it is 0 by construction.
         """
-        p, q, r = self.reach
-        coefficients = normalised((-n[0], -n[1], -n[2], *levels), (0, 0, 0, -p, -q, -r))
-        values = self.values(coefficients)
-        error = ROUNDING * sum(map(abs, coefficients))
+        values, error = self._slacks(n, levels)
         least = int(values.argmin())
         if values[least] < -error:
             return least
@@ -152,6 +149,18 @@ class Program:
             return None if min(levels) >= 0 else least
         doubtful = (values <= error).nonzero()[0].tolist()
         return next((j for j in doubtful if j not in basic and levels[self.kind(j)] < dot(n, self.column(j))), None)
+
+    def tight(self, n: Vector, levels: Vector) -> list[int]:
+        """Return the columns with level = n.c, where none is below: see `price`."""
+        values, error = self._slacks(n, levels)
+        doubtful = (values <= error).nonzero()[0].tolist()
+        return [j for j in doubtful if levels[self.kind(j)] == dot(n, self.column(j))]
+
+    def _slacks(self, n: Vector, levels: Vector) -> tuple[Array, float]:
+        """Return level - n.c of all columns up to a factor, and a bound of its error."""
+        p, q, r = self.reach
+        coefficients = normalised((-n[0], -n[1], -n[2], *levels), (0, 0, 0, -p, -q, -r))
+        return self.values(coefficients), ROUNDING * sum(map(abs, coefficients))
 
     def levels(self, n: Vector) -> Vector:
         """Return the lowest levels of a direction, (a, b, -c) in own units: its line."""

@@ -36,19 +36,9 @@ def dot4(u: Sequence[fmpz], v: Sequence[fmpz]) -> fmpz:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2] + u[3] * v[3]
 
 
-def dot2(u: Sequence[fmpz], v: Sequence[fmpz]) -> fmpz:
-    """Return the inner product of two vectors of the plane."""
-    return u[0] * v[0] + u[1] * v[1]
-
-
 def cross(u: Sequence[Any], v: Sequence[Any]) -> tuple[Any, Any, Any]:
     """Return the cross product of two vectors of space."""
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-
-
-def cross2(u: Sequence[fmpz], v: Sequence[fmpz]) -> fmpz:
-    """Return the cross product of two vectors of the plane: positive where v is to the left of u."""
-    return u[0] * v[1] - u[1] * v[0]
 
 
 def minus(u: Sequence[Any], v: Sequence[Any]) -> tuple[Any, Any, Any]:

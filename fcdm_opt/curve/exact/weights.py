@@ -23,16 +23,16 @@ from fcdm_opt.curve.exact.simplex import Basis
 
 def touching_along(edge: Edge) -> set[int]:
     """Return the columns that carry weight in some solution along an edge."""
-    return _touching(edge.bases, edge.tight)
+    return _touching([edge.start.basis, edge.end.basis, edge.basis], edge.tight)
 
 
-def touching_at(vertex: Vertex) -> set[int]:
-    """Return the columns that carry weight in some solution at a vertex."""
-    basis = vertex.basis
+def touching_at_end(edge: Edge) -> set[int]:
+    """Return the columns that carry weight in some solution at the vertex in which an edge ends."""
+    basis = edge.end.basis
     kind, column = basis.program.kind, basis.program.column
     fixed = [  # columns that leave z as it is
         j
-        for j in vertex.tight
+        for j in edge.tight
         if j in basis.basic
         or all(dot4(row, column(j)) == (basis.det if kind(j) == own else 0) for own, row in enumerate(basis.sums))
     ]
@@ -40,7 +40,7 @@ def touching_at(vertex: Vertex) -> set[int]:
 
 
 def _touching(bases: Sequence[Basis], tight: Sequence[int]) -> set[int]:
-    """Return the columns that carry weight in some solution that uses tight columns only."""
+    """Return the columns that carry weight in some solution that uses tight columns only; those of the last are."""
     last = bases[-1].program.total - 1
     carrying = {j for basis in bases for j in basis.carrying}
     while True:
