@@ -16,12 +16,14 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import logging
 import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from time import perf_counter
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -235,6 +237,26 @@ class _Payload(_Format):
         return not data.library.has_dynamic_globals
 
 
+class _Versions(IndexDataCacheFile):
+    """The versions of a function: an index, and a file for each, named by what it holds.
+
+    numba numbers these files: of two processes that compile at once, one would write over what the other's index names.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write a version, then the index: what that names is there."""
+        said = repr((self._source_stamp, str(key[0]), *key[1:])).encode()
+        name = self._data_name_pattern.replace("{number:d}", hashlib.sha256(said).hexdigest()[:16])
+        self._save_data(name, data)
+        known = self._load_index()
+        self._save_index({**known, key: name})
+        if not known:  # none of this stamp: others are what was changed since
+            folder, stem = Path(self._cache_path), self._index_name.removesuffix(".nbi")
+            for other in folder.glob(f"{glob.escape(stem)}.*.nbc"):
+                if other.name != name:
+                    other.unlink(missing_ok=True)
+
+
 class _Kept(_Files):
     """The compiled versions of a function on disk, stamped with all that it was made from."""
 
@@ -242,7 +264,7 @@ class _Kept(_Files):
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
-        self._cache_file: Any = IndexDataCacheFile(self._cache_path, self._impl.filename_base, stamp_of(function))
+        self._cache_file: Any = _Versions(self._cache_path, self._impl.filename_base, stamp_of(function))
 
     @property
     def holds_some(self) -> bool:

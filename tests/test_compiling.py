@@ -124,3 +124,19 @@ def test_the_curve_of_a_small_pair_compiles_nothing(tmp_path: Path) -> None:
     assert "1 proved in floats" in done.stdout
     assert "compiling" not in done.stderr
     assert not list(tmp_path.rglob("*.nbc"))
+
+
+def test_processes_that_compile_at_once_do_not_mix_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each sees the index as it was before the other wrote: a version is lost then, and never another's code taken."""
+    files = compiling._Versions(str(tmp_path), "f-1.py311", "stamp")
+    keys = [((kind,), ("machine",), ("code", "")) for kind in ("float64", "int64")]
+    with monkeypatch.context() as patch:
+        patch.setattr(files, "_load_index", dict)
+        for key in keys:
+            files.save(key, f"code for {key[0]}")
+    assert [files.load(key) for key in keys] in (
+        [None, "code for ('int64',)"],
+        ["code for ('float64',)", "code for ('int64',)"],
+    )
+    files.save(keys[0], "code for ('float64',)")
+    assert [files.load(key) for key in keys] == ["code for ('float64',)", "code for ('int64',)"]
