@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
-import numpy as np
-
-from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.plain import plain
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.plain import Plain
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sensitivity:
+class Sensitivity(Plain):
     """First derivatives of the least amount.
 
     Each is by one datum, all others as they are. Seeds and `length` count as data of their own: with a rule such as
@@ -75,32 +71,3 @@ class Sensitivity:
     seeds: Mapping[str, Array]
     multipliers: Mapping[str, float]
     residual: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which `from_dict` rebuilds it; nan becomes None."""
-        return {item.name: plain(getattr(self, item.name)) for item in fields(self)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
-        """Rebuild it from `to_dict`; raises `InputError` naming a missing or wrong key."""
-        try:
-            read = {
-                item.name: numbers(data[item.name]) for item in fields(cls) if item.name not in ("exists", "reasons")
-            }
-            read |= {"tolerance": None} if data["tolerance"] is None else {}
-            read["limits"] = {name: tuple(ends.tolist()) for name, ends in read["limits"].items()}
-            return cls(exists=bool(data["exists"]), reasons=tuple(map(str, data["reasons"])), **read)
-        except (KeyError, TypeError, ValueError, AttributeError) as reason:
-            raise InputError("not the plain data of a sensitivity", key="sensitivity", found=str(reason)) from reason
-
-
-def number(x: float | str | None) -> float:
-    """Return the number that JSON has None or a word for."""
-    return float("nan") if x is None else float(x)
-
-
-def numbers(value: Any) -> Any:
-    """Return the numbers of plain data: lists as read-only arrays, in mappings by name."""
-    if isinstance(value, Mapping):
-        return {str(name): numbers(own) for name, own in value.items()}
-    return frozen(np.array(value, dtype=np.float64)) if isinstance(value, list | tuple) else number(value)
