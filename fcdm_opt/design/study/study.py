@@ -15,9 +15,8 @@ from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import Question, canonical, digest, located, plain_value
 from fcdm_opt.design.study.checking import check_draws, check_keys, check_values
 from fcdm_opt.design.study.derivation import Derivation
-from fcdm_opt.design.study.sampling import MOST, draws
 from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
-from fcdm_opt.design.study.variables import PARAMETERS, Variable, variable_of
+from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.problem import Problem
@@ -207,8 +206,8 @@ class Study:
         drawn = [variable for variable in self.variables if variable.drawn]
         if not drawn or self.count is None:
             return {}
-        rows = draws([variable.values for variable in drawn], self.sampling, self.count, seed=self.seed)
-        return dict(zip(drawn, rows, strict=True))
+        cube = shares(self.sampling, self.count, len(drawn), seed=self.seed)
+        return {variable: variable.values.quantile(row) for variable, row in zip(drawn, cube, strict=True)}
 
     @cached_property
     def axes(self) -> dict[str, Sequence[Any]]:
