@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from time import monotonic
 
 PAUSE = 10.0
@@ -21,17 +22,7 @@ Say = Callable[[str], None]
 
 @dataclass
 class Pace:
-    """What is done, how fast, and when the rest will be.
-
-    Attributes
-    ----------
-    total : int
-        Points of the study.
-    done : int
-        Those that have a row.
-    made : int
-        Those of them that this run worked out.
-    """
+    """Of `total` points, how many are `done` and how many of these this run `made`, how fast, and when the rest will be."""
 
     total: int
     done: int = 0
@@ -58,7 +49,7 @@ def _duration(seconds: float) -> str:
 
 @contextmanager
 def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[int, int], None]]:
-    """Show how far a run is.
+    """Show how far a run is: a bar on a terminal; elsewhere a line now and then, and at the end, however that comes.
 
     Parameters
     ----------
@@ -75,44 +66,32 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
         To be told `done` and `made`, see `Pace`.
     """
     pace = Pace(total)
-    bar = progress and sys.stderr is not None and sys.stderr.isatty()
-    with _bar(pace) if bar else _lines(pace, say or (_to_stderr if progress else None)) as show:
+    if progress and sys.stderr is not None and sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-        def tell(done: int, made: int) -> None:
-            pace.done, pace.made = done, made
-            show()
+        columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
+        with Progress(*columns, console=Console(stderr=True), refresh_per_second=REFRESH) as bar:
+            task = bar.add_task(str(pace), total=total)
 
-        yield tell
+            def draw(done: int, made: int) -> None:
+                pace.done, pace.made = done, made
+                bar.update(task, completed=done, description=str(pace))
 
-
-def _to_stderr(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _lines(pace: Pace, say: Say | None) -> Iterator[Callable[[], None]]:
-    """Say a line now and then, and at the end, also where that comes early."""
+            yield draw
+        return
+    if say is None:
+        say = partial(print, file=sys.stderr, flush=True) if progress else lambda text: None
     last = monotonic()
 
-    def show() -> None:
+    def tell(done: int, made: int) -> None:
         nonlocal last
-        if say and monotonic() - last >= PAUSE:
+        pace.done, pace.made = done, made
+        if monotonic() - last >= PAUSE:
             last = monotonic()
             say(str(pace))
 
     try:
-        yield show
+        yield tell
     finally:
-        if say:
-            say(str(pace))
-
-
-@contextmanager
-def _bar(pace: Pace) -> Iterator[Callable[[], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-
-    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), refresh_per_second=REFRESH) as bar:
-        task = bar.add_task(str(pace), total=pace.total)
-        yield lambda: bar.update(task, completed=pace.done, description=str(pace))
+        say(str(pace))
