@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Tag, WrapValidator
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion, Step
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount
@@ -331,10 +331,8 @@ def _each(key: str, makers: Sequence[Any]) -> list[Any]:
     """Return what the makers make; an error says which one it was."""
     made = []
     for k, maker in enumerate(makers, 1):
-        try:
+        with placed(key=f"{key}[{k}]"):
             made.append(maker())
-        except InputError as reason:
-            raise reason.within(key=f"{key}[{k}]") from reason
     return made
 
 
@@ -428,7 +426,7 @@ class ProblemFile(Entry):
         """Return the cases by their places in the file; raises where there is none, or two have one name."""
         if not self.case:
             raise InputError("there is no case", file=file, key="case", allowed="one [[case]] table or more")
-        placed: dict[str, Case] = {}
+        cases: dict[str, Case] = {}
         names: dict[str, int] = {}
         for k, case in enumerate(self.case, 1):
             key = f"case[{k}] {case.name!r}"
@@ -443,23 +441,19 @@ class ProblemFile(Entry):
                     found=case.name,
                     allowed="a name that no other case has",
                 )
-            placed[key] = case
-        return placed
+            cases[key] = case
+        return cases
 
     def _parts(self, file: Path | None) -> Parts:
         """Return the bodies; a mesh file's path starts where the entry stands that names it."""
         bodies, home = self.both_bodies(file)
         unit = self.common_unit(bodies, file)
-        try:
+        with placed(file=home):
             movable, static = bodies.both(home and home.parent)
-        except InputError as reason:
-            raise reason.within(file=home) from reason
         folder = file and file.parent
-        try:
+        with placed(file=file):
             makers = [partial(entry.keep_out, f"keep-out {k}", folder) for k, entry in enumerate(self.keep_out, 1)]
             others = keep_outs(_each("keep_out", makers))
-        except InputError as reason:
-            raise reason.within(file=file) from reason
         return Parts(movable, static, {keep_out.name: keep_out for keep_out in others}, unit)
 
     def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:

@@ -10,7 +10,7 @@ from typing import Any
 from fcdm_opt.design.places import Place, overlap, parse
 from fcdm_opt.design.question import Question, canonical, excluded
 from fcdm_opt.design.study.variables import PARAMETERS, Variable
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.problem.keys import Defaults
 
 Ask = Callable[[Question, Mapping[Variable, int]], Question]
@@ -22,12 +22,10 @@ _NO_DEFAULTS = Defaults()
 
 def check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
     """Refuse keys and labels that are given twice, and keys of which one lies inside another."""
-    placed = _places(variables, derived)
-    for where, key in placed:
-        try:
+    given = _places(variables, derived)
+    for where, key in given:
+        with placed(key=where):
             place = parse(key)
-        except InputError as reason:
-            raise reason.within(key=where) from reason
         if where.startswith("derive") and place[0] == PARAMETERS:
             allowed = f"the expression itself as a value in {PARAMETERS}"
             raise InputError("a parameter is not derived", key=where, found=key, allowed=allowed)
@@ -35,7 +33,7 @@ def check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
             raise InputError("not a parameter", key=where, found=key, allowed=f"{PARAMETERS}.name")
         if place[0] == "name":
             raise InputError("the name of a case does not vary", key=where, found=key, allowed="other keys")
-    for (one, first), (two, second) in combinations(placed, 2):
+    for (one, first), (two, second) in combinations(given, 2):
         if overlap(_without_units(parse(first)), _without_units(parse(second))):
             what = "a key is given twice" if first == second else "two keys say the same"
             raise InputError(what, key=two, found=f"{second}, and {first} in {one}", allowed="each key once")
@@ -66,17 +64,10 @@ def check_draws(variables: Sequence[Variable], count: int | None, points: int) -
 
 
 def check_values(variables: Sequence[Variable], derived: Iterable[str], asked: Ask, base: Question) -> None:
-    """Refuse keys and listed values that make no question, whatever the others are.
+    """Refuse keys and listed values that make no question from `base`, whatever the others are.
 
-    Parameters
-    ----------
-    variables : sequence of Variable
-    derived : iterable of str
-        Keys that follow from parameters.
-    asked : callable
-        The question where each variable takes its k-th value.
-    base : Question
-        What it starts from.
+    `derived` are the keys that follow from parameters, `asked` gives the question where each variable takes its k-th
+    value.
     """
     first = dict.fromkeys(variables, 0)
     try:

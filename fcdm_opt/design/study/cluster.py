@@ -40,19 +40,9 @@ def answer_on_worker(version: str, work: Work, limit: float | None, asked: Asked
 
 @contextmanager
 def joined(scheduler: str | None, jobs: int | None) -> Iterator[DaskDistributedBackend]:
-    """Give a backend for joblib.
+    """Give a backend for joblib, of the scheduler at an address, or of a cluster of this process that ends afterwards.
 
-    Parameters
-    ----------
-    scheduler : str or None
-        Address of a scheduler. Without it a cluster of this process is made, which ends afterwards.
-    jobs : int or None
-        How many points such a cluster works at; default: one a core.
-
-    Raises
-    ------
-    InputError
-        Where the scheduler does not answer or has no workers, or is lost meanwhile; where a worker has another version.
+    Refuses a scheduler that does not answer, has no workers, or is lost meanwhile, and workers of another version.
     """
     with ExitStack() as stack:
         stack.enter_context(_quiet())

@@ -16,7 +16,7 @@ from keyword import iskeyword
 from typing import Any, NoReturn
 
 from fcdm_opt.design.places import Place, written
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.problem.arguments import LARGEST, is_real
 from fcdm_opt.problem.schema import closest
 
@@ -43,14 +43,7 @@ ALLOWED = f"numbers, parameters, + - * / **, brackets, pi, {', '.join(FUNCTIONS)
 
 @dataclass(frozen=True)
 class Formula:
-    """A parsed expression; call it with the values of all names.
-
-    Attributes
-    ----------
-    text : str
-    names : frozenset of str
-        The parameters in it.
-    """
+    """A parsed expression; call it with the values of all `names`, the parameters in it."""
 
     text: str
     names: frozenset[str]
@@ -130,14 +123,8 @@ def _depth(node: ast.AST) -> int:
 class Derivation:
     """Keys of a problem that follow from parameters.
 
-    Attributes
-    ----------
-    numbers : mapping
-        The parameters that are numbers; a point may have others.
-    steps : tuple of (name, Formula)
-        The parameters that are expressions, in an order in which each can be worked out.
-    values : mapping of place to tree
-        What is derived: lists and tables, with a `Formula` for each text.
+    `numbers` are the parameters that are numbers (a point may have others), `steps` those that are expressions, in an
+    order in which each can be worked out; `values` is what is derived: lists and tables with a `Formula` for each text.
     """
 
     numbers: Mapping[str, float]
@@ -148,13 +135,8 @@ class Derivation:
     def of(cls, parameters: Mapping[str, Any], derive: Mapping[str, Any], varied: set[str]) -> Derivation:
         """Return the derivation; raises `InputError` for unknown, cyclic and unused parameters.
 
-        Parameters
-        ----------
-        parameters : mapping of name to number or expression
-        derive : mapping of place to value
-            Texts in it, at any depth, are expressions; `{ text = "..." }` is a text.
-        varied : set of str
-            Names of the parameters that points have values for.
+        Texts in `derive`, at any depth, are expressions; `{ text = "..." }` is a text. Of the parameters in `varied`
+        points have values.
         """
         numbers: dict[str, float] = {}
         formulas: dict[str, Formula] = {}
@@ -208,10 +190,8 @@ class Derivation:
         def worked_out(leaf: Any, place: Place) -> Any:
             if not isinstance(leaf, Formula):
                 return leaf
-            try:
+            with placed(key=written(place)):
                 return leaf(known)
-            except InputError as reason:
-                raise reason.within(key=written(place)) from reason
 
         for name, formula in self.steps:
             known[name] = worked_out(formula, ("parameters", name))

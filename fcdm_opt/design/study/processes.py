@@ -42,10 +42,7 @@ DEATH_SIGNAL = 1  # prctl's PR_SET_PDEATHSIG: the signal that Linux sends when t
 class Processes:
     """A process for each thread that asks; used in a `with` block. They end with this process, however that ends.
 
-    Parameters
-    ----------
-    load : callable
-        What a process does first, without a time limit.
+    `load` is what a process does first, without a time limit.
     """
 
     def __init__(self, load: Callable[[], None] = load) -> None:
@@ -64,21 +61,9 @@ class Processes:
         self.close()
 
     def answer(self, work: Work, limit: float | None, asked: Asked) -> Row:
-        """Return the row of a point.
+        """Return the row that `work`, a function of a module, makes of a point within `limit` seconds.
 
-        Parameters
-        ----------
-        work : callable
-            Row from a point; a function of a module, which processes import. What it raises is raised here.
-        limit : float or None
-            Seconds that it may take.
-        asked : tuple
-            The point.
-
-        Raises
-        ------
-        FcdmError
-            Where no process starts.
+        What it raises is raised here, and `FcdmError` where no process starts.
         """
         for _ in range(TRIES):
             process = getattr(self._of_thread, "process", None)

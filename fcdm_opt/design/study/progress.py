@@ -22,7 +22,7 @@ Say = Callable[[str], None]
 
 @dataclass
 class Pace:
-    """Of `total` points, how many are `done` and how many of these this run `made`, how fast, and when the rest will be."""
+    """Of `total` points, how many are `done`, how many of these this run `made`, how fast, and when it will end."""
 
     total: int
     done: int = 0
@@ -51,19 +51,8 @@ def _duration(seconds: float) -> str:
 def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[int, int], None]]:
     """Show how far a run is: a bar on a terminal; elsewhere a line now and then, and at the end, however that comes.
 
-    Parameters
-    ----------
-    total : int
-        Points of the study.
-    progress : bool
-        Whether a bar is wanted where standard error is a terminal.
-    say : callable, optional
-        Takes lines where there is no bar; without it they go to standard error if `progress`, else nowhere.
-
-    Yields
-    ------
-    callable
-        To be told `done` and `made`, see `Pace`.
+    Gives what is to be told `done` and `made`, see `Pace`. Without `say` lines go to standard error if `progress`,
+    else nowhere.
     """
     pace = Pace(total)
     if progress and sys.stderr is not None and sys.stderr.isatty():

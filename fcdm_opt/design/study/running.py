@@ -165,23 +165,10 @@ def workers(
     work: Work = evaluate,
     loaded: Callable[[], None] = load,
 ) -> Iterator[Answers]:
-    """Start workers, or join them, and end them afterwards.
+    """Start workers, or join them, and end them afterwards; gives what makes rows of points, in any order.
 
-    Parameters
-    ----------
-    engine, jobs, scheduler
-        As of `run_study`, checked.
-    limit : float or None
-        Seconds a point, which take a process of its own.
-    work : callable
-        Row from a point; a function of a module.
-    loaded : callable
-        What a process does first.
-
-    Yields
-    ------
-    callable
-        Gives the rows of points, in any order. Points are taken as workers become free, in any thread.
+    Points are taken as workers become free, in any thread. `limit` are seconds a point, which take a process of its
+    own; `work`, a function of a module, makes a row of a point; `loaded` is what a process does first.
     """
     from joblib import Parallel, cpu_count, delayed
 

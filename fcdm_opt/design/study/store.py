@@ -97,12 +97,8 @@ class Store:
     def write(self, points: Iterable[tuple[int, str, Mapping[str, Any]]], rows: Iterable[Row]) -> None:
         """Write points that were met, and rows: all of them or, where the process dies, none.
 
-        Parameters
-        ----------
-        points : iterable of (number, key of its row, values by label)
-            Those that an earlier run has met already change nothing.
-        rows : iterable of dict
-            Of keys that have no row yet.
+        Points are (number, key of the row, values by label); those that an earlier run has met already change nothing.
+        Rows are of keys that have none yet.
         """
         seen = "SELECT 1 FROM points WHERE number = ?"
         met = [

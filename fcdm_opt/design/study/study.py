@@ -17,7 +17,7 @@ from fcdm_opt.design.study.checking import check_draws, check_keys, check_values
 from fcdm_opt.design.study.derivation import Derivation
 from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import checked, closest, read_entry
@@ -27,20 +27,10 @@ _REFERENCES = ("published", "published_text")  # of a case: never used in solvin
 
 
 class StudyPoint(NamedTuple):
-    """One point of a study.
+    """One point of a study: its number in the order of the axes, the last of them fastest, and the values by label.
 
-    Attributes
-    ----------
-    number : int
-        From 0, in the order of the axes, the last of them fastest.
-    key : str
-        Points with equal keys have equal answers.
-    values : dict
-        Plain value of each label.
-    question : Question or None
-        Without mesh files; None where the values make no question.
-    error : str
-        Why they make none.
+    Points with equal keys have equal answers. The question is without mesh files, None where the values make none;
+    `error` says why.
     """
 
     number: int
@@ -150,7 +140,7 @@ class Study:
         path = Path(path)
         file: Any = read_entry(StudyFile, path, "study file", "problem and [[vary]]")
         budget = getattr(file, "yield")
-        try:
+        with placed(file=path):
             return cls(
                 located(file.problem, path.parent),
                 [variable_of(entry, f"vary[{k}]", path.parent) for k, entry in enumerate(file.vary, 1)],
@@ -158,14 +148,17 @@ class Study:
                 budget=None if budget is None else budget.budget,
                 folder=path.parent,
             )
-        except InputError as reason:
-            raise reason.within(file=path) from reason
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
         """What varies, in order."""
         if isinstance(self.vary, Mapping):
-            return tuple(_named(keys, values) for keys, values in self.vary.items())
+            return tuple(
+                Variable(keys, list(values.values()), names=tuple(values))
+                if isinstance(values, Mapping)  # of names to values
+                else Variable(keys, values)
+                for keys, values in self.vary.items()
+            )
         given = tuple(self.vary) if isinstance(self.vary, list | tuple) else (self.vary,)
         if not all(isinstance(variable, Variable) for variable in given):
             allowed = '{"tolerance": [0.01, 0.02], ...}: keys of a problem with their values'
@@ -250,10 +243,7 @@ class Study:
                     "vary": [variable.to_dict() for variable in self.variables],
                     "files": self._files,
                     **{key: plain_value(getattr(self, key) or {}) for key in ("parameters", "derive")},
-                    **{
-                        key: getattr(self, key)
-                        for key in ("sampling", "count", "seed", "certify", "effort", "time_limit")
-                    },
+                    **{key: getattr(self, key) for key in _TOLD},
                 }
             )
         )
@@ -262,7 +252,7 @@ class Study:
     def _files(self) -> dict[str, str]:
         """The sha256 of each mesh file among the values."""
         named = [
-            (given, str(located(given, self._home)))
+            (given, str(located(given, Path(self.folder or ""))))
             for variable in self.variables
             for value in (() if variable.drawn else variable.values)
             for key, own in variable.at(value).items()
@@ -282,20 +272,15 @@ class Study:
         varied = any("unit" in place for variable in self.variables for place in variable.places)
         return units.pop() if len(units) == 1 and not varied else ""
 
-    @property
-    def _home(self) -> Path:
-        return Path(self.folder or "")
-
     def to_dict(self) -> dict[str, Any]:
         """Return the definition as plain data, without the problem."""
         axes = {
             label: plain_value(list(values)) if label != "draw" else len(values) for label, values in self.axes.items()
         }
-        own = ("title", "note", "sampling", "count", "seed", "certify", "effort", "time_limit", "budget")
-        unit = {"unit": self.unit} if self.unit else {}
+        keys = ("title", "note", *_TOLD, "budget")
         return {
-            **unit,
-            **{key: plain_value(getattr(self, key)) for key in own},
+            **({"unit": self.unit} if self.unit else {}),
+            **{key: plain_value(getattr(self, key)) for key in keys},
             "labels": list(self.labels),
             "axes": axes,
             "vary": [variable.to_dict() for variable in self.variables],
@@ -366,21 +351,15 @@ class Study:
         for key, value in places.items():
             file = _mesh_file(parse(key), value)
             if file is not None:
-                path = located(file, self._home)
+                path = located(file, Path(self.folder or ""))
                 places[key] = path if isinstance(value, str) else {**value, "file": path}
         return base.changed(places)
 
 
+_TOLD = ("sampling", "count", "seed", "certify", "effort", "time_limit")
 _SAME_IN_FILES = (
     "title", "note", "cases", "seed", "certify", "effort", "time_limit", "sampling", "count", "parameters", "derive",
 )  # fmt: skip
-
-
-def _named(keys: Any, values: Any) -> Variable:
-    """Return a variable of the Python form, whose values may come with names."""
-    if isinstance(values, Mapping):
-        return Variable(keys, list(values.values()), names=tuple(values))
-    return Variable(keys, values)
 
 
 def _questions(problem: Any) -> tuple[Question, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform, read_columns
 from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import canonical, located, plain_value
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.arguments import LARGEST, is_real, items, real
 
@@ -52,38 +52,24 @@ class Variable:
     def __post_init__(self) -> None:
         keys = tuple(self.keys) if isinstance(self.keys, list | tuple) else (self.keys,)
         where = self.where or f"vary[{keys[0] if len(keys) == 1 else keys!r}]"
-        made = {
-            "keys": keys,
-            "label": self.label or ", ".join(map(str, keys)),
-            "where": where,
-            "listed": self.listed or where,
-        }
-        for name, value in made.items():
-            object.__setattr__(self, name, value)
+        label, listed = self.label or ", ".join(map(str, keys)), self.listed or where
+        self.__dict__.update(keys=keys, label=label, where=where, listed=listed, names=tuple(self.names))
         if not keys:
             raise InputError("no key", key=where, allowed="one key or more")
         for k, key in enumerate(keys, 1):
-            try:
+            with placed(key=f"{where}.key" + (f"[{k}]" if len(keys) > 1 else "")):
                 parse(key if isinstance(key, str) else f" {key!r}")
-            except InputError as reason:
-                raise reason.within(key=f"{where}.key" + (f"[{k}]" if len(keys) > 1 else "")) from reason
         if not isinstance(self.label, str):
             raise InputError("not a text", key=f"{where}.label", found=self.label, allowed="a text")
         if not isinstance(self.values, Distribution):
-            object.__setattr__(self, "values", self._checked_values())
+            self.__dict__["values"] = self._checked_values()
         elif len(keys) > 1:
             raise InputError("numbers are drawn for one key", key=where, found=", ".join(keys), allowed=_ONE_KEY)
-        self._check_names()
-
-    def _check_names(self) -> None:
-        names = tuple(self.names)
-        object.__setattr__(self, "names", names)
-        if not names:
-            return
+        names = self.names
         texts = all(isinstance(name, str) and name for name in names)
-        if self.drawn or len(names) != len(self.values) or not texts or len(set(names)) != len(names):
+        if names and (self.drawn or len(names) != len(self.values) or not texts or len(set(names)) != len(names)):
             allowed = "listed values" if self.drawn else f"{len(self.values)} texts, one a value and all different"
-            raise InputError("the names do not fit the values", key=f"{self.where}.names", found=names, allowed=allowed)
+            raise InputError("the names do not fit the values", key=f"{where}.names", found=names, allowed=allowed)
 
     def _checked_values(self) -> tuple[Any, ...]:
         allowed = "a list with at least one value, or Uniform, Normal, Measured"
@@ -156,10 +142,8 @@ def _values(entry: Any, keys: tuple[str, ...], folder: Path) -> tuple[str, Any]:
     if entry.grid is not None:
         if len(keys) > 1:
             raise InputError("a grid is of one key", key="grid", found=", ".join(keys), allowed=_ONE_KEY)
-        try:
+        with placed(key="grid"):
             numbers = grid(getattr(entry.grid, "from"), entry.grid.to, entry.grid.count, entry.grid.spacing)
-        except InputError as reason:
-            raise reason.within(key="grid") from reason
         return "grid", numbers
     if entry.uniform is not None:
         return "uniform", Uniform(**dict(entry.uniform))
