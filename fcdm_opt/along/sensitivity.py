@@ -24,7 +24,6 @@ from fcdm_opt.model.task import Task
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.problem import TRACKING, Problem
-from fcdm_opt.problem.sensitivities import Sensitivity
 from fcdm_opt.stages.order import STAGES
 from fcdm_opt.tolerances import DEFAULT
 

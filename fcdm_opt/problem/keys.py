@@ -210,7 +210,11 @@ class Case(Defaults):
         if isinstance(given.get("amount"), AmountEntry):
             given["amount"] = OwnAmount.from_text(given["amount"].casadi, [name for name, _ in motion.parameters])
         if isinstance(given.get("resolution"), float):
-            _check_lengths(given["resolution"], motion)
+            turning = [name for name, kind in motion.parameters if kind == "rotation"]
+            if turning:
+                what, allowed = "the unit of the angles is missing", f"{{ {turning[0]}_deg = 0.1 }}"
+                allowed = f"a table with a step for each parameter that is rounded: {allowed}"
+                raise InputError(what, key="resolution", found=given["resolution"], allowed=allowed)
         for key in BY_PARAMETER:
             if isinstance(given.get(key), Mapping):
                 given[key] = _by_name(key, given[key], motion)
@@ -334,14 +338,6 @@ def _each(key: str, makers: Sequence[Any]) -> list[Any]:
         with placed(key=f"{key}[{k}]"):
             made.append(maker())
     return made
-
-
-def _check_lengths(step: float, motion: Motion) -> None:
-    """Refuse one step for all parameters where some are angles, whose keys carry their unit."""
-    turning = [name for name, kind in motion.parameters if kind == "rotation"]
-    if turning:
-        allowed = f"a table with a step for each parameter that is rounded: {{ {turning[0]}_deg = 0.1 }}"
-        raise InputError("the unit of the angles is missing", key="resolution", found=step, allowed=allowed)
 
 
 def _by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
