@@ -24,7 +24,7 @@ from fragile import children, fragile, nothing
 
 import fcdm_opt as fo
 from fcdm_opt.design.question import Question
-from fcdm_opt.design.study import progress
+from fcdm_opt.design.study import running
 from fcdm_opt.design.study.point import Asked, Row, evaluate, row
 from fcdm_opt.design.study.processes import Processes
 from fcdm_opt.design.study.results import StudyResult
@@ -393,10 +393,10 @@ def test_a_full_disk_is_told_and_takes_nothing_away(tmp_path: Path) -> None:
 
 def test_lines_tell_how_far_a_run_is(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    monkeypatch.setattr(progress, "monotonic", lambda: now[0])
-    monkeypatch.setattr(progress.Pace, "__init__", _at(now, progress.Pace.__init__))
+    monkeypatch.setattr(running, "monotonic", lambda: now[0])
+    monkeypatch.setattr(running.Pace, "__init__", _at(now, running.Pace.__init__))
     said: list[str] = []
-    with progress.shown(10000, progress=True, say=said.append) as tell:
+    with running.shown(10000, progress=True, say=said.append) as tell:
         for done in range(1000, 8000, 50):
             now[0] += 0.25
             tell(done, done - 1000)
@@ -406,7 +406,7 @@ def test_lines_tell_how_far_a_run_is(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _at(now: list[float], made: Any) -> Any:
-    def init(self: progress.Pace, total: int) -> None:
+    def init(self: running.Pace, total: int) -> None:
         made(self, total)
         self._start = now[0]
 

@@ -13,12 +13,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from fcdm_opt.design.study.point import WORKER_LOST, Asked, Row, load, row
 from fcdm_opt.errors import FcdmError
@@ -39,7 +38,7 @@ IDLE = 60.0
 DEATH_SIGNAL = 1  # prctl's PR_SET_PDEATHSIG: the signal that Linux sends when the parent ends
 
 
-class Processes:
+class Processes(AbstractContextManager["Processes"]):
     """A process for each thread that asks; used in a `with` block. They end with this process, however that ends.
 
     `load` is what a process does first, without a time limit.
@@ -52,12 +51,7 @@ class Processes:
         self._loaded = self._closed = False
         self._starting, self._loading = threading.Lock(), threading.Lock()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, reason: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *reason: object) -> None:
         self.close()
 
     def answer(self, work: Work, limit: float | None, asked: Asked) -> Row:

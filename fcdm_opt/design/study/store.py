@@ -15,10 +15,9 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.errors import InputError
@@ -45,7 +44,7 @@ def _encoded(data: Any) -> str:
     return _json(data).encode(errors="replace").decode()
 
 
-class Store:
+class Store(AbstractContextManager["Store"]):
     """The rows of a study, open for one run; used in a `with` block, by any thread, one at a time.
 
     Parameters
@@ -82,12 +81,7 @@ class Store:
             stack.callback(self._put_away)
             self._open = stack.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, reason: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *reason: object) -> None:
         self._open.close()
 
     def has(self, key: str) -> bool:
@@ -153,25 +147,19 @@ class Store:
         verdict = self._base.execute("PRAGMA quick_check(1)").fetchone()[0]
         if verdict != "ok":
             raise InputError(f"the store is damaged ({verdict})", file=self.path, allowed=EMPTY)
-        meta = dict(self._base.execute("SELECT name, value FROM meta"))
+        meta, title = dict(self._base.execute("SELECT name, value FROM meta")), ""
+        with suppress(KeyError, TypeError, ValueError):
+            title = json.loads(meta["definition"])["title"]
         for name, what in (
             ("schema", "the store is laid out in another way"),
             ("version", "the store was made by another version of fcdm_opt"),
-            ("study", f"the store is of another study{_title(meta)}, or this one was changed since"),
+            ("study", f"the store is of another study{title and f' ({title!r})'}, or this one was changed since"),
         ):
             if meta.get(name) != own[name]:
                 allowed = f"{own[name]}; or {EMPTY}"
                 raise InputError(what, file=self.path, key=name, found=meta.get(name, "nothing"), allowed=allowed)
         if meta.get("definition") != definition:  # another title, note or budget: of no answer
             self._base.execute("UPDATE meta SET value = ? WHERE name = 'definition'", (definition,))
-
-
-def _title(meta: Mapping[str, str]) -> str:
-    try:
-        title = json.loads(meta["definition"])["title"]
-    except (KeyError, TypeError, ValueError):
-        return ""
-    return f" ({title!r})" if title else ""
 
 
 def _identity(path: Path | int) -> tuple[int, int] | None:

@@ -5,24 +5,30 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fcdm_opt.design.places import Place, parse
-from fcdm_opt.design.question import Question, canonical, digest, located, plain_value
-from fcdm_opt.design.study.checking import check_draws, check_keys, check_values
+from fcdm_opt.design.places import Place, overlap, parse
+from fcdm_opt.design.question import Question, canonical, digest, excluded, located, plain_value
 from fcdm_opt.design.study.derivation import Derivation
 from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.problem.arguments import items
+from fcdm_opt.problem.keys import Defaults
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import checked, closest, read_entry
 from fcdm_opt.version import __version__
 
+Ask = Callable[[Question, Mapping[Variable, int]], Question]
+
+RESERVED = ("case", "draw", "number", "key")  # columns that every table of results may have
+MOST_POINTS = 10**12  # more than any run will see the end of
 _REFERENCES = ("published", "published_text")  # of a case: never used in solving, and of one motion only
 
 
@@ -104,10 +110,10 @@ class Study:
     def __post_init__(self) -> None:
         self._check_arguments()
         derived = self.derive or {}
-        check_keys(self.variables, derived)
-        check_draws(self.variables, self.count, len(self))
+        _check_keys(self.variables, derived)
+        self._check_draws()
         for base in self.questions:
-            check_values(self.variables, derived, self.question_at, base)
+            _check_values(self.variables, derived, self.question_at, base)
 
     def _check_arguments(self) -> None:
         """Refuse arguments of the wrong kind, in the words of a study file; keep plain values."""
@@ -115,18 +121,30 @@ class Study:
         plain = dict(checked(StudyArguments, given))
         if self.budget is not None:
             plain |= dict(checked(YieldEntry, {"budget": plain_value(self.budget)}))
-        for key, value in plain.items():
-            object.__setattr__(self, key, value)
+        self.__dict__.update(plain)
         if self.count is not None and self.count > MOST:
             raise InputError("too many draws", key="count", found=self.count, allowed=f"at most {MOST}")
         if self.certify and self.effort == "quick":
-            raise InputError(
-                "a quick search proves nothing", key="effort", found="quick", allowed="proved, with certify"
-            )
+            what = "a quick search proves nothing"
+            raise InputError(what, key="effort", found="quick", allowed="proved, with certify")
         for key in ("parameters", "derive"):
             table = getattr(self, key)
             if table is not None and not (isinstance(table, Mapping) and all(isinstance(name, str) for name in table)):
                 raise InputError("expected a table", key=key, found=table, allowed="names or keys with their values")
+
+    def _check_draws(self) -> None:
+        """Refuse distributions without a number of draws and the other way round, and points without end."""
+        drawn = [variable for variable in self.variables if variable.drawn]
+        if drawn and self.count is None:
+            raise InputError(
+                "how many numbers to draw?", key="count", found=f"none, with a distribution in {drawn[0].where}",
+                allowed="a whole number >= 1",
+            )  # fmt: skip
+        if self.count is not None and not drawn:
+            allowed = "no count, or a variable with a distribution"
+            raise InputError("nothing is drawn", key="count", found=self.count, allowed=allowed)
+        if len(self) > MOST_POINTS:
+            raise InputError("too many points", key="vary", found=len(self), allowed=f"at most {MOST_POINTS}")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Study:
@@ -379,3 +397,110 @@ def _mesh_file(place: Place, value: Any) -> str | None:
         return None
     file = value if place[-1] == "file" else value.get("file") if isinstance(value, Mapping) else None
     return file if isinstance(file, str) else None
+
+
+# ---------------------------------------------------------------------------------------------------- what is refused
+
+
+def _check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
+    """Refuse keys and labels that are given twice, and keys of which one lies inside another."""
+    given = _places(variables, derived)
+    for where, key in given:
+        with placed(key=where):
+            place = parse(key)
+        if where.startswith("derive") and place[0] == PARAMETERS:
+            allowed = f"the expression itself as a value in {PARAMETERS}"
+            raise InputError("a parameter is not derived", key=where, found=key, allowed=allowed)
+        if place[0] == PARAMETERS and not (len(place) == 2 and isinstance(place[1], str)):
+            raise InputError("not a parameter", key=where, found=key, allowed=f"{PARAMETERS}.name")
+        if place[0] == "name":
+            raise InputError("the name of a case does not vary", key=where, found=key, allowed="other keys")
+    for (one, first), (two, second) in combinations(given, 2):
+        if overlap(_without_units(parse(first)), _without_units(parse(second))):
+            what = "a key is given twice" if first == second else "two keys say the same"
+            raise InputError(what, key=two, found=f"{second}, and {first} in {one}", allowed="each key once")
+    names: dict[str, str] = {}
+    for variable in variables:
+        label, where = variable.label, f"{variable.where}.label"
+        if label in RESERVED:
+            raise InputError("this label has a meaning in tables", key=where, found=label, allowed="another label")
+        if names.setdefault(label, variable.where) != variable.where:
+            raise InputError(
+                f"the label is that of {names[label]}", key=where, found=label, allowed="a label of its own"
+            )
+
+
+def _check_values(variables: Sequence[Variable], derived: Iterable[str], asked: Ask, base: Question) -> None:
+    """Refuse keys and listed values that make no question from `base`, whatever the others are.
+
+    `derived` are the keys that follow from parameters, `asked` gives the question where each variable takes its k-th
+    value.
+    """
+    first = dict.fromkeys(variables, 0)
+    try:
+        question = asked(base, first)
+        question.check().arguments(Defaults())
+        question.drawn()
+    except InputError as reason:
+        raise _placed(reason, _places(variables, derived)) from reason
+    given = [key for key in ("target", "requirement", "tolerance") if key in question.case]
+    if given[:1] == ["target"] and len(given) > 1:
+        allowed = "target, or requirement and tolerance"
+        raise InputError("these keys exclude each other", key="vary", found=" and ".join(given), allowed=allowed)
+    for variable in variables:
+        for k in [] if variable.drawn else _telling(variable.values):
+            try:
+                asked(base, {**first, variable: k}).check()
+            except InputError as reason:
+                if not _of_derivation(reason):
+                    raise _wrong(reason, f"{variable.listed}[{k + 1}]") from reason
+
+
+def _places(variables: Sequence[Variable], derived: Iterable[str]) -> list[tuple[str, str]]:
+    """Return where each key is given, and the key."""
+    varied = [(variable.where, key) for variable in variables for key in variable.keys]
+    return varied + [(f"derive.'{key}'", key) for key in derived]
+
+
+def _placed(reason: InputError, places: list[tuple[str, str]]) -> InputError:
+    """Return what is wrong with the first point as an error of the variable or derived key that it comes from."""
+    if reason.key is None or _of_derivation(reason) or not places:
+        return reason
+    for where, key in places:
+        with suppress(InputError):  # some keys of errors are no places
+            if overlap(parse(reason.key), parse(key)):
+                return _wrong(reason, where)
+    what = f"the first point makes no question: {reason.key}: {reason.what}"
+    return InputError(what, key="vary", found=reason.found, allowed=reason.allowed, file=reason.file)
+
+
+def _without_units(place: Place) -> Place:
+    """Return a place in which keys that exclude each other as units do are one."""
+    head = "names of keep-outs" if place == ("keep_out",) else place[0]  # which count in a case, not their bodies
+    return (head, *(min([item, *excluded(item)]) if isinstance(item, str) else item for item in place[1:]))
+
+
+def _of_derivation(reason: InputError) -> bool:
+    """Tell whether an expression had no value, as it may at one point and not at others."""
+    return reason.key == PARAMETERS or (reason.key or "").startswith((f"{PARAMETERS}.", "derive."))
+
+
+def _telling(values: Sequence[Any]) -> list[int]:
+    """Return which of the listed values to check: those that differ in more than finite numbers."""
+    first: dict[Any, int] = {}
+    for k, value in enumerate(values):
+        first.setdefault(_shape(value), k)
+    return list(first.values())
+
+
+def _shape(value: Any) -> Any:
+    """Return a value with all floats alike."""
+    if isinstance(value, float):
+        return float
+    return tuple(map(_shape, value)) if isinstance(value, list) else canonical(value)
+
+
+def _wrong(reason: InputError, where: str) -> InputError:
+    """Return an error of a value as one of the study."""
+    what = f"no problem takes this: {reason.key}: {reason.what}" if reason.key else reason.what
+    return InputError(what, key=where, found=reason.found, allowed=reason.allowed, file=reason.file)
