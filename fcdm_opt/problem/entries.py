@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Tag, model_validator
 
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
@@ -172,14 +172,6 @@ class Bodies(Entry):
     static: BodyEntry = declared(
         ..., "the body at rest: a table with vertices, seed, ...", {"file": "plate.stl", "unit": "mm"}
     )
-
-    def both(self, folder: Path | None) -> tuple[Body, Body]:
-        """Return (movable, static); `folder` is where paths of mesh files start."""
-        made = []
-        for role in ("movable", "static"):
-            with placed(key=f"bodies.{role}"):
-                made.append(getattr(self, role).body(role, folder))
-        return made[0], made[1]
 
 
 def plain_body(body: Body) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial, reduce
+from functools import reduce
 from operator import rshift
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
@@ -444,13 +444,15 @@ class ProblemFile(Entry):
         """Return the bodies; a mesh file's path starts where the entry stands that names it."""
         bodies, home = self.both_bodies(file)
         unit = self.common_unit(bodies, file)
-        with placed(file=home):
-            movable, static = bodies.both(home and home.parent)
-        folder = file and file.parent
+        both, others = [], []
+        for role, entry in bodies:
+            with placed(file=home, key=f"bodies.{role}"):
+                both.append(entry.body(role, home and home.parent))
         with placed(file=file):
-            makers = [partial(entry.keep_out, f"keep-out {k}", folder) for k, entry in enumerate(self.keep_out, 1)]
-            others = keep_outs(_each("keep_out", makers))
-        return Parts(movable, static, {keep_out.name: keep_out for keep_out in others}, unit)
+            for k, entry in enumerate(self.keep_out, 1):
+                with placed(key=f"keep_out[{k}]"):
+                    others.append(entry.keep_out(f"keep-out {k}", file and file.parent))
+            return Parts(both[0], both[1], {keep_out.name: keep_out for keep_out in keep_outs(others)}, unit)
 
     def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
         """Return the entries of both bodies, and the file that they stand in."""
