@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
+from importlib.metadata import version
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -54,7 +55,11 @@ def joined(scheduler: str | None, jobs: int | None) -> Iterator[DaskDistributedB
         except TimeoutError as reason:
             what = f"no worker joined within {PATIENCE:g} s"
             raise InputError(what, key="scheduler", found=address, allowed="a scheduler with workers") from reason
-        _check_versions(client)
+        # A function of the standard library: a worker without fcdm_opt could not load one of ours. Workers that join
+        # later are asked with each point.
+        for worker, there in client.run(version, "fcdm_opt", on_error="return").items():
+            if there != __version__ and not isinstance(there, OSError):  # of a worker that was lost meanwhile
+                raise _other_version(worker, "none" if isinstance(there, Exception) else there, __version__)
         try:
             yield backend
         except CancelledError as reason:
@@ -76,16 +81,6 @@ class _Backend(DaskDistributedBackend):
         if callback is not None:
             job.add_done_callback(lambda done: callback(done.exception()) if done.exception() else None)
         return job
-
-
-def _check_versions(client: Client) -> None:
-    """Ask every worker for its version; those that join later are asked with each point."""
-    from importlib.metadata import version
-
-    # A function of the standard library: a worker without fcdm_opt could not load one of ours.
-    for worker, there in client.run(version, "fcdm_opt", on_error="return").items():
-        if there != __version__ and not isinstance(there, OSError):  # of a worker that was lost meanwhile
-            raise _other_version(worker, "none" if isinstance(there, Exception) else there, __version__)
 
 
 def _other_version(worker: str, found: str, wanted: str) -> InputError:

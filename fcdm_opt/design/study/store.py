@@ -47,21 +47,10 @@ def _encoded(data: Any) -> str:
 class Store(AbstractContextManager["Store"]):
     """The rows of a study, open for one run; used in a `with` block, by any thread, one at a time.
 
-    Parameters
-    ----------
-    folder : path
-        Where they are; made where it does not exist.
-    study, version : str
-        Key of the study, which stands for its whole definition and what that reads, and version of fcdm_opt: the
-        store must be theirs, or will be where it is new.
-    definition : mapping
-        Plain data, kept for who reads the results; "title" is told where a store is refused.
-
-    Raises
-    ------
-    InputError
-        For a folder that cannot be written or that another run is using, and a store that is damaged, or of another
-        study or version; in later calls where the disk is full.
+    It must belong to, or will where it is new, the study of that key, which stands for its whole definition and what
+    that reads, and that version of fcdm_opt. The definition is kept for who reads the results. `InputError` is raised
+    for a folder that cannot be written or that another run is using, and a store that is damaged, or of another study
+    or version; in later calls where the disk is full.
     """
 
     def __init__(self, folder: Path, study: str, version: str, definition: Mapping[str, Any]) -> None:
