@@ -46,9 +46,9 @@ from fcdm_opt.motion.motions import Rotation as Rotation
 from fcdm_opt.motion.motions import Screw as Screw
 from fcdm_opt.motion.motions import Translation as Translation
 from fcdm_opt.motion.own_motion import OwnMotion as OwnMotion
-from fcdm_opt.problem.files import load_problems as load_problems
 from fcdm_opt.problem.keep_out import KeepOut as KeepOut
 from fcdm_opt.problem.problem import Problem as Problem
+from fcdm_opt.problem.problem import load_problems as load_problems
 from fcdm_opt.problem.solution import Certificate as Certificate
 from fcdm_opt.problem.solution import Solution as Solution
 from fcdm_opt.problem.solution import Status as Status

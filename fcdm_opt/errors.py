@@ -5,6 +5,8 @@ Bad input raises; a numerical failure is a status of the result (see `fcdm_opt.p
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +49,15 @@ class InputError(FcdmError, ValueError):
         """Return the same error, placed in a file or below a key of an enclosing structure."""
         joined = ".".join(part for part in (key, self.key) if part) or None
         return InputError(self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed)
+
+
+@contextmanager
+def placed(*, file: str | Path | None = None, key: str | None = None) -> Iterator[None]:
+    """Place bad input that is refused meanwhile in a file or below a key, see `InputError.within`."""
+    try:
+        yield
+    except InputError as reason:
+        raise reason.within(file=file, key=key) from reason
 
 
 def _shown(found: Any) -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields
 from enum import Enum
+from types import UnionType
 from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -60,6 +61,10 @@ def plain(value: Any) -> Any:
 def _read(kind: Any, told: Any) -> Any:
     """Return a value of a kind from its plain data."""
     inner = get_args(kind)
+    if get_origin(kind) is UnionType and inner[1:] == (type(None),):
+        return None if told is None else _read(inner[0], told)
+    if get_origin(kind) is Mapping:
+        return {str(name): _read(inner[1], value) for name, value in told.items()}
     if get_origin(kind) is tuple:
         kinds = [inner[0]] * len(told) if inner[-1] is Ellipsis else inner
         return tuple(_read(one, value) for one, value in zip(kinds, told, strict=True))
@@ -67,8 +72,13 @@ def _read(kind: Any, told: Any) -> Any:
         array = np.array(told, dtype=get_args(inner[1])[0])  # None becomes nan
         array.flags.writeable = False
         return array
-    if isinstance(kind, type) and issubclass(kind, Plain):
-        return kind.from_dict(told)
+    if isinstance(kind, type) and issubclass(kind, tuple):  # a named one
+        return kind(**{name: _read(one, told[name]) for name, one in get_type_hints(kind).items()})
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind[told]
+    for way in ("from_dict", "from_label"):
+        if hasattr(kind, way):
+            return getattr(kind, way)(told)
     if kind is float:
         return math.nan if told is None else float(told)
     return kind(told) if kind in (int, str, bool) else told

@@ -15,9 +15,8 @@ from fcdm_opt.design.whatif.nested import Order, order
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation
-from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.solver import solve
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -19,9 +19,8 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.motion.motions import Rotation, Translation
-from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Certificate, Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 

@@ -15,8 +15,7 @@ from fcdm_opt.design.whatif.compare import Comparison, FamilyRow, _checked, comp
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Rotation, Translation
-from fcdm_opt.problem.files import load_problems
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.show.design_tables import print_comparison
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -20,9 +20,8 @@ from fcdm_opt.design.whatif.search import ClashSearch
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation
-from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.solver import solve
 

@@ -20,10 +20,9 @@ from dask_work import dying_at, dying_once, killing_the_worker
 from fragile import children, fragile
 
 from fcdm_opt.design.study import cluster as clusters
-from fcdm_opt.design.study.engines import check_engine, workers
 from fcdm_opt.design.study.point import Asked
 from fcdm_opt.design.study.results import StudyResult
-from fcdm_opt.design.study.running import run_study
+from fcdm_opt.design.study.running import check_engine, run_study, workers
 from fcdm_opt.design.study.study import Study
 from fcdm_opt.errors import InputError
 

@@ -16,9 +16,8 @@ from fcdm_opt.design.whatif.drop import Costs, Dropped, drop
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Translation
-from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.design_tables import print_costs
 from fcdm_opt.solver import solve

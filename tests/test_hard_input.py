@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from fcdm_opt.cli import app
 from fcdm_opt.errors import InputError
-from fcdm_opt.problem.files import load_problems
+from fcdm_opt.problem.problem import load_problems
 
 # corner (1, 0, 0) of the movable body, one before the corners at x = 2 of the static one
 BODIES = """

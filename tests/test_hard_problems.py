@@ -21,8 +21,7 @@ from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.files import load_problems
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 

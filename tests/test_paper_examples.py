@@ -13,8 +13,7 @@ from contact_truth import exact_gap, exact_meeting, exact_of
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Array
 from fcdm_opt.judge.certificate import verify
-from fcdm_opt.problem.files import load_problems
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT

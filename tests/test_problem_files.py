@@ -12,9 +12,8 @@ import pytest
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Translation
-from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keys import ProblemFile
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.schema import LARGEST_FILE
 from fcdm_opt.problem.syntax import parsed
 

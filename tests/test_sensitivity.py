@@ -20,9 +20,8 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -15,8 +15,7 @@ from picture_checks import check_texts, shown
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.problem.files import load_problems
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
 from fcdm_opt.show.lettering import Sheet, fitted

@@ -22,8 +22,7 @@ from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Step, Translation
-from fcdm_opt.problem.files import load_problems
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 
@@ -231,7 +230,7 @@ def test_the_same_question_gets_the_same_answer_bit_for_bit(number):
 def test_a_fresh_process_gives_the_same_answer_bit_for_bit():
     code = (
         "import json, sys\n"
-        "from fcdm_opt.problem.files import load_problems\n"
+        "from fcdm_opt.problem.problem import load_problems\n"
         "from fcdm_opt.solver import solve\n"
         "answers = [solve(p).to_dict() | {'seconds': None} for f in sys.argv[1:] for p in load_problems(f)]\n"
         "print(json.dumps(answers))\n"

@@ -15,8 +15,7 @@ from contact_truth import exact_gap
 
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.files import load_problems
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 

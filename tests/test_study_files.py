@@ -16,9 +16,9 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.design.places import look_up, overlap, parse, put, written
 from fcdm_opt.design.question import Question
-from fcdm_opt.design.study.expressions import LONGEST, Formula
-from fcdm_opt.design.study.sampling import grid, shares
+from fcdm_opt.design.study.derivation import LONGEST, Formula
 from fcdm_opt.design.study.study import Study
+from fcdm_opt.design.study.variables import grid, shares
 from fcdm_opt.errors import InputError
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -24,18 +24,17 @@ from fragile import children, fragile, nothing
 
 import fcdm_opt as fo
 from fcdm_opt.design.question import Question
-from fcdm_opt.design.study import progress
-from fcdm_opt.design.study.engines import check_engine, workers
+from fcdm_opt.design.study import running
 from fcdm_opt.design.study.point import Asked, Row, evaluate, row
 from fcdm_opt.design.study.processes import Processes
 from fcdm_opt.design.study.results import StudyResult
-from fcdm_opt.design.study.running import run_study
-from fcdm_opt.design.study.store import FILE, LOCK, Belonging, Met, Store
+from fcdm_opt.design.study.running import check_engine, run_study, workers
+from fcdm_opt.design.study.store import FILE, LOCK, Store
 from fcdm_opt.design.study.study import Study
 from fcdm_opt.errors import FcdmError, InputError
 
 EXAMPLE = Path(__file__).parent.parent / "problems" / "example1.toml"
-OWNER = Belonging("key", "1.0", {"title": "Pegs"})
+OWNER = ("key", "1.0", {"title": "Pegs"})
 
 
 def study(**changes: Any) -> Study:
@@ -178,7 +177,7 @@ def test_a_killed_run_leaves_a_good_store_no_worker_and_no_lock(tmp_path: Path, 
         _wait(lambda: (tmp_path / FILE).exists() and _count(tmp_path) >= 20)
         assert len(_session(run.pid)) >= 3  # itself and two workers
         with pytest.raises(InputError, match=rf"another run.*process {run.pid}"):
-            Store(tmp_path, OWNER)
+            Store(tmp_path, *OWNER)
     finally:
         run.kill()
         run.wait()
@@ -317,27 +316,27 @@ def test_arguments_that_fit_no_engine_are_refused(arguments: Any, key: str) -> N
 
 def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
     reason = rf"another run is writing.*process {os.getpid()}"
-    with Store(tmp_path, OWNER), pytest.raises(InputError, match=reason):
-        Store(tmp_path, OWNER)
-    with Store(tmp_path, OWNER):
+    with Store(tmp_path, *OWNER), pytest.raises(InputError, match=reason):
+        Store(tmp_path, *OWNER)
+    with Store(tmp_path, *OWNER):
         pass
 
 
 @pytest.mark.parametrize(
     ("other", "reason"),
     [
-        (OWNER._replace(study="other"), "another study.*Pegs"),
-        (OWNER._replace(version="1.1"), "another version of fcdm_opt; found '1.0'; allowed: 1.1"),
+        (("other", *OWNER[1:]), "another study.*Pegs"),
+        ((OWNER[0], "1.1", OWNER[2]), "another version of fcdm_opt; found '1.0'; allowed: 1.1"),
     ],
 )
-def test_the_store_of_another_study_or_version_is_refused(tmp_path: Path, other: Belonging, reason: str) -> None:
-    with Store(tmp_path, OWNER) as store:
-        store.write([Met(0, "a", {"x": 1})], [row("a", "SOLVED")])
+def test_the_store_of_another_study_or_version_is_refused(tmp_path: Path, other: Any, reason: str) -> None:
+    with Store(tmp_path, *OWNER) as store:
+        store.write([(0, "a", {"x": 1})], [row("a", "SOLVED")])
     before = (tmp_path / FILE).read_bytes()
     with pytest.raises(InputError, match=reason):
-        Store(tmp_path, other)
+        Store(tmp_path, *other)
     assert (tmp_path / FILE).read_bytes() == before
-    with Store(tmp_path, OWNER) as store:  # and let go of
+    with Store(tmp_path, *OWNER) as store:  # and let go of
         assert store.has("a")
 
 
@@ -345,7 +344,7 @@ def test_files_that_are_no_stores_are_refused_and_kept(tmp_path: Path) -> None:
     path = tmp_path / FILE
     path.write_bytes(b"No database, but somebody's notes. " * 40)
     with pytest.raises(InputError, match="cannot be used: file is not a database"):
-        Store(tmp_path, OWNER)
+        Store(tmp_path, *OWNER)
     assert path.read_bytes().startswith(b"No database")
     path.unlink()
     base = sqlite3.connect(path)
@@ -353,37 +352,37 @@ def test_files_that_are_no_stores_are_refused_and_kept(tmp_path: Path) -> None:
     base.commit()
     base.close()
     with pytest.raises(InputError, match=r"not a store of a study.*recipes"):
-        Store(tmp_path, OWNER)
+        Store(tmp_path, *OWNER)
     path.unlink()
-    with Store(tmp_path, OWNER) as store:
+    with Store(tmp_path, *OWNER) as store:
         store.write([], [row(f"{k:032}", "SOLVED", "x" * 400) for k in range(200)])
     data = bytearray(path.read_bytes())
     data[len(data) // 2 : len(data) // 2 + 9000] = bytes(9000)
     path.write_bytes(data)
     with pytest.raises(InputError, match=r"damaged|malformed"):
-        Store(tmp_path, OWNER)
+        Store(tmp_path, *OWNER)
     path.write_bytes(b"")  # killed between making the file and writing to it
-    with Store(tmp_path, OWNER) as store:
+    with Store(tmp_path, *OWNER) as store:
         assert not store.has("a")
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="store cannot be used"):
-        Store(tmp_path / "file", OWNER)
+        Store(tmp_path / "file", *OWNER)
     with pytest.raises(InputError, match="store cannot be used"):
-        Store(Path("/proc/1/study"), OWNER)
+        Store(Path("/proc/1/study"), *OWNER)
 
 
 def test_a_full_disk_is_told_and_takes_nothing_away(tmp_path: Path) -> None:
-    with Store(tmp_path, OWNER) as store:
-        store.write([Met(0, "a", {})], [row("a", "SOLVED")])
+    with Store(tmp_path, *OWNER) as store:
+        store.write([(0, "a", {})], [row("a", "SOLVED")])
         store._base.execute("PRAGMA max_page_count = 20")
         with pytest.raises(InputError, match="full"):
             store.write([], [row(f"{k}", "SOLVED", "x" * 1000) for k in range(500)])
         assert store.has("a")
         assert not store.has("0")  # all rows of a chunk or none
-    with Store(tmp_path, OWNER) as store:
+    with Store(tmp_path, *OWNER) as store:
         store.write([], [row("0", "SOLVED")])
         assert store.has("a")
         assert (tmp_path / LOCK).read_text().strip() == str(os.getpid())
@@ -394,10 +393,10 @@ def test_a_full_disk_is_told_and_takes_nothing_away(tmp_path: Path) -> None:
 
 def test_lines_tell_how_far_a_run_is(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    monkeypatch.setattr(progress, "monotonic", lambda: now[0])
-    monkeypatch.setattr(progress.Pace, "__init__", _at(now, progress.Pace.__init__))
+    monkeypatch.setattr(running, "monotonic", lambda: now[0])
+    monkeypatch.setattr(running.Pace, "__init__", _at(now, running.Pace.__init__))
     said: list[str] = []
-    with progress.shown(10000, progress=True, say=said.append) as tell:
+    with running.shown(10000, progress=True, say=said.append) as tell:
         for done in range(1000, 8000, 50):
             now[0] += 0.25
             tell(done, done - 1000)
@@ -407,7 +406,7 @@ def test_lines_tell_how_far_a_run_is(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _at(now: list[float], made: Any) -> Any:
-    def init(self: progress.Pace, total: int) -> None:
+    def init(self: running.Pace, total: int) -> None:
         made(self, total)
         self._start = now[0]
 
@@ -425,8 +424,8 @@ def test_nothing_is_said_unasked(capfd: pytest.CaptureFixture[str], tmp_path: Pa
 @pytest.mark.parametrize("name", [FILE, LOCK])
 @pytest.mark.parametrize("replaced", [False, True])
 def test_a_store_taken_away_ends_the_run_at_once(tmp_path: Path, name: str, replaced: bool) -> None:
-    with Store(tmp_path, OWNER) as store:
-        store.write([Met(0, "a", {})], [row("a", "SOLVED")])
+    with Store(tmp_path, *OWNER) as store:
+        store.write([(0, "a", {})], [row("a", "SOLVED")])
         (tmp_path / name).rename(tmp_path / "elsewhere")
         if replaced:
             (tmp_path / name).touch()
@@ -436,12 +435,12 @@ def test_a_store_taken_away_ends_the_run_at_once(tmp_path: Path, name: str, repl
 
 def test_a_path_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no path of a folder"):
-        Store(tmp_path / "a\0b", OWNER)
+        Store(tmp_path / "a\0b", *OWNER)
 
 
 def test_names_that_no_text_can_hold_are_stored(tmp_path: Path) -> None:
-    with Store(tmp_path, OWNER) as store:  # a file name that is not UTF-8, in a message
-        store.write([Met(0, "a", {"x": 1})], [row("a", "BAD_INPUT", "no such file '\udcff'")])
+    with Store(tmp_path, *OWNER) as store:  # a file name that is not UTF-8, in a message
+        store.write([(0, "a", {"x": 1})], [row("a", "BAD_INPUT", "no such file '\udcff'")])
     assert rows(tmp_path)[0]["message"] == "no such file '?'"
 
 
@@ -479,20 +478,20 @@ def test_a_finished_study_leaves_nothing_beside_its_store(tmp_path: Path) -> Non
         assert os.listdir(tmp_path) == [FILE]
         assert StudyResult.read(tmp_path).assembly_yield.of == 1
         assert os.listdir(tmp_path) == [FILE]
-    with pytest.raises(InputError, match="another version"), Store(tmp_path, OWNER):
+    with pytest.raises(InputError, match="another version"), Store(tmp_path, *OWNER):
         pass
     assert os.listdir(tmp_path) == [FILE]
 
 
 def test_a_store_that_is_read_while_a_run_ends_is_put_away_by_the_next(tmp_path: Path) -> None:
-    with Store(tmp_path, OWNER) as store:
-        store.write([Met(0, "a", {})], [row("a", "SOLVED")])
+    with Store(tmp_path, *OWNER) as store:
+        store.write([(0, "a", {})], [row("a", "SOLVED")])
         reader = sqlite3.connect(tmp_path / FILE)
         reader.execute("BEGIN")
         assert reader.execute("SELECT count(*) FROM results").fetchone() == (1,)
     assert (tmp_path / FILE).exists()
     reader.close()
-    with Store(tmp_path, OWNER) as store:
+    with Store(tmp_path, *OWNER) as store:
         assert store.has("a")
     assert os.listdir(tmp_path) == [FILE]
 
@@ -509,9 +508,9 @@ def test_a_lock_that_a_run_took_away_as_it_ended_is_not_held_instead_of_the_next
         flock(file, how)
 
     monkeypatch.setattr(fcntl, "flock", late)
-    with Store(tmp_path, OWNER):
+    with Store(tmp_path, *OWNER):
         assert (tmp_path / LOCK).read_text().strip() == str(os.getpid())
-        with pytest.raises(InputError, match="another run is writing"), Store(tmp_path, OWNER):
+        with pytest.raises(InputError, match="another run is writing"), Store(tmp_path, *OWNER):
             pass
         assert (tmp_path / LOCK).exists()
     assert taken
@@ -520,6 +519,6 @@ def test_a_lock_that_a_run_took_away_as_it_ended_is_not_held_instead_of_the_next
 def test_what_is_left_beside_a_store_that_was_taken_away_does_no_harm(tmp_path: Path) -> None:
     for rest in ("-wal", "-shm"):
         (tmp_path / (FILE + rest)).write_bytes(b"old" * 20_000)
-    with Store(tmp_path, OWNER) as store:
-        store.write([Met(0, "a", {})], [row("a", "SOLVED")])
+    with Store(tmp_path, *OWNER) as store:
+        store.write([(0, "a", {})], [row("a", "SOLVED")])
     assert rows(tmp_path)[0]["status"] == "SOLVED"

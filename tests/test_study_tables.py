@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 
 from fcdm_opt.design.study.point import BAD_INPUT, Row, row
 from fcdm_opt.design.study.results import PENDING, StudyResult
-from fcdm_opt.design.study.store import FILE, Belonging, Met, Store
+from fcdm_opt.design.study.store import FILE, Store
 from fcdm_opt.errors import InputError
 
 
@@ -40,8 +40,8 @@ def solved(key: str, amount: float, **own: Any) -> Row:
 
 
 def stored(folder: Path, about: dict, points: Sequence[tuple[str, dict]], rows: Sequence[Row]) -> StudyResult:
-    met = [Met(number, key, values) for number, (key, values) in enumerate(points)]
-    with Store(folder, Belonging("a key", "0.1.0", about)) as store:
+    met = [(number, key, values) for number, (key, values) in enumerate(points)]
+    with Store(folder, "a key", "0.1.0", about) as store:
         store.write(met, rows)
     return StudyResult.read(folder)
 
@@ -266,11 +266,11 @@ def test_what_is_no_store_is_refused(k: int, sweep: StudyResult, tmp_path: Path)
 
 def test_a_store_can_be_read_while_it_is_written(tmp_path: Path) -> None:
     about = definition({"tolerance": [0.1, 0.2]})
-    with Store(tmp_path, Belonging("a key", "0.1.0", about)) as store:
+    with Store(tmp_path, "a key", "0.1.0", about) as store:
         assert StudyResult.read(tmp_path).counts == {PENDING: 2}
-        store.write([Met(0, "k", {"tolerance": 0.1})], [solved("k", 0.5)])
+        store.write([(0, "k", {"tolerance": 0.1})], [solved("k", 0.5)])
         before = StudyResult.read(tmp_path)
-        store.write([Met(1, "l", {"tolerance": 0.2})], [solved("l", 0.7)])
+        store.write([(1, "l", {"tolerance": 0.2})], [solved("l", 0.7)])
         assert before.counts == {"SOLVED": 1, PENDING: 1}
         assert StudyResult.read(tmp_path).counts == {"SOLVED": 2}
 

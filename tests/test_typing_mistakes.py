@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.problem.files import load_problems
-from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.problem.problem import SIGNS, load_problems
 from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.syntax import mistake
 

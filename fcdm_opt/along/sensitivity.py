@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice, product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,12 +23,9 @@ from fcdm_opt.model.task import Task
 from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.problem import TRACKING, Problem
-from fcdm_opt.problem.sensitivities import Sensitivity
+from fcdm_opt.problem.solution import Sensitivity, Solution
 from fcdm_opt.stages.order import STAGES
 from fcdm_opt.tolerances import DEFAULT
-
-if TYPE_CHECKING:
-    from fcdm_opt.problem.solution import Solution
 
 MOST_CHOICES = 256  # of alternatives that may hold the motion
 APART = 0.05  # of the amount: how far off another motion of the same amount is looked for

@@ -6,8 +6,8 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain
@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.design.places import Place, look_up, parse, put, written
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion
-from fcdm_opt.problem.entries import STEPS, BodyEntry, KeepOutEntry, plain_body
+from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, plain_body, plain_step
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, same_unit
 from fcdm_opt.problem.problem import Problem
@@ -70,7 +70,7 @@ def plain_value(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): plain_value(item) for key, item in value.items()}
     if isinstance(value, Motion):
-        return [STEPS[type(step)].plain(step) for step in value.steps]
+        return [plain_step(step) for step in value.steps]
     if isinstance(value, Body):
         return plain_body(value)
     if isinstance(value, list | tuple):
@@ -222,7 +222,7 @@ class SceneTables:
         """Return what is made of each table; an error says of which one."""
         results = {}
         for place, table in self.tables.items():
-            with _inside(place):
+            with placed(key=place):
                 results[place] = made(table)
         return results
 
@@ -238,17 +238,8 @@ class SceneTables:
             role = str(place[1]) if len(place) > 1 else ""
             what = f"no such body{closest(role, ROLES)}" if role else "both bodies at once"
             raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
-        with _inside(table):
+        with placed(key=table):
             return SceneTables({**self.tables, table: self.tables[table].with_value(place[2:], value)})
-
-
-@contextmanager
-def _inside(place: str) -> Iterator[None]:
-    """Say in errors which table they are in."""
-    try:
-        yield
-    except InputError as reason:
-        raise reason.within(key=place) from reason
 
 
 def _scene_text(movable: Mapping[str, Any], static: Mapping[str, Any], *others: Mapping[str, Any]) -> str:

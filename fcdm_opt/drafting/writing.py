@@ -10,7 +10,7 @@ from typing import Any
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.motions import Motion
-from fcdm_opt.problem.entries import STEPS
+from fcdm_opt.problem.entries import plain_step
 
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
 
@@ -20,7 +20,7 @@ def motion(motion: Motion) -> str:
     names = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
     words = []
     for step in motion.steps:
-        entry = STEPS[type(step)].plain(step)
+        entry = plain_step(step)
         for key in ("translation", "rotation"):
             if isinstance(entry.get(key), list):
                 entry[key] = names.get(tuple(entry[key]), entry[key])

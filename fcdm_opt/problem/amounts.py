@@ -41,7 +41,13 @@ class OwnAmount:
         self.names = tuple(names)
         self.function = _built(expression, list(names))
         self.text: str = self.function.serialize()
-        _check(self, len(names))
+        at_rest = self(np.zeros(len(names)))
+        if not np.isfinite(at_rest):
+            raise _refused("not finite at rest", at_rest)
+        probes = np.random.default_rng(0).uniform(-1.0, 1.0, (PROBES, len(names)))
+        least = min(at_rest, *map(self, probes * np.geomspace(*SPREAD, PROBES)[:, None]))
+        if least < 0:
+            raise _refused("negative for some motions", least)
 
     @classmethod
     def from_text(cls, text: str, names: Sequence[str]) -> OwnAmount:
@@ -51,9 +57,7 @@ class OwnAmount:
         try:
             function = casadi.Function.deserialize(text)
         except (RuntimeError, TypeError) as reason:
-            raise InputError(
-                "not the text of a CasADi function", key="amount.casadi", found=_short(reason), allowed=ALLOWED
-            ) from reason
+            raise _refused("not the text of a CasADi function", _short(reason), "amount.casadi") from reason
         amount = cls(function, names)
         amount.function, amount.text = function, text
         return amount
@@ -106,11 +110,10 @@ def amount(value: Any, names: Sequence[str]) -> str | OwnAmount:
     if isinstance(value, str):
         if value in get_args(AmountWord):
             return value
-        raise InputError("unknown amount", key="amount", found=value, allowed=ALLOWED)
+        raise _refused("unknown amount", value)
     if isinstance(value, OwnAmount):
         if value.names != tuple(names):
-            found = f"one of {', '.join(value.names)}"
-            raise InputError("the amount is of another motion's parameters", key="amount", found=found, allowed=ALLOWED)
+            raise _refused("the amount is of another motion's parameters", f"one of {', '.join(value.names)}")
         return value
     return OwnAmount(value, names)
 
@@ -119,46 +122,33 @@ def _built(expression: Any, names: list[str]) -> Any:
     """Return the CasADi function (k,) -> dense scalar."""
     import casadi
 
-    def refused(what: str, found: Any) -> InputError:
-        return InputError(what, key="amount", found=found, allowed=ALLOWED)
-
     q = casadi.SX.sym("q", len(names))
     if isinstance(expression, casadi.Function):
-        inputs, outputs = (
-            [shape(k) for k in range(n)]
-            for shape, n in ((expression.size_in, expression.n_in()), (expression.size_out, expression.n_out()))
-        )
+        inputs = [expression.size_in(k) for k in range(expression.n_in())]
+        outputs = [expression.size_out(k) for k in range(expression.n_out())]
         if inputs != [(len(names), 1)] or len(outputs) != 1:
             found = f"inputs of shapes {inputs}, outputs {outputs}"
-            raise refused(f"not a function of the {len(names)} parameters {', '.join(names)}", found)
+            raise _refused(f"not a function of the {len(names)} parameters {', '.join(names)}", found)
         try:
             value = expression(q)
         except Exception as reason:
-            raise refused(f"the function takes no SX symbols: {_short(reason)}", str(expression)) from reason
+            raise _refused(f"the function takes no SX symbols: {_short(reason)}", str(expression)) from reason
     elif isinstance(expression, casadi.SX):
         symbols = casadi.symvar(expression)
         unknown = [str(x) for x in symbols if str(x) not in names]
         if unknown:
-            raise refused(f"no such parameter of the motion, which has {', '.join(names)}", ", ".join(unknown))
-        value = casadi.substitute(
-            expression, casadi.vertcat(*symbols), casadi.vertcat(*(q[names.index(str(x))] for x in symbols))
-        )
+            raise _refused(f"no such parameter of the motion, which has {', '.join(names)}", ", ".join(unknown))
+        places = casadi.vertcat(*(q[names.index(str(x))] for x in symbols))
+        value = casadi.substitute(expression, casadi.vertcat(*symbols), places)
     else:
-        raise refused("unknown amount", type(expression).__name__)
+        raise _refused("unknown amount", type(expression).__name__)
     if tuple(value.shape) != (1, 1):
-        raise refused("not a scalar", f"shape {tuple(value.shape)}")
+        raise _refused("not a scalar", f"shape {tuple(value.shape)}")
     return casadi.Function("amount", [q], [casadi.densify(casadi.SX(value))], ["q"], ["amount"])
 
 
-def _check(own: OwnAmount, count: int) -> None:
-    at_rest = own(np.zeros(count))
-    if not np.isfinite(at_rest):
-        raise InputError("not finite at rest", key="amount", found=at_rest, allowed=ALLOWED)
-    rng = np.random.default_rng(0)
-    probes = rng.uniform(-1.0, 1.0, (PROBES, count)) * np.geomspace(*SPREAD, PROBES)[:, None]
-    least = min(at_rest, *(own(q) for q in probes))
-    if least < 0:
-        raise InputError("negative for some motions", key="amount", found=least, allowed=ALLOWED)
+def _refused(what: str, found: Any, key: str = "amount") -> InputError:
+    return InputError(what, key=key, found=found, allowed=ALLOWED)
 
 
 def _short(reason: BaseException) -> str:

@@ -114,15 +114,7 @@ class BodyEntry(Entry):
         return self
 
     def body(self, role: str, folder: Path | None) -> Body:
-        """Return the body.
-
-        Parameters
-        ----------
-        role : str
-            Its name where none is given and it comes from no file.
-        folder : path or None
-            Where the path of a mesh file starts.
-        """
+        """Return the body, named after its role if it has no other name; in `folder` the path of a mesh file starts."""
         return self._drawn(role) if self.file is None else self._read(folder)
 
     def _read(self, folder: Path | None) -> Body:
@@ -181,16 +173,6 @@ class Bodies(Entry):
         ..., "the body at rest: a table with vertices, seed, ...", {"file": "plate.stl", "unit": "mm"}
     )
 
-    def both(self, folder: Path | None) -> tuple[Body, Body]:
-        """Return (movable, static); `folder` is where paths of mesh files start."""
-        made = []
-        for role in ("movable", "static"):
-            try:
-                made.append(getattr(self, role).body(role, folder))
-            except InputError as reason:
-                raise reason.within(key=f"bodies.{role}") from reason
-        return made[0], made[1]
-
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
@@ -242,11 +224,6 @@ class TranslationEntry(Entry):
         """Return the step of a motion."""
         return Translation(self.translation)
 
-    @staticmethod
-    def plain(step: Translation) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"translation": plain(step.axis)}
-
 
 class RotationEntry(Entry):
     """A rotation about a fixed direction through a centre."""
@@ -265,11 +242,6 @@ class RotationEntry(Entry):
     def step(self) -> Step:
         """Return the step of a motion."""
         return Rotation(self.rotation, centre=self.centre)
-
-    @staticmethod
-    def plain(step: Rotation) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"rotation": plain(step.axis), "centre": plain(step.centre)}
 
 
 class LineEntry(Entry):
@@ -319,18 +291,6 @@ class ScrewEntry(Entry):
             return Screw(axis, pitch=math.degrees(self.pitch_per_deg))
         return Screw(axis, pitch=self.pitch_per_rad or 0.0)
 
-    @staticmethod
-    def plain(step: Screw) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        line = (
-            step.axis
-            if isinstance(step.axis, str)
-            else dict(zip(("point", "direction"), plain(step.axis), strict=True))
-        )
-        names = {value: name for name, value in _PITCHES.items()}
-        pitch = {"pitch": names[step.pitch]} if step.pitch in names else {"pitch_per_rad": step.pitch}
-        return {"screw": line, **pitch}
-
 
 class FreeEntry(Entry):
     """Any motion: a translation, and a rotation about the seed by a rotation vector."""
@@ -342,11 +302,6 @@ class FreeEntry(Entry):
     def step(self) -> Step:
         """Return the step of a motion."""
         return Free()
-
-    @staticmethod
-    def plain(step: Free) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"free": True}
 
 
 class OwnMotionEntry(Entry):
@@ -364,20 +319,24 @@ class OwnMotionEntry(Entry):
         """Return the step of a motion."""
         return OwnMotion.from_text(self.casadi, self.parameters, self.name)
 
-    @staticmethod
-    def plain(step: OwnMotion) -> dict[str, Any]:
-        """Return the entry of a step as plain data."""
-        return {"casadi": step.text, "parameters": [list(own) for own in step.own_parameters], "name": step.name}
+
+def plain_step(step: Step) -> dict[str, Any]:
+    """Return a step of a motion as plain data, which its entry reads."""
+    if isinstance(step, Translation):
+        return {"translation": plain(step.axis)}
+    if isinstance(step, Rotation):
+        return {"rotation": plain(step.axis), "centre": plain(step.centre)}
+    if isinstance(step, Screw):
+        line = plain(step.axis)
+        names = {value: name for name, value in _PITCHES.items()}
+        pitch = {"pitch": names[step.pitch]} if step.pitch in names else {"pitch_per_rad": step.pitch}
+        return {"screw": line if isinstance(line, str) else {"point": line[0], "direction": line[1]}, **pitch}
+    if isinstance(step, OwnMotion):
+        return {"casadi": step.text, "parameters": [list(one) for one in step.own_parameters], "name": step.name}
+    return {"free": True}
 
 
-STEPS: dict[type[Step], Any] = {
-    Translation: TranslationEntry,
-    Rotation: RotationEntry,
-    Screw: ScrewEntry,
-    Free: FreeEntry,
-    OwnMotion: OwnMotionEntry,
-}
-_STEP_KEYS = {next(iter(entry.model_fields)): entry for entry in STEPS.values()}
+_STEP_KEYS = ("translation", "rotation", "screw", "free", "casadi")
 
 
 def _step_kind(entry: Any) -> str:

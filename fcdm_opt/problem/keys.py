@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial, reduce
+from functools import reduce
 from operator import rshift
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Tag, WrapValidator
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion, Step
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount
@@ -210,7 +210,11 @@ class Case(Defaults):
         if isinstance(given.get("amount"), AmountEntry):
             given["amount"] = OwnAmount.from_text(given["amount"].casadi, [name for name, _ in motion.parameters])
         if isinstance(given.get("resolution"), float):
-            _check_lengths(given["resolution"], motion)
+            turning = [name for name, kind in motion.parameters if kind == "rotation"]
+            if turning:
+                what, allowed = "the unit of the angles is missing", f"{{ {turning[0]}_deg = 0.1 }}"
+                allowed = f"a table with a step for each parameter that is rounded: {allowed}"
+                raise InputError(what, key="resolution", found=given["resolution"], allowed=allowed)
         for key in BY_PARAMETER:
             if isinstance(given.get(key), Mapping):
                 given[key] = _by_name(key, given[key], motion)
@@ -331,19 +335,9 @@ def _each(key: str, makers: Sequence[Any]) -> list[Any]:
     """Return what the makers make; an error says which one it was."""
     made = []
     for k, maker in enumerate(makers, 1):
-        try:
+        with placed(key=f"{key}[{k}]"):
             made.append(maker())
-        except InputError as reason:
-            raise reason.within(key=f"{key}[{k}]") from reason
     return made
-
-
-def _check_lengths(step: float, motion: Motion) -> None:
-    """Refuse one step for all parameters where some are angles, whose keys carry their unit."""
-    turning = [name for name, kind in motion.parameters if kind == "rotation"]
-    if turning:
-        allowed = f"a table with a step for each parameter that is rounded: {{ {turning[0]}_deg = 0.1 }}"
-        raise InputError("the unit of the angles is missing", key="resolution", found=step, allowed=allowed)
 
 
 def _by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
@@ -428,7 +422,7 @@ class ProblemFile(Entry):
         """Return the cases by their places in the file; raises where there is none, or two have one name."""
         if not self.case:
             raise InputError("there is no case", file=file, key="case", allowed="one [[case]] table or more")
-        placed: dict[str, Case] = {}
+        cases: dict[str, Case] = {}
         names: dict[str, int] = {}
         for k, case in enumerate(self.case, 1):
             key = f"case[{k}] {case.name!r}"
@@ -443,24 +437,22 @@ class ProblemFile(Entry):
                     found=case.name,
                     allowed="a name that no other case has",
                 )
-            placed[key] = case
-        return placed
+            cases[key] = case
+        return cases
 
     def _parts(self, file: Path | None) -> Parts:
         """Return the bodies; a mesh file's path starts where the entry stands that names it."""
         bodies, home = self.both_bodies(file)
         unit = self.common_unit(bodies, file)
-        try:
-            movable, static = bodies.both(home and home.parent)
-        except InputError as reason:
-            raise reason.within(file=home) from reason
-        folder = file and file.parent
-        try:
-            makers = [partial(entry.keep_out, f"keep-out {k}", folder) for k, entry in enumerate(self.keep_out, 1)]
-            others = keep_outs(_each("keep_out", makers))
-        except InputError as reason:
-            raise reason.within(file=file) from reason
-        return Parts(movable, static, {keep_out.name: keep_out for keep_out in others}, unit)
+        both, others = [], []
+        for role, entry in bodies:
+            with placed(file=home, key=f"bodies.{role}"):
+                both.append(entry.body(role, home and home.parent))
+        with placed(file=file):
+            for k, entry in enumerate(self.keep_out, 1):
+                with placed(key=f"keep_out[{k}]"):
+                    others.append(entry.keep_out(f"keep-out {k}", file and file.parent))
+            return Parts(both[0], both[1], {keep_out.name: keep_out for keep_out in keep_outs(others)}, unit)
 
     def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
         """Return the entries of both bodies, and the file that they stand in."""

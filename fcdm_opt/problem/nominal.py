@@ -13,7 +13,7 @@ from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.curve.tight import TightLine, choices, parallel, tight_lines
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
@@ -30,13 +30,7 @@ class Snapped(NamedTuple):
 
 
 class NominalContact:
-    """The part of a `Problem` that speaks of the nominal contact; see there for its attributes.
-
-    Parameters
-    ----------
-    **values
-        The attributes below, and whatever is known besides.
-    """
+    """The part of a `Problem` that speaks of the nominal contact; see there for its attributes."""
 
     movable: Body
     static: Body
@@ -256,10 +250,8 @@ class NominalContact:
             raise InputError("there are no two features to choose from", key="features", found=found, allowed=allowed)
         chosen = []
         for k, label in enumerate(labels, 1):
-            try:
+            with placed(key=f"features[{k}]"):
                 feature = Feature.from_label(label)
-            except InputError as reason:
-                raise reason.within(key=f"features[{k}]") from reason
             if feature not in lines:
                 listed = "; ".join(str(name) for name in lines)
                 raise InputError(

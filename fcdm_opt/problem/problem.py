@@ -6,9 +6,11 @@ Everything is checked, and every default resolved, when a `Problem` is made: sta
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -22,7 +24,7 @@ from fcdm_opt.motion.motions import Motion, Screw
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.amounts import OwnAmount, amount
 from fcdm_opt.problem.arguments import by_parameter, is_real
-from fcdm_opt.problem.entries import STEPS, plain_body
+from fcdm_opt.problem.entries import plain_body, plain_step
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import (
     ARGUMENTS,
@@ -241,7 +243,7 @@ class Problem(NominalContact, Shown):
         asked, kinds = self.request, dict(self.motion.parameters)
         keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] not in (None, {})]
         case = {key: plain(asked[key]) for key in keys}
-        case["motion"] = [STEPS[type(step)].plain(step) for step in self.motion.steps]
+        case["motion"] = [plain_step(step) for step in self.motion.steps]
         if isinstance(asked["amount"], OwnAmount):
             case["amount"] = {"casadi": asked["amount"].text}
         for key in BY_PARAMETER.keys() & case.keys():
@@ -270,6 +272,22 @@ class Problem(NominalContact, Shown):
         if len(problems) > 1:
             raise InputError("more than one case", key="case", found=len(problems), allowed="one")
         return problems[0]
+
+
+def load_problems(path: str | os.PathLike[str]) -> tuple[Problem, ...]:
+    """Return the problems of a file, one for each case.
+
+    Parameters
+    ----------
+    path : path
+        A problem file (TOML).
+
+    Raises
+    ------
+    InputError
+        Names the file, the key, what was found and what is allowed; the first thing that is wrong.
+    """
+    return ProblemFile.read(path).problems(Problem, Path(path))
 
 
 def _published(motion: Motion, numbers: tuple[float, ...]) -> list[dict[str, Any]]:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property, partial
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.plain import plain
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.sensitivities import Sensitivity, number, numbers
 
 EFFORTS = ("proved", "quick")
 """What `solve` may spend."""
@@ -87,8 +86,10 @@ class Check(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Certificate(Shown):
+class Certificate(Plain, Shown):
     """Outcome of the judge: a list of checks, all of which must pass; an empty list does not."""
+
+    plain_names = ("passed", "checks")
 
     checks: tuple[Check, ...]
 
@@ -104,7 +105,71 @@ class Certificate(Shown):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Solution(Shown):
+class Sensitivity(Plain):
+    """First derivatives of the least amount.
+
+    Each is by one datum, all others as they are. Seeds and `length` count as data of their own: with a rule such as
+    "centroid" a vertex that moves takes the seed along, which is not in the derivative by the vertex. A nominal
+    switching point moves with the geometry, and with it the target pair that a requirement makes of it; a nominal pair
+    given as numbers stays, and so does an explicit target.
+
+    Attributes
+    ----------
+    exists : bool
+        Whether the amount is differentiable there; where it is not, the values hold on one side, or of one of several
+        equally small motions, and those that differ are nan.
+    reasons : tuple of str
+        Why it is not.
+    target : (2,) array
+        By the scales made, per unit of scale.
+    tolerance : (2, 2) array or None
+        By each relative tolerance, one row a body, minus and plus; 0 where the requirement does not use it, None
+        without a requirement.
+    nominal : (2,) array
+        By the nominal scales, through the target pair that a requirement makes of them.
+    limits : dict
+        Parameter name -> (by its lower, by its upper limit), amount per unit of the parameter.
+    clearance : float
+        By the clearance, amount per length.
+    keep_out : dict
+        Name -> by that keep-out's clearance.
+    weights : dict
+        Parameter name -> by its weight.
+    length : float
+        By the length that turns radians into lengths.
+    faces : dict
+        Label such as "P1V1,V3,V4,V6" -> by the outward shift of the face's plane, amount per length; nan where the
+        shift would part a vertex of more than three faces that matters. Keep-outs: "keep-out 'name' V1,V2,V3".
+    vertices : dict
+        Label such as "P1V6" -> (3,) array by the vertex, world frame as drawn; nan where its move would break a face
+        of more than three corners, or a flush contact, that matters: see `faces` for these.
+    seeds : dict
+        "P1", "P2" -> (3,) array, world frame as drawn.
+    multipliers : dict
+        Constraint -> multiplier, amount per unit of the constraint.
+    residual : float
+        Share of the amount's gradient that the constraints leave unbalanced.
+    """
+
+    exists: bool
+    reasons: tuple[str, ...]
+    target: Array
+    tolerance: Array | None
+    nominal: Array
+    limits: Mapping[str, tuple[float, float]]
+    clearance: float
+    keep_out: Mapping[str, float]
+    weights: Mapping[str, float]
+    length: float
+    faces: Mapping[str, float]
+    vertices: Mapping[str, Array]
+    seeds: Mapping[str, Array]
+    multipliers: Mapping[str, float]
+    residual: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solution(Plain, Shown):
     """Answer to a `Problem`.
 
     Attributes
@@ -150,6 +215,12 @@ class Solution(Shown):
         `sensitivity` where it is known beforehand: of a solution that was stored.
     """
 
+    plain_names = (
+        "problem", "status", "advice", "usable", "parameters", "motion", "transform", "amount", "lower_bound", "rho",
+        "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped", "active", "modelled", "stage", "gap",
+        "doubt", "evidence", "sensitivity", "certificate", "seconds",
+    )  # fmt: skip
+
     problem: Problem
     status: Status
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -168,6 +239,12 @@ class Solution(Shown):
     certificate: Certificate | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     derivatives: Sensitivity | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for key, shape in (("transform", (4, 4)), ("rho", (2,)), ("pair", (2,))):
+            array = getattr(self, key)
+            if array is not None and array.shape != shape:
+                raise InputError("wrong shape", key=key, found=array.shape, allowed=str(shape))
 
     @property
     def verified(self) -> bool:
@@ -225,87 +302,19 @@ class Solution(Shown):
 
         As JSON has no such numbers, nan becomes None and infinity "inf".
         """
-        known = vars(self).get("sensitivity", self.derivatives)
-        certificate = self.certificate
-        told: dict[str, Any] = plain(
-            {
-                "problem": self.problem,
-                "status": self.status,
-                "advice": self.advice,
-                "usable": self.usable,
-                "parameters": self.parameters,
-                "motion": self.problem.motion.describe(list(self.parameters.values()), unit=self.problem.unit)
-                if self.parameters
-                else None,
-                "transform": self.transform,
-                "amount": self.amount,
-                "lower_bound": self.lower_bound,
-                "rho": self.rho,
-                "features": [feature.label for feature in self.features],
-                "pair": self.pair,
-                "pair_gap": self.pair_gap,
-                "pair_state": self.pair_state,
-                "keep_out_gaps": self.keep_out_gaps,
-                "snapped": self.problem.snapped,
-                "active": self.active,
-                "modelled": self.modelled,
-                "stage": self.stage,
-                "gap": self.gap,
-                "doubt": self.doubt,
-                "evidence": self.evidence,
-                "sensitivity": known,
-                "certificate": None
-                if certificate is None
-                else {"passed": certificate.passed, "checks": certificate.checks},
-                "seconds": self.seconds,
-            },
-        )
-        return told
+        problem, values = self.problem, list(self.parameters.values())
+        made = {
+            "motion": problem.motion.describe(values, unit=problem.unit) if values else None,
+            "features": [feature.label for feature in self.features],
+            "snapped": problem.snapped,
+            "sensitivity": vars(self).get("sensitivity", self.derivatives),
+        }
+        return {name: plain(made[name] if name in made else getattr(self, name)) for name in self.plain_names}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Solution:
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
-            read = {name: back(data[name]) for name, back in _BACK.items()}
-            return cls(derivatives=_or_none(data["sensitivity"], Sensitivity.from_dict), **read)
-        except (KeyError, TypeError, ValueError, AttributeError) as reason:
+            return super().from_dict({**data, "derivatives": data["sensitivity"]})
+        except (KeyError, TypeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
-
-
-def _or_none(value: Any, back: Callable[[Any], Any]) -> Any:
-    return None if value is None else back(value)
-
-
-def _array(values: Any, shape: tuple[int, ...]) -> Array:
-    array = frozen(values)
-    if array.shape != shape:
-        raise InputError("wrong shape", found=array.shape, allowed=str(shape))
-    return array
-
-
-def _certificate(data: Mapping[str, Any]) -> Certificate:
-    """Return a certificate from what `Solution.to_dict` makes of it."""
-    checks = [{**check, "value": number(check["value"]), "limit": number(check["limit"])} for check in data["checks"]]
-    return Certificate(tuple(Check(**check) for check in checks))
-
-
-_BACK: dict[str, Callable[[Any], Any]] = {
-    "problem": Problem.from_dict,
-    "status": lambda name: Status[name],
-    "parameters": lambda values: numbers(dict(values)),
-    "transform": lambda rows: _or_none(rows, partial(_array, shape=(4, 4))),
-    "amount": number,
-    "lower_bound": number,
-    "rho": lambda pair: _or_none(pair, partial(_array, shape=(2,))),
-    "features": lambda labels: tuple(map(Feature.from_label, labels)),
-    "pair": partial(_array, shape=(2,)),
-    "pair_gap": number,
-    "pair_state": str,
-    "active": tuple,
-    "modelled": lambda counts: {name: int(count) for name, count in counts.items()},
-    "stage": str,
-    "evidence": lambda packed: _or_none(packed, Evidence.from_dict),
-    "certificate": lambda checks: _or_none(checks, _certificate),
-    "seconds": lambda times: numbers(dict(times)),
-}
-"""What makes a solution's values of its plain data."""

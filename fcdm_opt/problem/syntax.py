@@ -19,15 +19,7 @@ _DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{LEVELS}}}")
 
 
 def parsed(text: str) -> dict[str, Any]:
-    """Return the contents of a TOML text.
-
-    Raises
-    ------
-    tomllib.TOMLDecodeError
-        For a text that is no TOML.
-    RecursionError, ValueError
-        For one that is nested too deep, and other numbers than Python reads.
-    """
+    """Return the contents of a TOML text; raises as `tomllib.loads`, and `ValueError` for a key of too many levels."""
     deep = _DEEP.search(_TEXTS.sub(lambda found: "" if found[1] else "x" + "\n" * found[0].count("\n"), text))
     if deep is not None:
         line = deep.string.count("\n", 0, deep.start()) + 1
@@ -36,15 +28,7 @@ def parsed(text: str) -> dict[str, Any]:
 
 
 def mistake(text: str, reason: tomllib.TOMLDecodeError) -> str:
-    """Return what is wrong with a text that cannot be read as TOML, and in which line.
-
-    Parameters
-    ----------
-    text : str
-        All of the file.
-    reason : TOMLDecodeError
-        What `tomllib` says of it: kept wherever it says enough.
-    """
+    """Return what is wrong with a text that cannot be read as TOML, and where; as `tomllib` says it, if that tells."""
     said = str(reason)
     lines = text.replace("\r\n", "\n").split("\n")
     place = _PLACE.search(said)

@@ -12,9 +12,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion, Rotation, Translation
-from fcdm_opt.problem.files import load_problems
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt_benchmarks.pairs import SHAPES
 from fcdm_opt_benchmarks.shapes import box, random_directions, random_rotation
 from fcdm_opt_benchmarks.union_pairs import UnionPair

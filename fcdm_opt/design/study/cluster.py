@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
+from importlib.metadata import version
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -40,19 +41,9 @@ def answer_on_worker(version: str, work: Work, limit: float | None, asked: Asked
 
 @contextmanager
 def joined(scheduler: str | None, jobs: int | None) -> Iterator[DaskDistributedBackend]:
-    """Give a backend for joblib.
+    """Give a backend for joblib, of the scheduler at an address, or of a cluster of this process that ends afterwards.
 
-    Parameters
-    ----------
-    scheduler : str or None
-        Address of a scheduler. Without it a cluster of this process is made, which ends afterwards.
-    jobs : int or None
-        How many points such a cluster works at; default: one a core.
-
-    Raises
-    ------
-    InputError
-        Where the scheduler does not answer or has no workers, or is lost meanwhile; where a worker has another version.
+    Refuses a scheduler that does not answer, has no workers, or is lost meanwhile, and workers of another version.
     """
     with ExitStack() as stack:
         stack.enter_context(_quiet())
@@ -64,7 +55,11 @@ def joined(scheduler: str | None, jobs: int | None) -> Iterator[DaskDistributedB
         except TimeoutError as reason:
             what = f"no worker joined within {PATIENCE:g} s"
             raise InputError(what, key="scheduler", found=address, allowed="a scheduler with workers") from reason
-        _check_versions(client)
+        # A function of the standard library: a worker without fcdm_opt could not load one of ours. Workers that join
+        # later are asked with each point.
+        for worker, there in client.run(version, "fcdm_opt", on_error="return").items():
+            if there != __version__ and not isinstance(there, OSError):  # of a worker that was lost meanwhile
+                raise _other_version(worker, "none" if isinstance(there, Exception) else there, __version__)
         try:
             yield backend
         except CancelledError as reason:
@@ -86,16 +81,6 @@ class _Backend(DaskDistributedBackend):
         if callback is not None:
             job.add_done_callback(lambda done: callback(done.exception()) if done.exception() else None)
         return job
-
-
-def _check_versions(client: Client) -> None:
-    """Ask every worker for its version; those that join later are asked with each point."""
-    from importlib.metadata import version
-
-    # A function of the standard library: a worker without fcdm_opt could not load one of ours.
-    for worker, there in client.run(version, "fcdm_opt", on_error="return").items():
-        if there != __version__ and not isinstance(there, OSError):  # of a worker that was lost meanwhile
-            raise _other_version(worker, "none" if isinstance(there, Exception) else there, __version__)
 
 
 def _other_version(worker: str, found: str, wanted: str) -> InputError:

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.plain import plain
 
 if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
@@ -18,6 +19,8 @@ Asked = tuple[str, str, Mapping[str, Any], bool, str]
 """A point as plain data: its key, the canonical JSON of its scene, its case, and `certify` and `effort` of `solve`."""
 
 Row = dict[str, Any]
+
+AS_PLAIN = ("usable", "parameters", "rho", "pair", "pair_state", "active", "stage", "modelled")
 
 BAD_INPUT, ERROR, WORKER_LOST = "BAD_INPUT", "ERROR", "WORKER_LOST"
 """What a row's status may be besides the names of `Status`: no question, an unexpected error, no answer at all."""
@@ -57,24 +60,10 @@ def load() -> None:
 
 
 def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Row:
-    """Return the row of a point without a solution.
+    """Return the row of a point without a solution, with the reason in words.
 
-    Parameters
-    ----------
-    key : str
-        Of the point.
-    status, message : str
-        How it ended, and the reason in words.
-    seconds : float
-        What it took.
-
-    Returns
-    -------
-    dict
-        "key", "status", "message", "usable", "amount", "lower_bound", "parameters", "rho", "pair", "pair_gap",
-        "pair_state", "features" (labels), "active", "stage", "modelled", "checks_failed" (names of checks) and
-        "seconds" ("build", "solve", "prove", "verify", and "point" for all of it); the others as in `Solution`, None
-        for nan.
+    Features are labels, "checks_failed" names of checks, "seconds" those of "build", "solve", "prove", "verify", and
+    "point" for all of it; the others as in `Solution`, None for nan.
     """
     return {
         "key": key,
@@ -117,18 +106,9 @@ def _answer(key: str, solution: Solution) -> Row:
     certificate = solution.certificate
     return {
         **row(key, solution.status.name, solution.advice),
-        "usable": solution.usable,
-        "amount": _number(solution.amount),
-        "lower_bound": _number(solution.lower_bound),
-        "parameters": {name: _number(value) for name, value in solution.parameters.items()},
-        "rho": None if solution.rho is None else solution.rho.tolist(),
-        "pair": solution.pair.tolist(),
-        "pair_gap": _number(solution.pair_gap),
-        "pair_state": solution.pair_state,
+        **{name: _number(getattr(solution, name)) for name in ("amount", "lower_bound", "pair_gap")},
+        **{name: plain(getattr(solution, name)) for name in AS_PLAIN},
         "features": [feature.label for feature in solution.features],
-        "active": list(solution.active),
-        "stage": solution.stage,
-        "modelled": dict(solution.modelled),
         "checks_failed": [check.name for check in certificate.failed] if certificate else [],
     }
 

@@ -13,12 +13,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from fcdm_opt.design.study.point import WORKER_LOST, Asked, Row, load, row
 from fcdm_opt.errors import FcdmError
@@ -39,13 +38,10 @@ IDLE = 60.0
 DEATH_SIGNAL = 1  # prctl's PR_SET_PDEATHSIG: the signal that Linux sends when the parent ends
 
 
-class Processes:
+class Processes(AbstractContextManager["Processes"]):
     """A process for each thread that asks; used in a `with` block. They end with this process, however that ends.
 
-    Parameters
-    ----------
-    load : callable
-        What a process does first, without a time limit.
+    `load` is what a process does first, without a time limit.
     """
 
     def __init__(self, load: Callable[[], None] = load) -> None:
@@ -55,30 +51,13 @@ class Processes:
         self._loaded = self._closed = False
         self._starting, self._loading = threading.Lock(), threading.Lock()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, reason: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *reason: object) -> None:
         self.close()
 
     def answer(self, work: Work, limit: float | None, asked: Asked) -> Row:
-        """Return the row of a point.
+        """Return the row that `work`, a function of a module, makes of a point within `limit` seconds.
 
-        Parameters
-        ----------
-        work : callable
-            Row from a point; a function of a module, which processes import. What it raises is raised here.
-        limit : float or None
-            Seconds that it may take.
-        asked : tuple
-            The point.
-
-        Raises
-        ------
-        FcdmError
-            Where no process starts.
+        What it raises is raised here, and `FcdmError` where no process starts.
         """
         for _ in range(TRIES):
             process = getattr(self._of_thread, "process", None)

@@ -8,7 +8,7 @@ import math
 import os
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +23,7 @@ from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
+from fcdm_opt.plain import plain
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -118,7 +119,12 @@ class StudyResult(Shown):
                 }
                 answers = {key: json.loads(row) for key, row in base.execute("SELECT key, row FROM results")}
             definition = json.loads(meta["definition"])
-            points = tuple(met.get(number, (None, values)) for number, values in enumerate(_expected(definition)))
+            labels, axes = definition["labels"], _axes(definition)
+            expected = (dict(zip(axes, values, strict=True)) for values in product(*axes.values()))
+            points = tuple(
+                met.get(number, (None, {label: values.get(label) for label in labels}))
+                for number, values in enumerate(expected)
+            )
             study, version = meta["study"], meta["version"]
         except InputError:
             raise
@@ -191,15 +197,14 @@ class StudyResult(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data; as JSON has no such numbers, infinity becomes "inf"."""
-        found = self.assembly_yield
         return {
             **self.definition,
             "study": self.study,
             "version": self.version,
             "counts": self.counts,
             "seconds": self.seconds,
-            "assembly_yield": None if found is None else {**found._asdict(), "interval": list(found.interval)},
-            "rows": [{name: _for_json(value) for name, value in row.items()} for row in self.rows()],
+            "assembly_yield": plain(self.assembly_yield),
+            "rows": plain(self.rows()),
         }
 
     # ------------------------------------------------------------------------------------------------------- as tables
@@ -274,12 +279,6 @@ class StudyResult(Shown):
             frame.to_parquet(other, engine="pyarrow", index=False)
 
     @cached_property
-    def _keys(self) -> dict[str, tuple[str, ...]]:
-        """Label -> names of its columns: the label, or the keys where several vary together."""
-        varied = _together(self.definition)
-        return {label: varied.get(label, (label,)) for label in [*self.definition["labels"], *self.axes]}
-
-    @cached_property
     def _names(self) -> dict[str, tuple[str, tuple[str, ...]]]:
         """Label -> name of its axis, and of its columns; each is a name of its own in all tables."""
         taken = {*OWN, *(name for row in self.answers.values() for name in row["parameters"])}
@@ -292,9 +291,11 @@ class StudyResult(Shown):
             return name
 
         names: dict[str, tuple[str, tuple[str, ...]]] = {}
-        for label, keys in self._keys.items():
-            own = tuple(map(free, keys))
-            names[label] = own[keys.index(label)] if label in keys else free(label), own
+        varied = _together(self.definition)
+        for label in dict.fromkeys([*self.definition["labels"], *self.axes]):
+            keys = varied.get(label, (label,))
+            columns = tuple(map(free, keys))
+            names[label] = columns[keys.index(label)] if label in keys else free(label), columns
         return names
 
     @cached_property
@@ -354,15 +355,6 @@ def _together(definition: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     return {own["label"]: tuple(own["key"]) for own in vary if len(own["key"]) > 1 and not own.get("names")}
 
 
-def _expected(definition: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Return the values of every point as far as they follow from the axes."""
-    axes = _axes(definition)
-    labels = definition["labels"]
-    for values in product(*axes.values()):
-        own = dict(zip(axes, values, strict=True))
-        yield {label: own.get(label) for label in labels}
-
-
 # ---------------------------------------------------------------------------------------------------------- the columns
 
 OWN = {
@@ -394,10 +386,6 @@ def _column(values: Iterable[Any]) -> list[Any]:
 def _filled(values: list[Any]) -> list[Any]:
     """Return values whose kind a library can tell: nan where there are none at all."""
     return [math.nan] * len(values) if all(value is None for value in values) else values
-
-
-def _for_json(value: Any) -> Any:
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _extra(name: str) -> Any:

@@ -3,17 +3,36 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
-from collections.abc import Iterator
-from contextlib import closing
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from time import monotonic
+from typing import Any
 
-from fcdm_opt.design.study.engines import check_engine, workers
-from fcdm_opt.design.study.point import BAD_INPUT, Asked, Row, row
-from fcdm_opt.design.study.progress import Say, shown
+from fcdm_opt.design.study.point import BAD_INPUT, Asked, Row, evaluate, load, row
+from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.design.study.results import StudyResult
-from fcdm_opt.design.study.store import Belonging, Met, Store
+from fcdm_opt.design.study.store import Store
 from fcdm_opt.design.study.study import Study, StudyPoint
+from fcdm_opt.errors import InputError
+
+ENGINES = ("joblib", "dask")
+PAUSE = 10.0
+"""Seconds between two lines."""
+
+SETTLED = 1.0
+"""Seconds after which a rate says something."""
+
+REFRESH = 4  # times a second that a bar is drawn
+
+Say = Callable[[str], None]
+
+Answers = Callable[[Iterable[Asked]], Generator[Row]]
 
 BACKLOG = 1000  # points met that are kept in memory before they are written
 
@@ -58,7 +77,7 @@ def run_study(
     study = study if isinstance(study, Study) else Study.read(study)
     check_engine(engine, jobs, scheduler)
     with (
-        Store(Path(out), Belonging(study.key, study.version, study.to_dict())) as store,
+        Store(Path(out), study.key, study.version, study.to_dict()) as store,
         shown(len(study), progress=progress, say=say) as tell,
         workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
@@ -73,26 +92,14 @@ def run_study(
 class StudyRun:
     """The way through a study: points are taken from it, in any thread, and it is told what came back.
 
-    Equal points are asked for once, points with a row in the store not at all.
-
-    Parameters
-    ----------
-    study : Study
-    store : Store
-        Where rows go.
-
-    Attributes
-    ----------
-    done : int
-        Points of the study that have a row.
-    made : int
-        Those of them that this run worked out.
+    Equal points are asked for once, points with a row in the store not at all. `done` points have a row, of which this
+    run worked out `made`.
     """
 
     def __init__(self, study: Study, store: Store) -> None:
         self._study, self._store = study, store
         self.done = self.made = 0
-        self._met: list[Met] = []
+        self._met: list[tuple[int, str, dict[str, Any]]] = []
         self._waiting: dict[str, int] = {}  # keys without a row yet, and how many points have them
         self._lock = threading.Lock()
 
@@ -114,7 +121,7 @@ class StudyRun:
 
     def _meet(self, point: StudyPoint) -> bool:
         """Take note of a point; tell whether it is to be worked out."""
-        self._met.append(Met(point.number, point.key, point.values))
+        self._met.append((point.number, point.key, point.values))
         if len(self._met) >= BACKLOG:
             self._write()
         if point.key in self._waiting:
@@ -131,6 +138,138 @@ class StudyRun:
     def _write(self, *rows: Row) -> None:
         self._store.write(self._met, rows)
         self._met = []
-        made = sum(self._waiting.pop(own["key"]) for own in rows)
+        made = sum(self._waiting.pop(answer["key"]) for answer in rows)
         self.done += made
         self.made += made
+
+
+# ------------------------------------------------------------------------------------------------------------- engines
+
+
+def check_engine(engine: str, jobs: int | None, scheduler: str | None) -> None:
+    """Refuse arguments of `run_study` that fit no engine."""
+    if engine not in ENGINES:
+        raise InputError("no such engine", key="engine", found=engine, allowed='"joblib" or "dask"')
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise InputError("not a number of processes", key="jobs", found=jobs, allowed="1, 2, ...")
+    if scheduler is not None and engine != "dask":
+        raise InputError("only Dask has a scheduler", key="scheduler", found=scheduler, allowed='engine = "dask"')
+    if scheduler is not None and not (isinstance(scheduler, str) and scheduler.strip()):
+        raise InputError("not an address", key="scheduler", found=scheduler, allowed='"tcp://host:8786"')
+    if scheduler is not None and jobs is not None:
+        raise InputError("the workers are those of the scheduler", key="jobs", found=jobs, allowed="no number")
+    if engine == "dask":
+        try:
+            import distributed  # noqa: F401
+        except ImportError as reason:
+            what = f"Dask cannot be loaded ({reason}); install it with pip install 'fcdm_opt[dask]'"
+            raise InputError(what, key="engine", found="dask") from reason
+
+
+@contextmanager
+def workers(
+    engine: str,
+    jobs: int | None,
+    scheduler: str | None,
+    *,
+    limit: float | None,
+    work: Work = evaluate,
+    loaded: Callable[[], None] = load,
+) -> Iterator[Answers]:
+    """Start workers, or join them, and end them afterwards; gives what makes rows of points, in any order.
+
+    Points are taken as workers become free, in any thread. `limit` are seconds a point, which take a process of its
+    own; `work`, a function of a module, makes a row of a point; `loaded` is what a process does first.
+    """
+    from joblib import Parallel, cpu_count, delayed
+
+    with ExitStack() as stack:
+        answer: Work
+        if engine == "dask":
+            from fcdm_opt.design.study.cluster import answer_on_worker, joined
+            from fcdm_opt.version import __version__
+
+            backend: Any = stack.enter_context(joined(scheduler, jobs))
+            answer = partial(answer_on_worker, __version__, work, limit)
+        else:
+            backend, jobs = "threading", jobs or cpu_count()
+            processes = stack.enter_context(Processes(loaded))
+            answer = work if jobs == 1 and limit is None else partial(processes.answer, work, limit)
+
+        def answers(asked: Iterable[Asked]) -> Generator[Row]:
+            # joblib says so where not all rows are taken, as after an error
+            warnings.filterwarnings("ignore", message=".* adjusting the input task iterator")
+            parallel = Parallel(jobs, backend=backend, return_as="generator_unordered")
+            rows: Generator[Row] = parallel(delayed(answer)(point) for point in asked)
+            return rows
+
+        yield answers
+
+
+# ------------------------------------------------------------------------------------------------------ how far it is
+
+
+@dataclass
+class Pace:
+    """Of `total` points, how many are `done`, how many of these this run `made`, how fast, and when it will end."""
+
+    total: int
+    done: int = 0
+    made: int = 0
+    _start: float = field(default_factory=monotonic)
+
+    def __str__(self) -> str:
+        seconds, before = monotonic() - self._start, self.done - self.made
+        words = [f"{self.done:,} of {self.total:,} points" + (f" ({before:,} from before)" if before else "")]
+        if self.made and seconds > SETTLED:
+            words.append(f"{self.made / seconds:.3g} a second")
+            if self.done < self.total:
+                words.append(f"{_duration((self.total - self.done) * seconds / self.made)} left")
+        return ", ".join(words)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+@contextmanager
+def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[int, int], None]]:
+    """Show how far a run is: a bar on a terminal; elsewhere a line now and then, and at the end, however that comes.
+
+    Gives what is to be told `done` and `made`, see `Pace`. Without `say` lines go to standard error if `progress`,
+    else nowhere.
+    """
+    pace = Pace(total)
+    if progress and sys.stderr is not None and sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+        columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
+        with Progress(*columns, console=Console(stderr=True), refresh_per_second=REFRESH) as bar:
+            task = bar.add_task(str(pace), total=total)
+
+            def draw(done: int, made: int) -> None:
+                pace.done, pace.made = done, made
+                bar.update(task, completed=done, description=str(pace))
+
+            yield draw
+        return
+    if say is None:
+        say = partial(print, file=sys.stderr, flush=True) if progress else lambda text: None
+    last = monotonic()
+
+    def tell(done: int, made: int) -> None:
+        nonlocal last
+        pace.done, pace.made = done, made
+        if monotonic() - last >= PAUSE:
+            last = monotonic()
+            say(str(pace))
+
+    try:
+        yield tell
+    finally:
+        say(str(pace))

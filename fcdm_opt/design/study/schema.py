@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 
-from fcdm_opt.problem.schema import Entry, Label, Number, one_of, refusal
+from fcdm_opt.problem.schema import Entry, Label, Number, declared, one_of, refusal
 
 Key = Annotated[str, Field(min_length=1)]
 WAYS = ("values", "grid", "uniform", "normal", "csv")
@@ -17,17 +17,12 @@ GridEntry = create_model(
     __base__=Entry,
     __doc__="Evenly spaced numbers, both ends among them.",
     **{
-        "from": (Number, Field(description="the first number, in the key's unit", examples=[0.001])),
-        "to": (Number, Field(description="the last number, above the first, in the key's unit", examples=[0.05])),
-        "count": (
-            Label,
-            Field(description="how many, a whole number >= 1; with 1 from and to are equal", examples=[50]),
-        ),
+        "from": (Number, declared(..., "the first number, in the key's unit", 0.001)),
+        "to": (Number, declared(..., "the last number, above the first, in the key's unit", 0.05)),
+        "count": (Label, declared(..., "how many, a whole number >= 1; with 1 from and to are equal", 50)),
         "spacing": (
             Literal["linear", "log"],
-            Field(
-                default="linear", description='"linear", or "log": equal ratios between numbers > 0', examples=["log"]
-            ),
+            declared("linear", '"linear", or "log": equal ratios between numbers > 0', "log"),
         ),
     },  # type: ignore[call-overload]
 )
@@ -38,8 +33,8 @@ class UniformEntry(Entry):
 
     model_config = ConfigDict(title="Uniform")
 
-    low: Number = Field(description="least number that is drawn, in the key's unit", examples=[0.98])
-    high: Number = Field(description="largest number that is drawn, above low, in the key's unit", examples=[1.02])
+    low: Number = declared(..., "least number that is drawn, in the key's unit", 0.98)
+    high: Number = declared(..., "largest number that is drawn, above low, in the key's unit", 1.02)
 
 
 class NormalEntry(Entry):
@@ -47,10 +42,10 @@ class NormalEntry(Entry):
 
     model_config = ConfigDict(title="Normal")
 
-    mean: Number = Field(description="mean before the cut, in the key's unit", examples=[1.0])
-    deviation: Number = Field(description="standard deviation > 0 before the cut, in the key's unit", examples=[0.005])
-    low: Number = Field(description="least number that is drawn, in the key's unit", examples=[0.98])
-    high: Number = Field(description="largest number that is drawn, above low, in the key's unit", examples=[1.02])
+    mean: Number = declared(..., "mean before the cut, in the key's unit", 1.0)
+    deviation: Number = declared(..., "standard deviation > 0 before the cut, in the key's unit", 0.005)
+    low: Number = declared(..., "least number that is drawn, in the key's unit", 0.98)
+    high: Number = declared(..., "largest number that is drawn, above low, in the key's unit", 1.02)
 
 
 class CsvEntry(Entry):
@@ -58,22 +53,14 @@ class CsvEntry(Entry):
 
     model_config = ConfigDict(title="Measured values", json_schema_extra=one_of(("column",), ("columns",)))
 
-    file: str = Field(
-        description="path of a CSV file with a line of column names, relative to this file", examples=["sizes.csv"]
+    file: str = declared(..., "path of a CSV file with a line of column names, relative to this file", "sizes.csv")
+    column: str | None = declared(None, "name of the column to draw from", "peg")
+    nominal: Number | None = declared(
+        None, "number that the values of the column are divided by, in their unit; without it 1", 10.0
     )
-    column: str | None = Field(default=None, description="name of the column to draw from", examples=["peg"])
-    nominal: Number | None = Field(
-        default=None,
-        description="number that the values of the column are divided by, in their unit; without it 1",
-        examples=[10.0],
-    )
-    columns: list[str] | None = Field(
-        default=None, min_length=1, description="names of columns, one a key", examples=[["peg", "hole"]]
-    )
-    nominals: list[Number] | None = Field(
-        default=None,
-        description="numbers that they are divided by, one a column, in their units; without it 1",
-        examples=[[10.0, 10.2]],
+    columns: list[str] | None = declared(None, "names of columns, one a key", ["peg", "hole"], min_length=1)
+    nominals: list[Number] | None = declared(
+        None, "numbers that they are divided by, one a column, in their units; without it 1", [10.0, 10.2]
     )
 
     @model_validator(mode="after")
@@ -81,9 +68,8 @@ class CsvEntry(Entry):
         if (self.column is None) == (self.columns is None):
             found = "neither" if self.column is None else "both"
             raise refusal("exactly one of column and columns must be given", found=found, allowed="column or columns")
-        stray = "nominals" if self.columns is None else "nominal"
+        stray, other = ("nominals", "columns") if self.columns is None else ("nominal", "column")
         if getattr(self, stray) is not None:
-            other = "columns" if self.columns is None else "column"
             raise refusal(f"this key goes with {other}", found=getattr(self, stray), allowed=other, inside=(stray,))
         return self
 
@@ -93,41 +79,40 @@ class VaryEntry(Entry):
 
     model_config = ConfigDict(title="What varies", json_schema_extra=one_of(*((way,) for way in WAYS)))
 
-    key: Key | Annotated[list[Key], Field(min_length=1)] = Field(
-        description='a key of a problem ("tolerance", "target[1]", "limits.RZ_deg", "bodies.movable.vertices[5][3]", '
+    key: Key | Annotated[list[Key], Field(min_length=1)] = declared(
+        ...,
+        'a key of a problem ("tolerance", "target[1]", "limits.RZ_deg", "bodies.movable.vertices[5][3]", '
         '"parameters.draft_deg"), or a list of keys that vary together',
-        examples=["tolerance", ["requirement", "goal"]],
+        "tolerance",
+        ["requirement", "goal"],
     )
-    label: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, description="name of its column in the results (text)", examples=["size tolerance"]
+    label: Annotated[str, Field(min_length=1)] | None = declared(
+        None, "name of its column in the results (text)", "size tolerance"
     )
-    values: Annotated[list[Any], Field(min_length=1)] | None = Field(
-        default=None,
-        description="[...], at least one value; with several keys one list a point: [[...], [...]]",
-        examples=[[0.01, 0.02], [["A", "beyond"], ["B", "touch"]]],
+    values: Annotated[list[Any], Field(min_length=1)] | None = declared(
+        None,
+        "[...], at least one value; with several keys one list a point: [[...], [...]]",
+        [0.01, 0.02],
+        [["A", "beyond"], ["B", "touch"]],
     )
-    names: list[str] | None = Field(
-        default=None,
-        description='names of the listed values in the results, all different: ["TX", "TZ + RZ"]',
-        examples=[["fine", "coarse"]],
+    names: list[str] | None = declared(
+        None, 'names of the listed values in the results, all different: ["TX", "TZ + RZ"]', ["fine", "coarse"]
     )
-    grid: GridEntry | None = Field(  # type: ignore[valid-type]
-        default=None,
-        description='{ from = 0.001, to = 0.05, count = 50, spacing = "linear" or "log" }',
-        examples=[{"from": 0.001, "to": 0.05, "count": 50, "spacing": "log"}],
+    grid: GridEntry | None = declared(  # type: ignore[valid-type]
+        None,
+        '{ from = 0.001, to = 0.05, count = 50, spacing = "linear" or "log" }',
+        {"from": 0.001, "to": 0.05, "count": 50, "spacing": "log"},
     )
-    uniform: UniformEntry | None = Field(
-        default=None, description="{ low = 0.98, high = 1.02 }", examples=[{"low": 0.98, "high": 1.02}]
+    uniform: UniformEntry | None = declared(None, "{ low = 0.98, high = 1.02 }", {"low": 0.98, "high": 1.02})
+    normal: NormalEntry | None = declared(
+        None,
+        "{ mean = 1.0, deviation = 0.005, low = 0.98, high = 1.02 }, cut off at low and high",
+        {"mean": 1.0, "deviation": 0.005, "low": 0.98, "high": 1.02},
     )
-    normal: NormalEntry | None = Field(
-        default=None,
-        description="{ mean = 1.0, deviation = 0.005, low = 0.98, high = 1.02 }, cut off at low and high",
-        examples=[{"mean": 1.0, "deviation": 0.005, "low": 0.98, "high": 1.02}],
-    )
-    csv: CsvEntry | None = Field(
-        default=None,
-        description='{ file = "sizes.csv", column = "peg", nominal = 10.0 }, or columns = [...] with several keys',
-        examples=[{"file": "sizes.csv", "column": "peg", "nominal": 10.0}],
+    csv: CsvEntry | None = declared(
+        None,
+        '{ file = "sizes.csv", column = "peg", nominal = 10.0 }, or columns = [...] with several keys',
+        {"file": "sizes.csv", "column": "peg", "nominal": 10.0},
     )
 
     @model_validator(mode="after")
@@ -144,8 +129,8 @@ class YieldEntry(Entry):
 
     model_config = ConfigDict(title="Yield")
 
-    budget: Annotated[Number, Field(ge=0.0)] = Field(
-        description="largest amount >= 0 of a motion that is affordable, length units", examples=[0.25]
+    budget: Annotated[Number, Field(ge=0.0)] = declared(
+        ..., "largest amount >= 0 of a motion that is affordable, length units", 0.25
     )
 
 
@@ -154,69 +139,48 @@ class _StudyFile(Entry):
 
     model_config = ConfigDict(title="Study file")
 
-    title: str = Field(default="", description="title (text)", examples=["Draft angle"])
-    note: str = Field(default="", description="what the reader should know (text)", examples=["Lengths in mm."])
-    problem: str = Field(
-        description='path of the problem file, relative to this file: "../example1.toml"',
-        examples=["../peg_square.toml"],
+    title: str = declared("", "title (text)", "Draft angle")
+    note: str = declared("", "what the reader should know (text)", "Lengths in mm.")
+    problem: str = declared(
+        ..., 'path of the problem file, relative to this file: "../example1.toml"', "../peg_square.toml"
     )
-    cases: Annotated[list[str], Field(min_length=1)] | None = Field(
-        default=None, description='names of the cases to take: ["A", "B"]; without it all', examples=[["A", "B"]]
+    cases: Annotated[list[str], Field(min_length=1)] | None = declared(
+        None, 'names of the cases to take: ["A", "B"]; without it all', ["A", "B"]
     )
-    seed: Annotated[int, Field(strict=True, ge=0)] = Field(
-        default=1, description="whole number >= 0 that the draws follow from", examples=[1]
-    )
-    certify: Annotated[bool, Field(strict=True)] = Field(
-        default=False, description="true: prove that no smaller motion will do", examples=[True]
-    )
-    effort: Literal["proved", "quick"] = Field(
-        default="proved",
-        description='"proved": every motion with a bound of how small it can be; "quick": the first that the stages '
+    seed: Annotated[int, Field(strict=True, ge=0)] = declared(1, "whole number >= 0 that the draws follow from", 1)
+    certify: Annotated[bool, Field(strict=True)] = declared(False, "true: prove that no smaller motion will do", True)
+    effort: Literal["proved", "quick"] = declared(
+        "proved",
+        '"proved": every motion with a bound of how small it can be; "quick": the first that the stages '
         "find, without proof, for many points",
-        examples=["quick"],
+        "quick",
     )
-    time_limit: Annotated[Number, Field(gt=0.0)] | None = Field(
-        default=None, description="seconds > 0 a point", examples=[60.0]
+    time_limit: Annotated[Number, Field(gt=0.0)] | None = declared(None, "seconds > 0 a point", 60.0)
+    sampling: Literal["latin hypercube", "random"] = declared(
+        "latin hypercube", '"latin hypercube" or "random": how numbers are drawn', "random"
     )
-    sampling: Literal["latin hypercube", "random"] = Field(
-        default="latin hypercube",
-        description='"latin hypercube" or "random": how numbers are drawn',
-        examples=["random"],
+    count: Label | None = declared(None, "how many draws >= 1, goes with uniform, normal or csv column", 1000)
+    parameters: dict[str, Number | str] = declared(
+        {}, "{ draft_deg = 1.0 }: numbers of one's own, or expressions in them", {"draft_deg": 1.0}
     )
-    count: Label | None = Field(
-        default=None, description="how many draws >= 1, goes with uniform, normal or csv column", examples=[1000]
+    vary: list[VaryEntry] = declared(
+        [],
+        "[[vary]] tables, one a variable: which key takes which values",
+        [{"key": "tolerance", "values": [0.01, 0.02]}],
     )
-    parameters: dict[str, Number | str] = Field(
-        default={},
-        description="{ draft_deg = 1.0 }: numbers of one's own, or expressions in them",
-        examples=[{"draft_deg": 1.0}],
-    )
-    vary: list[VaryEntry] = Field(
-        default=[],
-        description="[[vary]] tables, one a variable: which key takes which values",
-        examples=[[{"key": "tolerance", "values": [0.01, 0.02]}]],
-    )
-    derive: dict[str, Any] = Field(
-        default={},
-        description='{ target = ["r", "1.0"] }: values of keys, texts in them are expressions in parameters',
-        examples=[{"limits": {"TX": ["-draft_deg", "draft_deg"]}}],
+    derive: dict[str, Any] = declared(
+        {},
+        '{ target = ["r", "1.0"] }: values of keys, texts in them are expressions in parameters',
+        {"limits": {"TX": ["-draft_deg", "draft_deg"]}},
     )
 
 
+_YIELD = declared(None, "{ budget = 0.25 }: tell the share of points whose amount stays within it", {"budget": 0.25})
 StudyFile = create_model(
     "StudyFile",
     __base__=_StudyFile,
-    __doc__="A whole study file: a problem file, and what varies of it.",
-    **{
-        "yield": (
-            YieldEntry | None,
-            Field(
-                default=None,
-                description="{ budget = 0.25 }: tell the share of points whose amount stays within it",
-                examples=[{"budget": 0.25}],
-            ),
-        )
-    },  # type: ignore[call-overload]
+    __doc__=_StudyFile.__doc__,
+    **{"yield": (YieldEntry | None, _YIELD)},  # type: ignore[call-overload]
 )
 
 StudyArguments = create_model(

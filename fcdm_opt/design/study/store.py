@@ -15,16 +15,17 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self, TextIO
+from typing import Any
 
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.errors import InputError
 
 SCHEMA = 1
 FILE, LOCK = "study.sqlite", "study.lock"
+
+EMPTY = "another folder for --out"
 
 PATIENCE = 30.0
 """Seconds that a write waits for somebody who reads, or copies, the store."""
@@ -43,50 +44,16 @@ def _encoded(data: Any) -> str:
     return _json(data).encode(errors="replace").decode()
 
 
-class Belonging(NamedTuple):
-    """What a store belongs to.
-
-    Attributes
-    ----------
-    study : str
-        Key of the study: stands for its whole definition, and what that reads.
-    version : str
-        Of fcdm_opt.
-    definition : mapping
-        Plain data, kept for who reads the results; "title" is told where a store is refused.
-    """
-
-    study: str
-    version: str
-    definition: Mapping[str, Any]
-
-
-class Met(NamedTuple):
-    """A point of the study: its number, the key of its row, and its values by label."""
-
-    number: int
-    key: str
-    values: Mapping[str, Any]
-
-
-class Store:
+class Store(AbstractContextManager["Store"]):
     """The rows of a study, open for one run; used in a `with` block, by any thread, one at a time.
 
-    Parameters
-    ----------
-    folder : path
-        Where they are; made where it does not exist.
-    owner : Belonging
-        What the store must belong to, or will where it is new.
-
-    Raises
-    ------
-    InputError
-        For a folder that cannot be written or that another run is using, and a store that is damaged, or of another
-        study or version; in later calls where the disk is full.
+    It must belong to, or will where it is new, the study of that key, which stands for its whole definition and what
+    that reads, and that version of fcdm_opt. The definition is kept for who reads the results. `InputError` is raised
+    for a folder that cannot be written or that another run is using, and a store that is damaged, or of another study
+    or version; in later calls where the disk is full.
     """
 
-    def __init__(self, folder: Path, owner: Belonging) -> None:
+    def __init__(self, folder: Path, study: str, version: str, definition: Mapping[str, Any]) -> None:
         self.path = folder / FILE
         with _refusals(self.path), ExitStack() as stack:
             folder.mkdir(parents=True, exist_ok=True)
@@ -99,33 +66,29 @@ class Store:
             self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
             self._own[self.path] = _identity(self.path)
             stack.callback(self._base.close)
-            self._prepare(owner)
+            self._prepare(study, version, _encoded(definition))
             stack.callback(self._put_away)
             self._open = stack.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, reason: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *reason: object) -> None:
         self._open.close()
 
     def has(self, key: str) -> bool:
         """Tell whether there is a row of this key."""
         return self._base.execute("SELECT 1 FROM results WHERE key = ?", (key,)).fetchone() is not None
 
-    def write(self, points: Iterable[Met], rows: Iterable[Row]) -> None:
+    def write(self, points: Iterable[tuple[int, str, Mapping[str, Any]]], rows: Iterable[Row]) -> None:
         """Write points that were met, and rows: all of them or, where the process dies, none.
 
-        Parameters
-        ----------
-        points : iterable of Met
-            Those that an earlier run has met already change nothing.
-        rows : iterable of dict
-            Of keys that have no row yet.
+        Points are (number, key of the row, values by label); those that an earlier run has met already change nothing.
+        Rows are of keys that have none yet.
         """
-        met = [(number, key, _encoded(values)) for number, key, values in points if self._is_new(number)]
+        seen = "SELECT 1 FROM points WHERE number = ?"
+        met = [
+            (number, key, _encoded(values))
+            for number, key, values in points
+            if self._base.execute(seen, (number,)).fetchone() is None
+        ]
         made = [(row["key"], row["status"], row["usable"], row["amount"], _encoded(row)) for row in rows]
         if not (met or made):
             return
@@ -134,13 +97,11 @@ class Store:
                 self._base.execute("PRAGMA journal_mode = WAL")
                 self._base.execute("PRAGMA synchronous = NORMAL")
                 self._writing = True
-        with _refusals(self.path), self._transaction():
+        with _refusals(self.path), self._base:
+            self._base.execute("BEGIN IMMEDIATE")
             self._check_place()
             self._base.executemany("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", met)
             self._base.executemany("INSERT INTO results VALUES (?, ?, ?, ?, ?)", made)
-
-    def _is_new(self, number: int) -> bool:
-        return self._base.execute("SELECT 1 FROM points WHERE number = ?", (number,)).fetchone() is None
 
     def _check_place(self) -> None:
         """Refuse to go on where the files were taken away: what is written to them then is lost, or another run's."""
@@ -158,74 +119,44 @@ class Store:
             self._base.execute("PRAGMA busy_timeout = 0")
             self._base.execute("PRAGMA journal_mode = DELETE")
 
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._base.execute("BEGIN IMMEDIATE")
-        try:
-            yield
-            self._base.execute("COMMIT")
-        except BaseException:
-            if self._base.in_transaction:
-                self._base.execute("ROLLBACK")
-            raise
-
-    # ------------------------------------------------------------------------------------------------------- opening
-
-    def _prepare(self, owner: Belonging) -> None:
-        """Make the tables, or check those that are there."""
+    def _prepare(self, study: str, version: str, definition: str) -> None:
+        """Make the tables, or refuse those that are there if they are not of this study and version."""
         tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if tables:
-            self._check(tables, owner)
-        if tables:
+        own = {"schema": str(SCHEMA), "version": version, "study": study, "definition": definition}
+        if not tables:
+            with self._base:
+                self._base.execute("BEGIN IMMEDIATE")
+                for name, columns in TABLES.items():
+                    self._base.execute(f"CREATE TABLE {name} ({columns})")
+                self._base.executemany("INSERT INTO meta VALUES (?, ?)", own.items())
             return
-        meta = {
-            "schema": str(SCHEMA),
-            "version": owner.version,
-            "study": owner.study,
-            "definition": _encoded(owner.definition),
-        }
-        with self._transaction():
-            for name, columns in TABLES.items():
-                self._base.execute(f"CREATE TABLE {name} ({columns})")
-            self._base.executemany("INSERT INTO meta VALUES (?, ?)", meta.items())
-
-    def _check(self, tables: set[str], owner: Belonging) -> None:
-        """Refuse what is not the store of this study and version."""
         if not tables.issuperset(TABLES):
             found = ", ".join(sorted(tables))
             raise InputError("not a store of a study", file=self.path, found=f"tables {found}", allowed=EMPTY)
         verdict = self._base.execute("PRAGMA quick_check(1)").fetchone()[0]
         if verdict != "ok":
             raise InputError(f"the store is damaged ({verdict})", file=self.path, allowed=EMPTY)
-        meta = dict(self._base.execute("SELECT name, value FROM meta"))
-        for name, wanted, what in (
-            ("schema", str(SCHEMA), "the store is laid out in another way"),
-            ("version", owner.version, "the store was made by another version of fcdm_opt"),
-            ("study", owner.study, f"the store is of another study{_title(meta)}, or this one was changed since"),
+        meta, title = dict(self._base.execute("SELECT name, value FROM meta")), ""
+        with suppress(KeyError, TypeError, ValueError):
+            title = json.loads(meta["definition"])["title"]
+        for name, what in (
+            ("schema", "the store is laid out in another way"),
+            ("version", "the store was made by another version of fcdm_opt"),
+            ("study", f"the store is of another study{title and f' ({title!r})'}, or this one was changed since"),
         ):
-            if meta.get(name) != wanted:
-                allowed = f"{wanted}; or {EMPTY}"
+            if meta.get(name) != own[name]:
+                allowed = f"{own[name]}; or {EMPTY}"
                 raise InputError(what, file=self.path, key=name, found=meta.get(name, "nothing"), allowed=allowed)
-        definition = _encoded(owner.definition)
         if meta.get("definition") != definition:  # another title, note or budget: of no answer
-            with self._transaction():
-                self._base.execute("UPDATE meta SET value = ? WHERE name = 'definition'", (definition,))
+            self._base.execute("UPDATE meta SET value = ? WHERE name = 'definition'", (definition,))
 
 
-EMPTY = "another folder for --out"
-
-
-def _title(meta: Mapping[str, str]) -> str:
+def _identity(path: Path | int) -> tuple[int, int] | None:
+    """Return which file a path, or an open file's number, leads to; None for a missing one."""
     try:
-        title = json.loads(meta["definition"])["title"]
-    except (KeyError, TypeError, ValueError):
-        return ""
-    return f" ({title!r})" if title else ""
-
-
-def _identity(path: Path) -> tuple[int, int]:
-    """Return which file a path leads to."""
-    found = path.stat()
+        found = os.stat(path)
+    except FileNotFoundError:
+        return None
     return found.st_dev, found.st_ino
 
 
@@ -254,14 +185,21 @@ def _refusals(path: Path) -> Iterator[None]:
 def _locked(path: Path) -> Iterator[None]:
     """Keep other runs out as long as this process lives; the system lets go of the lock however that ends."""
     with ExitStack() as stack:
-        while True:
+        known: tuple[int, int] | None = (0, 0)
+        while _identity(path) != known:  # a run that ended just now took it away
             file = stack.enter_context(path.open("a+", encoding="utf-8"))
-            _lock(file, path)
-            own = os.fstat(file.fileno())
-            with suppress(FileNotFoundError):
-                if _identity(path) == (own.st_dev, own.st_ino):
-                    break
-            file.close()  # a run that ended just now took it away
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as reason:
+                file.seek(0)
+                holder = file.read().strip()
+                raise InputError(
+                    "another run is writing to this folder",
+                    file=path.parent,
+                    found=f"process {holder}" if holder else None,
+                    allowed="waiting for it to end; or another folder",
+                ) from reason
+            known = _identity(file.fileno())
         file.truncate(0)
         file.write(f"{os.getpid()}\n")
         file.flush()
@@ -269,19 +207,5 @@ def _locked(path: Path) -> Iterator[None]:
             yield
         finally:
             with suppress(OSError):
-                if _identity(path) == (own.st_dev, own.st_ino):
+                if _identity(path) == known:
                     path.unlink()
-
-
-def _lock(file: TextIO, path: Path) -> None:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as reason:
-        file.seek(0)
-        holder = file.read().strip()
-        raise InputError(
-            "another run is writing to this folder",
-            file=path.parent,
-            found=f"process {holder}" if holder else None,
-            allowed="waiting for it to end; or another folder",
-        ) from reason

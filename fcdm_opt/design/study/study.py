@@ -5,43 +5,38 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fcdm_opt.design.places import Place, parse
-from fcdm_opt.design.question import Question, canonical, digest, located, plain_value
-from fcdm_opt.design.study.checking import check_draws, check_keys, check_values
+from fcdm_opt.design.places import Place, overlap, parse
+from fcdm_opt.design.question import Question, canonical, digest, excluded, located, plain_value
 from fcdm_opt.design.study.derivation import Derivation
-from fcdm_opt.design.study.sampling import MOST, draws
 from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
-from fcdm_opt.design.study.variables import PARAMETERS, Variable, variable_of
-from fcdm_opt.errors import InputError
+from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
+from fcdm_opt.errors import InputError, placed
 from fcdm_opt.problem.arguments import items
+from fcdm_opt.problem.keys import Defaults
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import checked, closest, read_entry
 from fcdm_opt.version import __version__
 
+Ask = Callable[[Question, Mapping[Variable, int]], Question]
+
+RESERVED = ("case", "draw", "number", "key")  # columns that every table of results may have
+MOST_POINTS = 10**12  # more than any run will see the end of
 _REFERENCES = ("published", "published_text")  # of a case: never used in solving, and of one motion only
 
 
 class StudyPoint(NamedTuple):
-    """One point of a study.
+    """One point of a study: its number in the order of the axes, the last of them fastest, and the values by label.
 
-    Attributes
-    ----------
-    number : int
-        From 0, in the order of the axes, the last of them fastest.
-    key : str
-        Points with equal keys have equal answers.
-    values : dict
-        Plain value of each label.
-    question : Question or None
-        Without mesh files; None where the values make no question.
-    error : str
-        Why they make none.
+    Points with equal keys have equal answers. The question is without mesh files, None where the values make none;
+    `error` says why.
     """
 
     number: int
@@ -115,10 +110,10 @@ class Study:
     def __post_init__(self) -> None:
         self._check_arguments()
         derived = self.derive or {}
-        check_keys(self.variables, derived)
-        check_draws(self.variables, self.count, len(self))
+        _check_keys(self.variables, derived)
+        self._check_draws()
         for base in self.questions:
-            check_values(self.variables, derived, self.question_at, base)
+            _check_values(self.variables, derived, self.question_at, base)
 
     def _check_arguments(self) -> None:
         """Refuse arguments of the wrong kind, in the words of a study file; keep plain values."""
@@ -126,18 +121,30 @@ class Study:
         plain = dict(checked(StudyArguments, given))
         if self.budget is not None:
             plain |= dict(checked(YieldEntry, {"budget": plain_value(self.budget)}))
-        for key, value in plain.items():
-            object.__setattr__(self, key, value)
+        self.__dict__.update(plain)
         if self.count is not None and self.count > MOST:
             raise InputError("too many draws", key="count", found=self.count, allowed=f"at most {MOST}")
         if self.certify and self.effort == "quick":
-            raise InputError(
-                "a quick search proves nothing", key="effort", found="quick", allowed="proved, with certify"
-            )
+            what = "a quick search proves nothing"
+            raise InputError(what, key="effort", found="quick", allowed="proved, with certify")
         for key in ("parameters", "derive"):
             table = getattr(self, key)
             if table is not None and not (isinstance(table, Mapping) and all(isinstance(name, str) for name in table)):
                 raise InputError("expected a table", key=key, found=table, allowed="names or keys with their values")
+
+    def _check_draws(self) -> None:
+        """Refuse distributions without a number of draws and the other way round, and points without end."""
+        drawn = [variable for variable in self.variables if variable.drawn]
+        if drawn and self.count is None:
+            raise InputError(
+                "how many numbers to draw?", key="count", found=f"none, with a distribution in {drawn[0].where}",
+                allowed="a whole number >= 1",
+            )  # fmt: skip
+        if self.count is not None and not drawn:
+            allowed = "no count, or a variable with a distribution"
+            raise InputError("nothing is drawn", key="count", found=self.count, allowed=allowed)
+        if len(self) > MOST_POINTS:
+            raise InputError("too many points", key="vary", found=len(self), allowed=f"at most {MOST_POINTS}")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Study:
@@ -151,7 +158,7 @@ class Study:
         path = Path(path)
         file: Any = read_entry(StudyFile, path, "study file", "problem and [[vary]]")
         budget = getattr(file, "yield")
-        try:
+        with placed(file=path):
             return cls(
                 located(file.problem, path.parent),
                 [variable_of(entry, f"vary[{k}]", path.parent) for k, entry in enumerate(file.vary, 1)],
@@ -159,14 +166,17 @@ class Study:
                 budget=None if budget is None else budget.budget,
                 folder=path.parent,
             )
-        except InputError as reason:
-            raise reason.within(file=path) from reason
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
         """What varies, in order."""
         if isinstance(self.vary, Mapping):
-            return tuple(_named(keys, values) for keys, values in self.vary.items())
+            return tuple(
+                Variable(keys, list(values.values()), names=tuple(values))
+                if isinstance(values, Mapping)  # of names to values
+                else Variable(keys, values)
+                for keys, values in self.vary.items()
+            )
         given = tuple(self.vary) if isinstance(self.vary, list | tuple) else (self.vary,)
         if not all(isinstance(variable, Variable) for variable in given):
             allowed = '{"tolerance": [0.01, 0.02], ...}: keys of a problem with their values'
@@ -207,8 +217,8 @@ class Study:
         drawn = [variable for variable in self.variables if variable.drawn]
         if not drawn or self.count is None:
             return {}
-        rows = draws([variable.values for variable in drawn], self.sampling, self.count, seed=self.seed)
-        return dict(zip(drawn, rows, strict=True))
+        cube = shares(self.sampling, self.count, len(drawn), seed=self.seed)
+        return {variable: variable.values.quantile(row) for variable, row in zip(drawn, cube, strict=True)}
 
     @cached_property
     def axes(self) -> dict[str, Sequence[Any]]:
@@ -251,10 +261,7 @@ class Study:
                     "vary": [variable.to_dict() for variable in self.variables],
                     "files": self._files,
                     **{key: plain_value(getattr(self, key) or {}) for key in ("parameters", "derive")},
-                    **{
-                        key: getattr(self, key)
-                        for key in ("sampling", "count", "seed", "certify", "effort", "time_limit")
-                    },
+                    **{key: getattr(self, key) for key in _TOLD},
                 }
             )
         )
@@ -263,7 +270,7 @@ class Study:
     def _files(self) -> dict[str, str]:
         """The sha256 of each mesh file among the values."""
         named = [
-            (given, str(located(given, self._home)))
+            (given, str(located(given, Path(self.folder or ""))))
             for variable in self.variables
             for value in (() if variable.drawn else variable.values)
             for key, own in variable.at(value).items()
@@ -283,20 +290,15 @@ class Study:
         varied = any("unit" in place for variable in self.variables for place in variable.places)
         return units.pop() if len(units) == 1 and not varied else ""
 
-    @property
-    def _home(self) -> Path:
-        return Path(self.folder or "")
-
     def to_dict(self) -> dict[str, Any]:
         """Return the definition as plain data, without the problem."""
         axes = {
             label: plain_value(list(values)) if label != "draw" else len(values) for label, values in self.axes.items()
         }
-        own = ("title", "note", "sampling", "count", "seed", "certify", "effort", "time_limit", "budget")
-        unit = {"unit": self.unit} if self.unit else {}
+        keys = ("title", "note", *_TOLD, "budget")
         return {
-            **unit,
-            **{key: plain_value(getattr(self, key)) for key in own},
+            **({"unit": self.unit} if self.unit else {}),
+            **{key: plain_value(getattr(self, key)) for key in keys},
             "labels": list(self.labels),
             "axes": axes,
             "vary": [variable.to_dict() for variable in self.variables],
@@ -367,21 +369,15 @@ class Study:
         for key, value in places.items():
             file = _mesh_file(parse(key), value)
             if file is not None:
-                path = located(file, self._home)
+                path = located(file, Path(self.folder or ""))
                 places[key] = path if isinstance(value, str) else {**value, "file": path}
         return base.changed(places)
 
 
+_TOLD = ("sampling", "count", "seed", "certify", "effort", "time_limit")
 _SAME_IN_FILES = (
     "title", "note", "cases", "seed", "certify", "effort", "time_limit", "sampling", "count", "parameters", "derive",
 )  # fmt: skip
-
-
-def _named(keys: Any, values: Any) -> Variable:
-    """Return a variable of the Python form, whose values may come with names."""
-    if isinstance(values, Mapping):
-        return Variable(keys, list(values.values()), names=tuple(values))
-    return Variable(keys, values)
 
 
 def _questions(problem: Any) -> tuple[Question, ...]:
@@ -401,3 +397,110 @@ def _mesh_file(place: Place, value: Any) -> str | None:
         return None
     file = value if place[-1] == "file" else value.get("file") if isinstance(value, Mapping) else None
     return file if isinstance(file, str) else None
+
+
+# ---------------------------------------------------------------------------------------------------- what is refused
+
+
+def _check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
+    """Refuse keys and labels that are given twice, and keys of which one lies inside another."""
+    given = _places(variables, derived)
+    for where, key in given:
+        with placed(key=where):
+            place = parse(key)
+        if where.startswith("derive") and place[0] == PARAMETERS:
+            allowed = f"the expression itself as a value in {PARAMETERS}"
+            raise InputError("a parameter is not derived", key=where, found=key, allowed=allowed)
+        if place[0] == PARAMETERS and not (len(place) == 2 and isinstance(place[1], str)):
+            raise InputError("not a parameter", key=where, found=key, allowed=f"{PARAMETERS}.name")
+        if place[0] == "name":
+            raise InputError("the name of a case does not vary", key=where, found=key, allowed="other keys")
+    for (one, first), (two, second) in combinations(given, 2):
+        if overlap(_without_units(parse(first)), _without_units(parse(second))):
+            what = "a key is given twice" if first == second else "two keys say the same"
+            raise InputError(what, key=two, found=f"{second}, and {first} in {one}", allowed="each key once")
+    names: dict[str, str] = {}
+    for variable in variables:
+        label, where = variable.label, f"{variable.where}.label"
+        if label in RESERVED:
+            raise InputError("this label has a meaning in tables", key=where, found=label, allowed="another label")
+        if names.setdefault(label, variable.where) != variable.where:
+            raise InputError(
+                f"the label is that of {names[label]}", key=where, found=label, allowed="a label of its own"
+            )
+
+
+def _check_values(variables: Sequence[Variable], derived: Iterable[str], asked: Ask, base: Question) -> None:
+    """Refuse keys and listed values that make no question from `base`, whatever the others are.
+
+    `derived` are the keys that follow from parameters, `asked` gives the question where each variable takes its k-th
+    value.
+    """
+    first = dict.fromkeys(variables, 0)
+    try:
+        question = asked(base, first)
+        question.check().arguments(Defaults())
+        question.drawn()
+    except InputError as reason:
+        raise _placed(reason, _places(variables, derived)) from reason
+    given = [key for key in ("target", "requirement", "tolerance") if key in question.case]
+    if given[:1] == ["target"] and len(given) > 1:
+        allowed = "target, or requirement and tolerance"
+        raise InputError("these keys exclude each other", key="vary", found=" and ".join(given), allowed=allowed)
+    for variable in variables:
+        for k in [] if variable.drawn else _telling(variable.values):
+            try:
+                asked(base, {**first, variable: k}).check()
+            except InputError as reason:
+                if not _of_derivation(reason):
+                    raise _wrong(reason, f"{variable.listed}[{k + 1}]") from reason
+
+
+def _places(variables: Sequence[Variable], derived: Iterable[str]) -> list[tuple[str, str]]:
+    """Return where each key is given, and the key."""
+    varied = [(variable.where, key) for variable in variables for key in variable.keys]
+    return varied + [(f"derive.'{key}'", key) for key in derived]
+
+
+def _placed(reason: InputError, places: list[tuple[str, str]]) -> InputError:
+    """Return what is wrong with the first point as an error of the variable or derived key that it comes from."""
+    if reason.key is None or _of_derivation(reason) or not places:
+        return reason
+    for where, key in places:
+        with suppress(InputError):  # some keys of errors are no places
+            if overlap(parse(reason.key), parse(key)):
+                return _wrong(reason, where)
+    what = f"the first point makes no question: {reason.key}: {reason.what}"
+    return InputError(what, key="vary", found=reason.found, allowed=reason.allowed, file=reason.file)
+
+
+def _without_units(place: Place) -> Place:
+    """Return a place in which keys that exclude each other as units do are one."""
+    head = "names of keep-outs" if place == ("keep_out",) else place[0]  # which count in a case, not their bodies
+    return (head, *(min([item, *excluded(item)]) if isinstance(item, str) else item for item in place[1:]))
+
+
+def _of_derivation(reason: InputError) -> bool:
+    """Tell whether an expression had no value, as it may at one point and not at others."""
+    return reason.key == PARAMETERS or (reason.key or "").startswith((f"{PARAMETERS}.", "derive."))
+
+
+def _telling(values: Sequence[Any]) -> list[int]:
+    """Return which of the listed values to check: those that differ in more than finite numbers."""
+    first: dict[Any, int] = {}
+    for k, value in enumerate(values):
+        first.setdefault(_shape(value), k)
+    return list(first.values())
+
+
+def _shape(value: Any) -> Any:
+    """Return a value with all floats alike."""
+    if isinstance(value, float):
+        return float
+    return tuple(map(_shape, value)) if isinstance(value, list) else canonical(value)
+
+
+def _wrong(reason: InputError, where: str) -> InputError:
+    """Return an error of a value as one of the study."""
+    what = f"no problem takes this: {reason.key}: {reason.what}" if reason.key else reason.what
+    return InputError(what, key=where, found=reason.found, allowed=reason.allowed, file=reason.file)

@@ -1,4 +1,4 @@
-"""What varies in a study: keys of a problem, and what they take."""
+"""What varies in a study: keys of a problem, and what they take: listed values, grids, joint draws."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform, read_columns
 from fcdm_opt.design.places import Place, parse
 from fcdm_opt.design.question import canonical, located, plain_value
-from fcdm_opt.design.study import sampling
-from fcdm_opt.errors import InputError
-from fcdm_opt.problem.arguments import LARGEST, is_real, items
+from fcdm_opt.errors import InputError, placed
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.problem.arguments import LARGEST, is_real, items, real
 
+MOST = 10_000_000  # draws, and numbers of a grid: they are held in memory, 8 bytes each
 PARAMETERS = "parameters"  # head of the places that are names of a study's own
 _ONE_KEY = "one key; keys that follow from one number: a parameter and [derive]"
 
@@ -49,38 +52,24 @@ class Variable:
     def __post_init__(self) -> None:
         keys = tuple(self.keys) if isinstance(self.keys, list | tuple) else (self.keys,)
         where = self.where or f"vary[{keys[0] if len(keys) == 1 else keys!r}]"
-        made = {
-            "keys": keys,
-            "label": self.label or ", ".join(map(str, keys)),
-            "where": where,
-            "listed": self.listed or where,
-        }
-        for name, value in made.items():
-            object.__setattr__(self, name, value)
+        label, listed = self.label or ", ".join(map(str, keys)), self.listed or where
+        self.__dict__.update(keys=keys, label=label, where=where, listed=listed, names=tuple(self.names))
         if not keys:
             raise InputError("no key", key=where, allowed="one key or more")
         for k, key in enumerate(keys, 1):
-            try:
+            with placed(key=f"{where}.key" + (f"[{k}]" if len(keys) > 1 else "")):
                 parse(key if isinstance(key, str) else f" {key!r}")
-            except InputError as reason:
-                raise reason.within(key=f"{where}.key" + (f"[{k}]" if len(keys) > 1 else "")) from reason
         if not isinstance(self.label, str):
             raise InputError("not a text", key=f"{where}.label", found=self.label, allowed="a text")
         if not isinstance(self.values, Distribution):
-            object.__setattr__(self, "values", self._checked_values())
+            self.__dict__["values"] = self._checked_values()
         elif len(keys) > 1:
             raise InputError("numbers are drawn for one key", key=where, found=", ".join(keys), allowed=_ONE_KEY)
-        self._check_names()
-
-    def _check_names(self) -> None:
-        names = tuple(self.names)
-        object.__setattr__(self, "names", names)
-        if not names:
-            return
+        names = self.names
         texts = all(isinstance(name, str) and name for name in names)
-        if self.drawn or len(names) != len(self.values) or not texts or len(set(names)) != len(names):
+        if names and (self.drawn or len(names) != len(self.values) or not texts or len(set(names)) != len(names)):
             allowed = "listed values" if self.drawn else f"{len(self.values)} texts, one a value and all different"
-            raise InputError("the names do not fit the values", key=f"{self.where}.names", found=names, allowed=allowed)
+            raise InputError("the names do not fit the values", key=f"{where}.names", found=names, allowed=allowed)
 
     def _checked_values(self) -> tuple[Any, ...]:
         allowed = "a list with at least one value, or Uniform, Normal, Measured"
@@ -153,10 +142,8 @@ def _values(entry: Any, keys: tuple[str, ...], folder: Path) -> tuple[str, Any]:
     if entry.grid is not None:
         if len(keys) > 1:
             raise InputError("a grid is of one key", key="grid", found=", ".join(keys), allowed=_ONE_KEY)
-        try:
-            numbers = sampling.grid(getattr(entry.grid, "from"), entry.grid.to, entry.grid.count, entry.grid.spacing)
-        except InputError as reason:
-            raise reason.within(key="grid") from reason
+        with placed(key="grid"):
+            numbers = grid(getattr(entry.grid, "from"), entry.grid.to, entry.grid.count, entry.grid.spacing)
         return "grid", numbers
     if entry.uniform is not None:
         return "uniform", Uniform(**dict(entry.uniform))
@@ -170,3 +157,42 @@ def _values(entry: Any, keys: tuple[str, ...], folder: Path) -> tuple[str, Any]:
         raise InputError("not one column a key", key="csv.columns", found=csv.columns, allowed=f"{len(keys)} names")
     rows = read_columns(path, csv.columns, csv.nominals).tolist()
     return "csv", rows if len(keys) > 1 else [row[0] for row in rows]
+
+
+# --------------------------------------------------------------------------------------------------- grids and draws
+
+
+def shares(sampling: str, count: int, dimensions: int, *, seed: int) -> Array:
+    """Return points of the unit cube, (dimensions, count), the same for the same seed.
+
+    "latin hypercube": in each dimension every interval [k / count, (k + 1) / count] has one point, and which ones
+    meet is left to chance; numpy alone keeps the draws the same through all versions of scipy. "random": independent.
+    """
+    rng = np.random.default_rng(seed)
+    within = rng.random((dimensions, count))
+    if sampling == "random":
+        return within
+    rows = np.tile(np.arange(count), (dimensions, 1))
+    return (rng.permuted(rows, axis=1) + within) / count
+
+
+def grid(start: float, stop: float, count: int, spacing: str = "linear") -> tuple[float, ...]:
+    """Return evenly spaced numbers, with both ends exactly as given; for "log" of equal ratios.
+
+    Raises
+    ------
+    InputError
+        Names the key of a grid: from, to, count.
+    """
+    for key, end in (("from", start), ("to", stop)):
+        real(end, key, "a finite number")
+    if count > MOST:
+        raise InputError("too many numbers", key="count", found=count, allowed=f"at most {MOST}")
+    if spacing == "log" and start <= 0:
+        raise InputError("a ratio needs numbers > 0", key="from", found=start, allowed="> 0, or linear spacing")
+    if count == 1 and start != stop:
+        raise InputError("one number cannot be both", key="count", found=f"{start} and {stop}", allowed="from = to")
+    if count > 1 and not start < stop:
+        raise InputError("empty range", key="to", found=f"{start} to {stop}", allowed="from < to")
+    made = (np.geomspace if spacing == "log" else np.linspace)(start, stop, count)
+    return (start, *made[1:-1].tolist(), stop)[:count] if count > 1 else (start,)
