@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import frozen
+from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.amounts import OwnAmount
@@ -16,6 +16,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 LEAST_SHARE = 1e-2  # of the largest weight, for parameters that an amount ignores near rest
 FIRST_CHOICES = 4  # of features at rest, tried from two starts
+MOST_ASIDE = 0.1  # of the shortest shift, that a motion may miss
 ROUNDS = 5  # of choosing features anew at the best motion so far
 
 
@@ -49,18 +50,21 @@ def another_amount(task: Task, weighted: Answer) -> Answer:
     if not weighted.q.any() and task.amount(task.rest) == 0.0:
         return weighted
     best = task.answer(weighted.q, active=weighted.active, modelled=weighted.modelled)
-    least = displacement_bound(task)
-    best = _improved(task, best, least)
+    least, direct = displacement_bound(task), _direct(task)
+    for q in direct:
+        if task.amount(q) < best.amount and task.meets(q, DEFAULT.requirement):
+            best = task.answer(q, active=("the nearest points",), modelled=weighted.modelled)
+    best = _improved(task, best, [*direct, task.start], least)
     word = "displacement" if task.amount_kind == "displacement" else "the amount given"
     status = weighted.status if not best.motion.any() else Status.SOLVED
     stage = f"{weighted.stage}; then 4: nonlinear program, {word}"
     return replace(best, status=status, stage=stage, lower_bound=min(least, best.amount))  # but for rounding
 
 
-def _improved(task: Task, best: Answer, least: float) -> Answer:
+def _improved(task: Task, best: Answer, further: list[Array], least: float) -> Answer:
     """Return the least motion that the nonlinear program finds with the features at the best so far, and those at rest.
 
-    No motion stays below the amount `least`.
+    It starts at first from `further` motions too. No motion stays below the amount `least`.
     """
     for turn in range(ROUNDS):
         before, first = best.amount, turn == 0
@@ -68,10 +72,36 @@ def _improved(task: Task, best: Answer, least: float) -> Answer:
         for relaxation in (*choices(task, best.motion, near=True), *promising[:FIRST_CHOICES]):
             if best.amount <= least * (1.0 + DEFAULT.nominal):
                 return best
-            starts = [best.motion, task.start] if first else [best.motion]
+            starts = [best.motion, *further] if first else [best.motion]
             found = relaxation.smallest(starts, "sqpmethod") or relaxation.smallest(starts[:1], "ipopt")
             if found is not None and found.amount < best.amount * (1.0 - DEFAULT.nominal):  # whole turns change nothing
                 best = found
         if best.amount >= before * (1.0 - DEFAULT.nominal):
             break
     return best
+
+
+def _direct(task: Task) -> list[Array]:
+    """Return the motion that, to first order, shifts body 1 the shortest way to the gap that the nearest pair needs.
+
+    None where the goal asks for no gap, or the motion cannot shift that way.
+    """
+    if not np.isfinite(task.needs).any():
+        return []
+    gaps = task.pair_gaps(task.rest)
+    i, j = np.unravel_index(int((gaps - task.needs).argmin()), gaps.shape)
+    parts = int(i), int(j)
+    _, rows, separations = task.separations(parts, task.pose(task.rest))
+    way, gap = rows[separations.argmax(), :3], float(separations.max())
+    if gap > 0:
+        way = task.way_between(parts, task.rest)
+        way, gap = way / np.linalg.norm(way), float(task.pair_gaps(task.rest, {parts: way})[parts])
+    rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
+    shifts = rates[:, :3, :3] @ task.movable.seed + rates[:, :3, 3]
+    turns = task.size * np.array([[W[2, 1], W[0, 2], W[1, 0]] for W in rates])
+    wanted = np.concatenate([(gap - max(task.needs[j], 0.0)) * way, np.zeros(3)])
+    effects = np.hstack([shifts, turns]).T
+    q = np.linalg.lstsq(effects, wanted, rcond=DEFAULT.nominal)[0]
+    if np.linalg.norm(effects @ q - wanted) > MOST_ASIDE * np.linalg.norm(wanted):
+        return []
+    return [np.asarray(np.clip(q, *task.limits.T))]
