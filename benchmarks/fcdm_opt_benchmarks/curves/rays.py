@@ -35,7 +35,7 @@ class RayTouch(NamedTuple):
 
 
 @kernel
-def _grown(
+def grown(
     P: Array, Q: Array, d: tuple[float, float, float], rho: tuple[float, float], inner: float, slack: float, pairs: Ints
 ) -> tuple[float, float, float, float, int]:
     """Return (s, a, b, c, steps) of `growth_distance`; `pairs` is where to start, -1 for nowhere, and what is found.
@@ -122,7 +122,7 @@ def growth_distance(
     """
     pairs = np.full((3, 2), -1) if start is None else start.copy()
     x, y = rho.tolist()
-    s, a, b, c, steps = _grown(P, Q, tuple(d.tolist()), (x, y), inner, slack, pairs)
+    s, a, b, c, steps = grown(P, Q, tuple(d.tolist()), (x, y), inner, slack, pairs)
     if not steps:
         raise FcdmError("the simplex method of a growth distance did not end")
     return RayTouch(s * rho, np.array([a, b, c]), pairs)
