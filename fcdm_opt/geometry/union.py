@@ -27,7 +27,7 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     faces = [sorted({v for k in own for v in walls.loops[k]}) for own in groups] if given is None else given
     corners, triangles, owners, normals = list(points), list[Ints](), list[int](), list[Array]()
     sides = {pair for face in given or () for pair in zip(face, [*face[1:], face[0]], strict=True)}
-    seen = [(k, piece[[0, j, j + 1]]) for k in shown for piece in exposed[k] for j in range(1, len(piece) - 1)]
+    seen = [(k, piece[[0, j, j + 1]]) for k in shown if given for piece in exposed[k] for j in range(1, len(piece) - 1)]
     seen = [(k, own) for k, own in seen if norms(own - np.roll(own, 1, axis=0)).min() > walls.slack]
     skin, facing = np.array([own for _, own in seen]), walls.normals[[k for k, _ in seen]]
     # last those that no given face has: edges lie between them too
