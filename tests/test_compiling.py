@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import PLAIN
+from documents import ROOT
 
 from fcdm_opt import compiling
 from fcdm_opt.compiling import kernel, light, stamp_of, step
@@ -140,3 +142,21 @@ def test_processes_that_compile_at_once_do_not_mix_versions(tmp_path: Path, monk
     )
     files.save(keys[0], "code for ('float64',)")
     assert [files.load(key) for key in keys] == ["code for ('float64',)", "code for ('int64',)"]
+
+
+def test_rivals_in_the_charts_ran_as_plain_python() -> None:
+    """A kernel whose name starts with an underscore gets no entry from Python: nothing there may call one."""
+    called = set[str]()
+    files = [path for folder in ("fcdm_opt", "benchmarks") for path in (ROOT / folder).rglob("*.py")]
+    for path in files:
+        tree = ast.parse(path.read_text())
+        functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+        marks = {node: {ast.unparse(each) for each in node.decorator_list} for node in functions}
+        compiled = [node for node in functions if marks[node] & {"kernel", "step"}]
+        inner = {node.name for node in compiled if node.name.startswith("_")}
+        within = {id(call) for node in compiled for call in ast.walk(node)}
+        for call in ast.walk(tree):
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and id(call) not in within:
+                called |= {f"{path.name}: {call.func.id}"} if call.func.id in inner else set()
+    assert len(files) > 200
+    assert not called

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -276,3 +277,18 @@ def test_a_face_that_a_ring_of_blocks_leaves_free_in_the_middle_is_a_face() -> N
     corners = {tuple(point) for point in low if point[2] == 0}
     named = [{tuple(covered.vertices[v - 1].astype(int).tolist()) for v in face} for face in covered.faces]
     assert not any(corners.issubset(own) for own in named)
+
+
+@pytest.mark.parametrize(("name", "corners"), [("square_plate.stl", 4), ("hexagon_plate.off", 6)])
+def test_a_plate_that_comes_back_from_its_faces_lost_the_rims_of_its_hole(name, corners):
+    body = Body.from_file(Path(__file__).parents[1] / "problems" / "meshes" / name, unit="mm")
+    number = {tuple(x): k for k, x in enumerate(body.vertices.tolist())}
+    parts = [[number[tuple(x)] for x in part.vertices.tolist()] for part in body.parts]
+    faces = [[v - 1 for v in face] for face in body.outlines]
+    again = Body.from_parts(body.vertices, parts=parts, faces=faces, seed=body.seed)
+    assert again.faces == body.faces
+    edges = {element.vertices for part in again.parts for element in part.elements["E"] if element.kind == "E"}
+    ends = again.vertices[np.array(sorted(edges)) - 1]
+    level = np.ptp(ends[..., 2], axis=1) == 0
+    inner = (np.linalg.norm(ends[..., :2], axis=2) < 15).all(axis=1)  # the corners of the hole, not of the plate
+    assert (level & inner).sum() == 2 * corners

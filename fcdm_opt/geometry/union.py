@@ -26,9 +26,13 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     groups = walls.grouped(shown) if given is None else walls.owned(shown, given, name)
     faces = [sorted({v for k in own for v in walls.loops[k]}) for own in groups] if given is None else given
     corners, triangles, owners, normals = list(points), list[Ints](), list[int](), list[Array]()
+    sides = {pair for face in given or () for pair in zip(face, [*face[1:], face[0]], strict=True)}
+    seen = [(k, piece[[0, j, j + 1]]) for k in shown if given for piece in exposed[k] for j in range(1, len(piece) - 1)]
+    seen = [(k, own) for k, own in seen if norms(own - np.roll(own, 1, axis=0)).min() > walls.slack]
+    skin, facing = np.array([own for _, own in seen]), walls.normals[[k for k, _ in seen]]
     # last those that no given face has: edges lie between them too
     for face, own in enumerate([*groups, *([k] for k in sorted(set(shown).difference(*groups)))]):
-        outline = None if given is None or face >= len(given) else walls.outlined(given[face])
+        outline = None if given is None or face >= len(given) else walls.outlined(given[face], sides, skin, facing)
         for k in own:
             pieces = [walls.loops[k]] if outline is None else []
             if pieces and sum(map(area, exposed[k])) < (1.0 - DEFAULT.nominal) * area(points[list(walls.loops[k])]):
@@ -153,11 +157,13 @@ class _Walls:
         ahead = np.roll(spokes, -1, axis=0)
         return bool(abs(np.arctan2(cross(spokes, ahead) @ self.normals[k], (spokes * ahead).sum(axis=1)).sum()) > np.pi)
 
-    def outlined(self, face: list[int]) -> Ints | None:
-        """Return triangles of a face given by its corners in order; None where that order goes round no polygon.
+    def outlined(self, face: list[int], sides: set[tuple[int, int]], skin: Array, facing: Array) -> Ints | None:
+        """Return triangles of a face given by its corners in order; None where that order goes round no face.
 
         They are turned as the parts' faces at its middle are; as given where these are turned to each other.
         """
+        if not self._is_round(face, sides, skin, facing):
+            return None
         try:
             triangles = triangulated(self.points, [tuple(face)], [0], self.slack, "face")[0]
         except InputError:
@@ -173,6 +179,27 @@ class _Walls:
             if hold(self.points[[self.loops[k]]], self.normals[[k]], middle[None], self.slack).any()
         }
         return triangles[:, ::-1] if ways == {False} else triangles
+
+    def _is_round(self, face: list[int], sides: set[tuple[int, int]], skin: Array, facing: Array) -> bool:
+        """Tell whether the order of a face's corners goes round it; with a hole it may go across.
+
+        Each side is then one of another given face too, or a wall of another plane is there: `skin`, triangles with the
+        normals `facing`.
+        """
+        inner = [(a, b) for a, b in zip(face, [*face[1:], face[0]], strict=True) if (b, a) not in sides]
+        if not inner:
+            return True
+        plane = np.linalg.svd(self.points[face] - self.points[face].mean(axis=0))[2][2]
+        bent = norms(cross(facing, plane)) > DEFAULT.snap
+        lows, highs = skin.min(axis=1) - self.slack, skin.max(axis=1) + self.slack
+        for a, b in inner:
+            places = self.points[a] + FRACTIONS[:, None] * (self.points[b] - self.points[a])
+            near = bent & ((lows <= places.max(axis=0)) & (highs >= places.min(axis=0))).all(axis=1)
+            heights = ((places[:, None] - skin[near, 0]) * facing[near]).sum(axis=2)
+            on = (np.abs(heights) <= self.slack) & hold(skin[near], facing[near], places, self.slack)
+            if not on.any(axis=1).all():
+                return False
+        return True
 
     def _check(self, shown: list[int], given: list[list[int]], name: str) -> None:
         """Refuse given faces that are no face of the body."""

@@ -21,7 +21,7 @@ NONE = Failure("no scale of body 2 above 0 touches")
 
 
 @kernel
-def _crossing(rows: Array, rho1: float) -> tuple[float, int]:
+def crossing(rows: Array, rho1: float) -> tuple[float, int]:
     """Return (rho_2, k): the highest of a walk's lines at a scale of body 1, and which it is."""
     best, found = -np.inf, -1
     for k in range(len(rows)):
@@ -45,7 +45,7 @@ def walked(pair: Pair, setting: None) -> Ask:
             if state != kernels.WALKED:
                 answers += exactly([ContactQuestion(transform, rho1)])
                 continue
-            rho2, k = _crossing(rows, rho1)
+            rho2, k = crossing(rows, rho1)
             kind, i, j = sites[k, :3].tolist()
             answers.append(ContactAnswer(rho2, (named[kind][0][i], named[kind][1][j])) if rho2 > 0 else NONE)
         return answers
