@@ -62,11 +62,6 @@ def _better(one: Answer | None, two: Answer | None) -> Answer | None:
     return min((found for found in (one, two) if found is not None), key=lambda found: found.amount, default=None)
 
 
-def _enough(task: Task, best: Answer | None) -> float:
-    """Return the amount at which to give up; none for tracked features, where a later round may find a nearer start."""
-    return np.inf if best is None or task.tracked else best.amount
-
-
 def _first_found(task: Task) -> tuple[Answer | None, bool]:
     """Return the best over all choices of features and starts, and whether any reached it but for coherence.
 
@@ -85,7 +80,9 @@ def _first_found(task: Task) -> tuple[Answer | None, bool]:
         for relaxation in sorted(choices(task, task.start), key=lambda choice: choice.promise)[:most]:
             if best is not None and relaxation.promise >= best.amount:
                 break
-            best = _better(best, relaxation.smallest(starts, method, _enough(task, best)))
+            # of tracked features a later round may find a nearer start
+            enough = np.inf if best is None or task.tracked else best.amount
+            best = _better(best, relaxation.smallest(starts, method, enough))
             reached = reached or relaxation.reached
         if best is not None:
             break
