@@ -48,9 +48,10 @@ def _program(task: Task) -> Answer:
     """
     best, reached = _first_found(task)
     contact = _on_a_ray(task, best) if not task.tracked and task.allows(task.rest) else None
-    for relaxation in choices(task, contact.motion, near=True) if contact is not None else ():
-        contact = _better(contact, relaxation.smallest([contact.motion], "sqpmethod", contact.amount))
-    best = contact or best
+    if contact is not None:
+        best = contact
+        for relaxation in choices(task, contact.motion, near=True):
+            best = _better(best, relaxation.smallest([contact.motion], "sqpmethod", best.amount)) or best
     stage, bound = "4: nonlinear program", displacement_bound(task)
     if best is None:
         status = Status.LEFT_COHERENT_RANGE if reached and task.coherent else Status.NOT_FOUND

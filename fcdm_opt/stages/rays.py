@@ -8,7 +8,7 @@ its needed gap within an amount |g - need| / rate: of that rate no bound is used
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -244,7 +244,7 @@ def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array,
     return points, faces, part.edges
 
 
-def together(tables: list[tuple[Array, ...]]) -> tuple[Array, ...]:
+def together(tables: Sequence[tuple[Array | Ints, ...]]) -> tuple[Any, ...]:
     """Return the tables of several parts one after the other, and the first row of each in the first three."""
     places = np.cumsum([(0, 0, 0), *([len(table) for table in each[:3]] for each in tables)], axis=0)
     return (*(np.ascontiguousarray(np.concatenate(each)) for each in zip(*tables, strict=True)), places)
