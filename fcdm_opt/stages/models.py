@@ -1,4 +1,4 @@
-"""Stage 4, last: the nonlinear program from many starts, for whatever is asked."""
+"""Stage 4, last: the nonlinear program from several starts, for whatever is asked."""
 
 from __future__ import annotations
 
