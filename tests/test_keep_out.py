@@ -61,7 +61,7 @@ def clear(*keep_out: Any, motion: Motion = X, movable: Body = CUBE, static: Body
 def answered(motion: Motion, *keep_out: KeepOut, static: Body, goal: str = "clear") -> Answer:
     """The first stage that settles the task, as the solver goes through them."""
     task = Task.of(Problem(CUBE, static, target=(1, 1), motion=motion, goal=goal, keep_out=keep_out))
-    stages = [STAGES[name] for name in ("satisfied", "straight", "one parameter", "nlp")]
+    stages = [STAGES[name] for name in ("satisfied", "straight", "one parameter", "ways apart", "nlp")]
     return next(answer for stage in stages if (answer := stage(task)) is not None)
 
 

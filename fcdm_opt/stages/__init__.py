@@ -4,11 +4,12 @@ order            all stages in their order, and the rule that the first to settl
 linear           motions in which all that is asked is linear: contacts brought to the target pair; translations
 turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`)
+best_first       the least motion under linear conditions with alternatives
 ways_apart       descent over all ways in which part pairs may come apart
 direction_search tracked contacts direction by direction
 program          the nonlinear program; `relaxation` grows it by what its solutions violate
 rays             one parameter: first contact along a ray by safe steps (`steady`: of second order)
-models           the nonlinear program from many starts
+models           the nonlinear program from several starts
 branching        branch and bound, see `proof`
 full             everything in one program: the yardstick
 another_amount   other amounts than the weighted one

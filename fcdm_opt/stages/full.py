@@ -11,7 +11,7 @@ every vertex and every side.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Answer, Parts, Task
-from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import program
 from fcdm_opt.stages.program import Row
 from fcdm_opt.tolerances import DEFAULT
@@ -31,28 +30,18 @@ TRIALS = 3  # motions at which a row must vanish to be taken for one that always
 POINT = np.array([1.0, 0.0, 0.0, 0.0])  # what a common point starts from, see `program.minimise`
 
 
-class InFull(NamedTuple):
-    """What the full model gives: parameters (None where it did not converge), and its counts."""
-
-    q: Array | None
-    modelled: dict[str, int]
-
-
 def full(task: Task) -> Answer | None:
     """Solve the full model; None where it does not converge, and for flush contacts, for which it has no rows."""
     if task.seats or any(task.flush):
         return None
-    outcome = modelled_in_full(task)
-    if outcome.q is None or not task.meets(outcome.q, DEFAULT.requirement):
+    answer = modelled_in_full(task)
+    if answer is None or not task.meets(answer.motion, DEFAULT.requirement):
         return None
-    bound = min(displacement_bound(task), task.amount(outcome.q))
-    return Answer(
-        Status.SOLVED, outcome.q, "full model, IPOPT from one start", bound, ("everything",), outcome.modelled
-    )
+    return replace(answer, lower_bound=min(displacement_bound(task), answer.amount))
 
 
-def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> InFull:
-    """Solve the full model as it is, once for each part pair that may be the one to touch; the least counts.
+def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> Answer | None:
+    """Return what the full model gives, solved once for each part pair that may be the one to touch; None for nothing.
 
     Parameters
     ----------
@@ -66,17 +55,18 @@ def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> InFull
     if task.must_touch and task.contact_gap(gaps) > 0:
         pairs = list(np.ndindex(len(task.movable.parts), len(task.static.parts)))
         closings = [*sorted(pairs, key=lambda parts: float(gaps[parts]))[:CLOSINGS]]
-    best, counts = None, dict[str, int]()
+    best: Answer | None = None
     for closing in closings:
         rows, planes = _everything(task, closing)
         outcome = program.minimise(task, rows, task.start, planes, "full", tolerance)
-        if outcome.feasible and (best is None or task.amount(outcome.q) < task.amount(best)):
-            best = outcome.q
+        if not outcome.feasible or (best is not None and task.amount(outcome.q) >= best.amount):
+            continue
         pairs = list(np.ndindex(len(task.movable.parts), len(task.opponents)))
         largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
         variables = len(task.weights) + 3 * len(planes) + min(largest, 1)
         counts = task.modelled(pairs, variables=variables, constraints=len(rows) + largest, features=task.features)
-    return InFull(best, counts)
+        best = task.answer(outcome.q, "full model, IPOPT from one start", 0.0, ("everything",), counts)
+    return best
 
 
 def _everything(task: Task, closing: Parts | None) -> tuple[list[Row], Array]:

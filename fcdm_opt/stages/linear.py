@@ -10,11 +10,9 @@ clearance forbids is convex too: polytopes within it grow where a motion comes t
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import count, product
-from typing import NamedTuple
+from itertools import product
 
 import numpy as np
 
@@ -24,7 +22,7 @@ from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.stages import compiled
+from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.stages.rays import ON_THE_WAY
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.tolerances import DEFAULT
@@ -180,35 +178,6 @@ def straight(task: Task) -> Answer | None:
 # ------------------------------------------------------------------------------------------------- several translations
 
 
-class Wall(NamedTuple):
-    """Half-spaces normals . x <= levels of the scaled parameters x, in each of which a part pair is apart as asked.
-
-    `lengths` are their distances from zero, increasing.
-    """
-
-    normals: Array
-    levels: Array
-    lengths: Array
-
-    @classmethod
-    def of(cls, normals: Array, levels: Array) -> Wall:
-        """Return half-spaces with the nearest first."""
-        lengths = np.maximum(-levels / np.sqrt(np.einsum("ij,ij->i", normals, normals)), 0.0)
-        order = np.argsort(lengths, kind="stable")
-        return cls(normals[order], levels[order], lengths[order])
-
-
-class Fork(NamedTuple):
-    """The half-spaces of a wall from `first` on, `many` to be tried next among the x with G x >= h."""
-
-    G: Array
-    h: Array
-    wall: Wall
-    pairs: tuple[Parts, ...]
-    first: int = 0
-    many: int = 1
-
-
 def translations(task: Task) -> Answer | None:
     """Find the smallest shift that undoes all overlaps, keeps clearances, and touches where that is asked; exact.
 
@@ -219,7 +188,9 @@ def translations(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
         return None
-    walls, closings, shifts = _walls(task), _closings(task), _shifts(task)
+    shifts = _shifts(task)
+    lines = {parts: _lines(task, parts, shifts) for parts in np.ndindex(len(task.movable.parts), len(task.opponents))}
+    walls, closings = _walls(task, lines), _closings(task, lines)
     if task.part_pairs > 1 and max((len(wall.levels) for wall in walls.values()), default=0) > MOST_WAYS:
         return None
     stage, polytopes, curved = "1: translations, best first over the ways apart", dict[Parts, Array](), False
@@ -227,7 +198,7 @@ def translations(task: Task) -> Answer | None:
         least = _least(task, walls, closings)
         if least is None:
             return None
-        x, pairs, rows = least
+        x, pairs, constraints = least
         if x is None:
             return _impossible(stage)
         q = x * task.size / task.weights
@@ -245,9 +216,9 @@ def translations(task: Task) -> Answer | None:
     if not task.meets(q, DEFAULT.requirement):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in pairs))
-    closing = {parts: len(levels) for parts, _, levels in closings if parts is not None}
+    closing = {parts: len(rows.levels) for parts, rows in closings if parts is not None}
     ways = [max(len(walls[parts].levels) if parts in walls else 0, closing.get(parts, 0)) for parts in pairs]
-    counts = task.modelled(pairs, variables=len(q), constraints=rows, features=sum(ways))
+    counts = task.modelled(pairs, variables=len(q), constraints=constraints, features=sum(ways))
     best = task.answer(q, stage, np.inf, names, counts)
     for relaxation in choices(task, q, near=True) if curved else ():  # the amount is exact; where it is, not as much
         polished = relaxation.smallest([q], "sqpmethod")
@@ -294,59 +265,56 @@ def _nearer(task: Task, parts: Parts) -> Array | None:
     return np.vstack([facets.reshape(-1, 3), (differences + opponent.need * middles)[hull.vertices]])
 
 
-def _outside(task: Task, points: Array, shifts: Array) -> Wall | None:
+def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:
     """Return the half-spaces outside the hull of points, (n, 3); None where no shift of the task crosses it."""
     from scipy.spatial import ConvexHull
 
     planes = ConvexHull(points).equations
-    lines = -planes[:, :3] @ shifts.T / task.weights
+    lines = planes[:, :3] @ shifts.T / task.weights
     flat = np.linalg.norm(lines, axis=1) <= DEFAULT.tie
     if (planes[flat, 3] >= -DEFAULT.cut * task.size).any():
         return None
-    return Wall.of(lines[~flat], planes[~flat, 3] / task.size)
+    return Rows(lines[~flat], -planes[~flat, 3] / task.size)
 
 
-def _walls(task: Task) -> dict[Parts, Wall]:
+def _walls(task: Task, lines: dict[Parts, Rows]) -> dict[Parts, Rows]:
     """Return the ways apart, clearances left out, of each part pair that some motion brings in each other's way."""
     walls = {}
-    for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
-        if np.isfinite(task.needs[parts[1]]):
-            normals, separations = _lines(task, parts)
-            flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
-            if not (separations[flat] >= -DEFAULT.cut).any():
-                walls[parts] = Wall.of(normals[~flat], separations[~flat])
+    for parts, (normals, separations) in lines.items():
+        flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
+        if np.isfinite(task.needs[parts[1]]) and not (separations[flat] >= -DEFAULT.cut).any():
+            walls[parts] = Rows(-normals[~flat], -separations[~flat])
     return walls
 
 
-def _closings(task: Task) -> list[tuple[Parts | None, Array, Array]]:
-    """Return for each pair that may be the one to touch the half-spaces G x >= h in which it does not stay apart.
+def _closings(task: Task, lines: dict[Parts, Rows]) -> list[tuple[Parts | None, Rows]]:
+    """Return for each pair that may be the one to touch the rows under which it does not stay apart.
 
     A single pair that overlaps at rest touches as soon as it is not overlapping: it needs none.
     """
+    nothing = Rows(np.empty((0, len(task.weights))), np.empty(0))
     if not task.must_touch:
-        return [(None, np.empty((0, len(task.weights))), np.empty(0))]
-    closings: list[tuple[Parts | None, Array, Array]] = []
-    for parts in np.ndindex(len(task.movable.parts), len(task.static.parts)):
-        normals, separations = _lines(task, parts)
+        return [(None, nothing)]
+    closings: list[tuple[Parts | None, Rows]] = []
+    for parts, (normals, separations) in lines.items():
         flat = np.linalg.norm(normals, axis=1) <= DEFAULT.tie
         if task.part_pairs == 1 and separations.max() <= 0.0 and task.allows(task.rest):
-            closings.append((parts, normals[:0], separations[:0]))
-        elif (separations[flat] <= DEFAULT.cut).all():
-            closings.append((parts, normals[~flat], separations[~flat]))
+            closings.append((parts, nothing))
+        elif parts[1] < len(task.static.parts) and (separations[flat] <= DEFAULT.cut).all():
+            closings.append((parts, Rows(normals[~flat], separations[~flat])))
     return closings
 
 
-def _lines(task: Task, parts: Parts) -> tuple[Array, Array]:
+def _lines(task: Task, parts: Parts, shifts: Array) -> Rows:
     """Return a pair's directions as rows over the scaled parameters, and separations at rest, in sizes.
 
     Where there are several pairs each direction once: all ways of one pair are combined with those of the others.
     """
     _, rows, separations = task.separations(parts, task.pose(task.rest))
-    lines = np.column_stack([rows[:, :3] @ _shifts(task).T / task.weights, separations / task.size])
-    if task.part_pairs == 1:
-        return lines[:, :-1], lines[:, -1]
-    _, first = np.unique(np.round(lines / DEFAULT.tie), axis=0, return_index=True)
-    return lines[first, :-1], lines[first, -1]
+    lines = np.column_stack([rows[:, :3] @ shifts.T / task.weights, separations / task.size])
+    if task.part_pairs > 1:
+        lines = lines[np.unique(np.round(lines / DEFAULT.tie), axis=0, return_index=True)[1]]
+    return Rows(lines[:, :-1], lines[:, -1])
 
 
 def _shifts(task: Task) -> Array:
@@ -355,52 +323,26 @@ def _shifts(task: Task) -> Array:
 
 
 def _least(
-    task: Task, walls: dict[Parts, Wall], closings: list[tuple[Parts | None, Array, Array]]
+    task: Task, walls: dict[Parts, Rows], closings: list[tuple[Parts | None, Rows]]
 ) -> tuple[Array | None, list[Parts], int] | None:
     """Return the least x that no wall forbids, or None; the pairs that decide, and the rows besides the limits.
 
     None alone where too many nodes were looked at.
     """
-    box = _limits(task)
-    number = count()
-    heap: list[tuple[float, int, Fork | tuple[Array, Fork, Array, float]]] = []
-
-    def push(fork: Fork, least: float) -> None:
-        """Add what is left of a fork, all of it at least that far off."""
-        if fork.first < len(fork.wall.lengths):
-            least = max(least, float(fork.wall.lengths[fork.first]))
-            heapq.heappush(heap, (least, next(number), fork))
-
-    everywhere = Wall.of(np.eye(1, len(task.weights)), np.array([1.0 / NOWHERE]))
-    for closing, G, h in closings:
-        sides = np.vstack([box[0], G]), np.concatenate([box[1], h])
-        push(Fork(*sides, everywhere, () if closing is None else (closing,)), 0.0)
-    nodes = 0
-    while heap and nodes < MOST_NODES:
-        length, _, item = heapq.heappop(heap)
-        if isinstance(item, Fork):  # the next half-spaces of a wall
-            some = slice(item.first, item.first + item.many)
-            normals, levels = item.wall.normals[some], item.wall.levels[some]
-            nearest = compiled.least_distance(item.G, item.h, normals, levels)
-            lengths = np.linalg.norm(nearest, axis=1).tolist()
-            for x, far, normal, level in zip(nearest, lengths, normals, levels, strict=True):
-                if far < 1.0 / NOWHERE:  # nan where there is none
-                    heapq.heappush(heap, (far, next(number), (x, item, normal, level)))
-            push(item._replace(first=some.stop, many=2 * item.many), length)
-            continue
-        nodes += 1
-        x, fork, normal, level = item
-        G, h = np.vstack([fork.G, -normal]), np.append(fork.h, -level)
-        gaps = {parts: float((wall.levels - wall.normals @ x).max()) for parts, wall in walls.items()}
-        worst = min(gaps, key=gaps.__getitem__, default=None)
-        if worst is None or gaps[worst] >= -DEFAULT.cut:
-            return x, sorted(set(fork.pairs)), len(h) - len(box[1]) - 1  # of which one forbids nothing
-        push(Fork(G, h, walls[worst], (*fork.pairs, worst)), length)
-    return None if heap else (None, [], 0)
+    count, box = len(task.weights), _limits(task)
+    everywhere = box.and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
+    starts = [everywhere.and_also(*rows) for _, rows in closings]
+    choices = Choices.of_single_rows(list(walls.values()), count)
+    least = nearest(choices, starts, np.zeros(count), slack=DEFAULT.cut, nodes=MOST_NODES, most=1.0 / NOWHERE)
+    if least.y is None:
+        return (None, [], 0) if least.complete else None
+    closing, pairs = closings[least.start][0], list(walls)
+    decide = {pairs[group] for group in least.chosen} | ({closing} if closing is not None else set())
+    return least.y, sorted(decide), len(least.rows.levels) - len(everywhere.levels)
 
 
-def _limits(task: Task) -> tuple[Array, Array]:
-    """Return the limits as half-spaces G x >= h."""
-    G = np.vstack([np.eye(len(task.weights)), -np.eye(len(task.weights))])
-    h = np.concatenate([task.limits[:, 0], -task.limits[:, 1]]) * np.tile(task.weights, 2) / task.size
-    return G[np.isfinite(h)], h[np.isfinite(h)]
+def _limits(task: Task) -> Rows:
+    """Return the limits."""
+    normals = np.vstack([np.eye(len(task.weights)), -np.eye(len(task.weights))])
+    levels = np.concatenate([task.limits[:, 0], -task.limits[:, 1]]) * np.tile(task.weights, 2) / task.size
+    return Rows(normals[np.isfinite(levels)], levels[np.isfinite(levels)])

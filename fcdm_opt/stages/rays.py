@@ -8,7 +8,7 @@ its needed gap within an amount |g - need| / rate: of that rate no bound is used
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -211,7 +211,7 @@ def _solids(task: Task) -> tuple[Any, Any, Array]:
     """Return body 1 at the scale made, the opponents about s_2, and the gap that each needs."""
     movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
     others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.opponents]
-    return _together(movable), _together(others), np.array(task.needs)
+    return together(movable), together(others), np.array(task.needs)
 
 
 def _speed(way: Array, points: Array) -> float:
@@ -244,12 +244,10 @@ def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array,
     return points, faces, part.edges
 
 
-def _together(solids: list[tuple[Array, Array, Ints]]) -> tuple[Array, Array, Ints, Ints]:
-    """Return solids one after the other, and the first row of each in points, faces and edges."""
-    sizes = [[len(table) for table in own] for own in solids]
-    places = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(sizes, axis=0)])
-    points, faces, edges = (own[0] if len(own) == 1 else np.concatenate(own) for own in zip(*solids, strict=True))
-    return points, faces, np.array(edges), places
+def together(tables: Sequence[tuple[Array | Ints, ...]]) -> tuple[Any, ...]:
+    """Return the tables of several parts one after the other, and the first row of each in the first three."""
+    places = np.cumsum([(0, 0, 0), *([len(table) for table in each[:3]] for each in tables)], axis=0)
+    return (*(np.ascontiguousarray(np.concatenate(each)) for each in zip(*tables, strict=True)), places)
 
 
 def directions(task: Task, shares: tuple[float, ...] = SHARES) -> Array:

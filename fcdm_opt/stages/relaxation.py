@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from heapq import heappop, heappush
 
 import numpy as np
 
@@ -21,7 +20,6 @@ ROUNDS = 40  # of adding violated constraints
 CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
 VARIANTS = 40  # choices for several overlapping pairs, at most
 RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
-ALTERNATIVES = 4  # directions tried for a pair that comes up on the way
 KEPT = 6  # starts of the first round that later rounds keep
 KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
 HELD = 3  # vertices of either part that a new separating plane holds at once
@@ -40,16 +38,12 @@ class Relaxation:
         What the choice needs at rest, to first order: tried in this order.
     reached : bool
         Whether any solution met everything but the coherence of the path.
-    came_up : dict
-        Part pairs that were left out and came into each other's way, with the motion at which they did.
     """
 
     task: Task
     closing: Parts | None = None
     promise: float = 0.0
     reached: bool = False
-    came_up: dict[Parts, Array] = field(default_factory=dict)
-    _chosen: list[tuple[Parts, Array, Array]] = field(default_factory=list)
     _rows: list[Row] = field(default_factory=list)
     _planes: dict[Parts, Array] = field(default_factory=dict)
     _known: set[tuple[object, ...]] = field(default_factory=set)
@@ -131,8 +125,7 @@ class Relaxation:
                     added.append(self._hold_foremost(parts, q, normals[parts]))
                 else:
                     _, rows, separations = task.separations(parts, task.pose(q))
-                    self._add_plane(parts, q, rows[int(np.argmax(separations)), :3])
-                    self.came_up[parts] = q
+                    self.add_plane(parts, q, rows[int(np.argmax(separations)), :3])
                     added.append(True)
         if self.closing is not None:
             added.append(self.close(q, DEFAULT.cut * task.unit))
@@ -218,24 +211,8 @@ class Relaxation:
         self._rows.append(program.target_row(task, feature, feature.steepness(rotation), name))
         return True
 
-    def keep_apart(self, parts: Parts, q: Array, normal: Array) -> None:
-        """Choose that a part pair stays apart along a direction, as it is at a motion; it is free to turn."""
-        self._chosen.append((parts, q, normal))
-        self._add_plane(parts, q, normal)
-
-    def alternatives(self) -> Iterator[Relaxation]:
-        """Yield the same choice with other directions for each pair that came up, which had the nearest."""
-        for came, q in self.came_up.items():
-            for _, normal in _ways_apart(self.task, came, q)[:ALTERNATIVES]:
-                other = Relaxation(self.task, self.closing)
-                if self.closing is not None:
-                    other.close(self.task.start, -np.inf)
-                for chosen in self._chosen:
-                    other.keep_apart(*chosen)
-                other.keep_apart(came, q, normal)
-                yield other
-
-    def _add_plane(self, parts: Parts, q: Array, normal: Array) -> None:
+    def add_plane(self, parts: Parts, q: Array, normal: Array) -> None:
+        """Keep a part pair apart along a direction, as it is at a motion; it is free to turn."""
         heights = self._heights(parts, q, normal)
         self._planes[parts] = np.append(normal, heights[0].max() / self.task.unit)
         for body, order in ((1, np.argsort(-heights[0], kind="stable")), (2, np.argsort(heights[1], kind="stable"))):
@@ -297,44 +274,19 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
         pairs = pairs[:1]
     else:
         variants += [{**variants[0], parts: k} for parts in low for k in range(1, len(low[parts]))]
-        if task.keep_out:  # between bodies on several sides one other direction is seldom enough
-            variants = [*variants[:VARIANTS], *_combinations(low)]
     # a pair that must touch besides may do so already where it is only kept from overlapping
     asked: list[Parts | None] = [*([None] if task.tracked or not apart else []), *(pairs[:CHOICES] if closes else [])]
     for closing in asked:
-        for variant in variants[: 2 * VARIANTS if task.keep_out else VARIANTS]:
+        for variant in variants[:VARIANTS]:
             relaxation = Relaxation(task, closing)
             if closing is not None:
                 relaxation.close(q, -np.inf)
                 relaxation.promise = max(float(gaps[closing]), 0.0) / displacement_rate(task)
             for parts, choice in variant.items():
                 amount, normal = low[parts][choice]
-                relaxation.keep_apart(parts, q, normal)
+                relaxation.add_plane(parts, q, normal)
                 relaxation.promise = max(relaxation.promise, amount)
             yield relaxation
-
-
-def _combinations(low: dict[Parts, list[tuple[float, Array]]]) -> Iterator[dict[Parts, int]]:
-    """Yield choices of one direction for each pair that differ in several from the first, least need first."""
-
-    def need(choice: tuple[int, ...]) -> tuple[float, float]:
-        amounts = [ways[k][0] for ways, k in zip(low.values(), choice, strict=True)]
-        return max(amounts), sum(amounts)
-
-    first = (0,) * len(low)
-    waiting = [(*need(first), first)] if low else []
-    known = {first}
-    for _ in range(4 * VARIANTS):
-        if not waiting:
-            return
-        *_, choice = heappop(waiting)
-        if sum(k > 0 for k in choice) > 1:
-            yield dict(zip(low, choice, strict=True))
-        for place, (k, ways) in enumerate(zip(choice, low.values(), strict=True)):
-            further = (*choice[:place], k + 1, *choice[place + 1 :])
-            if k + 1 < len(ways) and further not in known:
-                known.add(further)
-                heappush(waiting, (*need(further), further))
 
 
 def _ways_apart(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:

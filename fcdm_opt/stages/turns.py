@@ -19,7 +19,7 @@ from fcdm_opt.model.bounds import displacement_rate
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.motion.motions import Free, Rotation, Translation
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.stages import turned_cells
+from fcdm_opt.stages import rays, turned_cells
 from fcdm_opt.tolerances import DEFAULT
 
 SPACE = 3  # dimensions
@@ -138,8 +138,8 @@ class _TurnSearch:
         if not exact:  # the least way to a distance is along no face's normal: |y| is at least the length over the norm
             metric, even = spectral * np.eye(3), True
         self.metric, offset = metric, task.pose(task.rest)[9:]
-        self.one = _packed([_tables(part, float(task.target[0]), None, metric) for part in task.movable.parts])
-        self.two = _packed(
+        self.one = rays.together([_tables(part, float(task.target[0]), None, metric) for part in task.movable.parts])
+        self.two = rays.together(
             [
                 _tables(own.part, own.scale, offset + own.part.seed - task.static.seed, metric)
                 for own in task.opponents[: len(task.static.parts)]
@@ -253,11 +253,3 @@ def _tables(part: ConvexPart, scale: float, offset: Array | None, metric: Array)
     chords += 2.0 * errors[part.edges[:, 2:]].max(axis=1) + turned_cells.ROUNDING
     table = np.column_stack([normals, levels, errors, over])
     return points, table, np.column_stack([along, middles, chords]), part.edges[:, [0, 2, 3]]
-
-
-def _packed(tables: list[tuple[Array, Array, Array, Ints]]) -> tuple[Array, ...]:
-    """Return the tables of all parts one after the other, and the first row of each in points, normals and edges."""
-    sizes = [[len(table) for table in own[:3]] for own in tables]
-    places = np.concatenate([np.zeros((1, 3), np.int64), np.cumsum(sizes, axis=0)])
-    points, normals, edges, ends = (np.ascontiguousarray(np.concatenate(own)) for own in zip(*tables, strict=True))
-    return points, normals, edges, ends, places

@@ -2,23 +2,22 @@
 
 A pair of convex parts is apart where one of its directions separates it: a choice. Near a motion each direction is
 linear in the parameters, a row for each vertex that its plane may meet, and the least motion over all choices is found
-best first, as `translations` does for motions in which the rows are linear everywhere. Unlike a program with the
-directions of one motion, it does not stop where parts must come apart another way, or touch with another pair.
+best first, see `best_first`. Unlike a program with the directions of one motion, it does not stop where parts must come
+apart another way, or touch with another pair.
 """
 
 from __future__ import annotations
 
-import heapq
-from itertools import count
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
-from fcdm_opt.stages import compiled
+from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 40  # linearisations, at most
@@ -29,41 +28,6 @@ SHORTEST = 1e-9  # radius, relative to the amount, at which to stop
 STILL = 1e-11  # relative gain of a round that is none
 FURTHER = 10.0  # times the first radius, from which on no motion is looked for where none was found
 CLOSINGS = 6  # pairs that may be the one to touch, the nearest first
-
-
-class Rows(NamedTuple):
-    """Conditions normals . y >= levels on the weighted parameters, all to be met: (m, k), (m,)."""
-
-    normals: Array
-    levels: Array
-
-
-class Choices(NamedTuple):
-    """Of each of several groups one alternative is to be met: rows of all alternatives of all groups, in order.
-
-    `alternatives` are their first rows, `groups` the first alternatives of the groups.
-    """
-
-    rows: Rows
-    alternatives: Ints
-    groups: Ints
-
-    @classmethod
-    def of(cls, groups: list[list[Rows]], count: int) -> Choices:
-        """Return groups of alternatives in `count` parameters; none of them empty."""
-        every = [rows for group in groups for rows in group]
-        firsts = np.cumsum([0, *(len(rows.levels) for rows in every)])[:-1]
-        starts = np.cumsum([0, *map(len, groups)])[:-1]
-        together = (np.concatenate(own) for own in zip(*every, strict=True)) if every else None
-        rows = Rows(np.empty((0, count)), np.empty(0)) if together is None else Rows(*together)
-        return cls(rows, firsts.astype(np.int64), starts.astype(np.int64))
-
-    def short(self, y: Array) -> Array:
-        """Return by how much y misses each group's best alternative, (groups,); not positive where it meets it."""
-        if not len(self.groups):
-            return np.empty(0)
-        of_rows = self.rows.levels - self.rows.normals @ y
-        return np.asarray(np.minimum.reduceat(np.maximum.reduceat(of_rows, self.alternatives), self.groups))
 
 
 def suits(task: Task) -> bool:
@@ -124,15 +88,15 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
     if nearby is None:
         return None
     apart, closings = nearby
-    best = _least(Choices.of(apart, len(y)), sides, centre, np.inf)
-    if task.must_touch and best is not None:
-        own = [Choices.of(closing, len(y)) for closing in closings]
-        if not any(choices.short(best).max(initial=-np.inf) <= 0.0 for choices in own):
-            best, length = None, np.inf
-            for closing in closings:
-                found = _least(Choices.of([*apart, *closing], len(y)), sides, centre, length)
-                if found is not None:
-                    best, length = found, float(np.linalg.norm(found - centre))
+    scale = float(np.abs(sides.levels).max()) + float(np.linalg.norm(centre))
+    search = partial(nearest, centre=centre, slack=DEFAULT.line * max(scale, DEFAULT.least_unit), nodes=NODES)
+    best = search(Choices.of(apart, len(y)), [sides]).y
+    if task.must_touch and best is not None and not any(Choices.of(each, len(y)).met(best) for each in closings):
+        best, length = None, np.inf
+        for closing in closings:
+            closed = search(Choices.of([*apart, *closing], len(y)), [sides], most=length).y
+            if closed is not None:
+                best, length = closed, float(np.linalg.norm(closed - centre))
     return None if best is None else np.clip(best, low, high)
 
 
@@ -252,53 +216,3 @@ class _Scene(NamedTuple):
                 rows = rows if len(rows) else heights.argmin(keepdims=True)
                 found.append((-(speeds[:, rows] @ n).T, heights[rows]))
         return found
-
-
-# ------------------------------------------------------------------------------------------------------------ choices
-
-
-def _least(choices: Choices, sides: Rows, centre: Array, most: float) -> Array | None:
-    """Return the y nearest to a point that meets `sides` and one alternative of every group, best first.
-
-    None if there is none, or none nearer than `most`.
-    """
-    number, scale = count(), float(np.abs(sides.levels).max(initial=0.0)) + float(np.linalg.norm(centre))
-    slack = DEFAULT.line * max(scale, DEFAULT.least_unit)
-    heap: list[tuple[float, int, Array, Rows, dict[int, int]]] = []
-    (normals, levels), firsts, groups = choices
-    ends, lasts = np.append(firsts[1:], len(levels)), np.append(groups[1:], len(firsts))
-
-    def push(rows: Rows, further: Rows, chosen: list[dict[int, int]]) -> None:
-        """Add one node for each further row, those that can be met."""
-        kept = np.flatnonzero((further.normals != 0.0).any(axis=1))
-        found = compiled.least_distance(
-            np.ascontiguousarray(rows.normals),
-            rows.levels - rows.normals @ centre,
-            -further.normals[kept],
-            further.normals[kept] @ centre - further.levels[kept],
-        )
-        lengths = np.linalg.norm(found, axis=1)
-        for k, x, length in zip(kept.tolist(), found, lengths.tolist(), strict=True):
-            if length < most:  # nan where there is none
-                own = Rows(np.vstack([rows.normals, further.normals[k]]), np.append(rows.levels, further.levels[k]))
-                heapq.heappush(heap, (length, next(number), x + centre, own, chosen[k]))
-
-    push(sides, Rows(sides.normals[:1], sides.levels[:1]), [{}])
-    for _ in range(NODES):
-        if not heap:
-            return None
-        _, _, y, rows, chosen = heapq.heappop(heap)
-        if not len(groups):
-            return y
-        short = levels - normals @ y
-        of_ways = np.maximum.reduceat(short, firsts)
-        of_groups = np.minimum.reduceat(of_ways, groups)
-        for group, way in chosen.items():
-            of_groups[group] = of_ways[way]
-        worst = int(of_groups.argmax())
-        if of_groups[worst] <= slack:
-            return y
-        ways = [chosen[worst]] if worst in chosen else list(range(groups[worst], lasts[worst]))
-        places = [int(firsts[way] + short[firsts[way] : ends[way]].argmax()) for way in ways]
-        push(rows, Rows(normals[places], levels[places]), [{**chosen, worst: way} for way in ways])
-    return None

@@ -340,7 +340,8 @@ def coal_with_newton(task: Task, setting: Library) -> Array | None:
 
 def ipopt_in_full(task: Task, tolerance: float) -> Array | None:
     """IPOPT on the full model, everything in one program, from one start."""
-    return modelled_in_full(task, tolerance=tolerance).q
+    answer = modelled_in_full(task, tolerance=tolerance)
+    return None if answer is None else answer.q
 
 
 # ---------------------------------------------------------------------------------------------- what each can take

@@ -1,0 +1,174 @@
+"""The least motion under linear conditions some of which are alternatives, best first.
+
+A node keeps some alternatives, and its least motion bounds all below it: the first whose least motion leaves no group
+of alternatives unmet has the least of all.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.stages import compiled
+
+AT_ONCE = 4  # rows that are tried together at first
+
+
+class Rows(NamedTuple):
+    """Conditions normals . y >= levels on the weighted parameters, all to be met: (m, k), (m,)."""
+
+    normals: Array
+    levels: Array
+
+    def and_also(self, normals: Array, levels: Array) -> Rows:
+        """Return these conditions and further ones."""
+        return Rows(np.vstack([self.normals, normals]), np.append(self.levels, levels))
+
+
+class Choices(NamedTuple):
+    """Of each of several groups one alternative is to be met: rows of all alternatives of all groups, in order.
+
+    `alternatives` are their first rows, `groups` the first alternatives of the groups.
+    """
+
+    rows: Rows
+    alternatives: Ints
+    groups: Ints
+
+    @classmethod
+    def of(cls, groups: Sequence[Sequence[Rows]], count: int) -> Choices:
+        """Return groups of alternatives in `count` parameters; none of them empty."""
+        every = [rows for group in groups for rows in group]
+        firsts = np.cumsum([0, *(len(rows.levels) for rows in every)])[:-1]
+        starts = np.cumsum([0, *map(len, groups)])[:-1]
+        rows = (
+            Rows(*map(np.concatenate, zip(*every, strict=True))) if every else Rows(np.empty((0, count)), np.empty(0))
+        )
+        return cls(rows, firsts.astype(np.int64), starts.astype(np.int64))
+
+    @classmethod
+    def of_single_rows(cls, groups: Sequence[Rows], count: int) -> Choices:
+        """Return groups in which each row is an alternative by itself."""
+        sizes = np.cumsum([0, *(len(rows.levels) for rows in groups)])
+        return cls(cls.of([[rows] for rows in groups], count).rows, np.arange(sizes[-1]), sizes[:-1])
+
+    def of_rows(self, short: Array) -> tuple[Array, Array]:
+        """Return by how much each alternative, and each group's best, is missed where `short` tells it of each row."""
+        if not len(self.groups):
+            return np.empty(0), np.empty(0)
+        of_ways = np.maximum.reduceat(short, self.alternatives)
+        return of_ways, np.asarray(np.minimum.reduceat(of_ways, self.groups))
+
+    def met(self, y: Array) -> bool:
+        """Tell whether y meets an alternative of each group."""
+        short = self.of_rows(self.rows.levels - self.rows.normals @ y)[1]
+        return bool(short.max(initial=-np.inf) <= 0.0)
+
+
+class Nearest(NamedTuple):
+    """The y nearest to a point, None where there is none, or none was found before the search was left.
+
+    `rows` are those that it was sought under, `start` says from which; `chosen` are the alternatives kept by group.
+    """
+
+    y: Array | None
+    rows: Rows
+    start: int
+    chosen: dict[int, int]
+    complete: bool = True
+
+
+class _Branch(NamedTuple):
+    """Nodes that add to rows one of further ones, of different ways to meet a group; and their y by distance."""
+
+    rows: Rows
+    further: Rows
+    start: int
+    chosen: dict[int, int]
+    group: int
+    ways: Ints
+    steps: Iterator[tuple[float, int, Array]]
+
+
+def nearest(
+    choices: Choices, starts: Sequence[Rows], centre: Array, *, slack: float, nodes: int, most: float = np.inf
+) -> Nearest:
+    """Return the y nearest to a point that meets all rows of one start and one alternative of every group.
+
+    Parameters
+    ----------
+    choices : Choices
+    starts : sequence of Rows
+        None of them empty.
+    centre : (k,) array
+    slack : float
+        Up to which a group counts as met.
+    nodes : int
+        After which the search is left.
+    most : float
+        Only what is nearer is of interest.
+    """
+    (normals, levels), firsts, groups = choices
+    sizes, lasts = np.diff(firsts, append=len(levels)), np.append(groups[1:], len(firsts))
+    number, heap = count(), list[tuple[float, int, int, Array, _Branch]]()
+
+    def push(branch: _Branch) -> None:
+        """Add the nearest node of a branch that is left."""
+        length, k, x = next(branch.steps, (np.inf, 0, centre))
+        if length < most:
+            heapq.heappush(heap, (length, next(number), k, x, branch))
+
+    for start, (sides, bounds) in enumerate(starts):
+        rows, further = Rows(sides[1:], bounds[1:]), Rows(sides[:1], bounds[:1])
+        push(_Branch(rows, further, start, {}, -1, np.empty(0, np.int64), _by_distance(rows, further, centre)))
+    for _ in range(nodes):
+        if not heap:
+            break
+        _, _, k, x, branch = heapq.heappop(heap)
+        y, chosen = x + centre, branch.chosen
+        if branch.group >= 0:
+            chosen = {**chosen, branch.group: int(branch.ways[k])}
+        rows = branch.rows.and_also(branch.further.normals[k], branch.further.levels[k])
+        short = levels - normals @ y
+        of_ways, of_groups = choices.of_rows(short)
+        for group, way in chosen.items():
+            of_groups[group] = of_ways[way]
+        if of_groups.max(initial=-np.inf) <= slack:
+            return Nearest(y, rows, branch.start, chosen)
+        worst = int(of_groups.argmax())
+        ways = np.array([chosen[worst]]) if worst in chosen else np.arange(groups[worst], lasts[worst])
+        longest = np.flatnonzero(short == np.repeat(of_ways, sizes))  # the row that a way is furthest from, of each
+        places = longest[np.searchsorted(longest, firsts[ways])]
+        further = Rows(normals[places], levels[places])
+        push(branch)
+        push(_Branch(rows, further, branch.start, chosen, worst, ways, _by_distance(rows, further, centre)))
+    return Nearest(None, Rows(normals[:0], levels[:0]), 0, {}, not heap)
+
+
+def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[float, int, Array]]:
+    """Yield (length, k, x), by length: x + centre is the y nearest to the centre that meets all rows and further row k.
+
+    Only those are looked at that can be next.
+    """
+    sizes = np.linalg.norm(further.normals, axis=1)
+    levels = further.levels - further.normals @ centre
+    bounds = np.maximum(levels / np.where(sizes > 0.0, sizes, 1.0), 0.0)
+    order = np.argsort(bounds, kind="stable")
+    order = order[sizes[order] > 0.0]
+    G, h = np.ascontiguousarray(rows.normals), rows.levels - rows.normals @ centre
+    waiting, first, many = list[tuple[float, int, Array]](), 0, AT_ONCE
+    while first < len(order) or waiting:
+        some = order[first : first + many]
+        found = compiled.least_distance(G, h, -further.normals[some], -levels[some])
+        for k, x, length in zip(some.tolist(), found, np.linalg.norm(found, axis=1).tolist(), strict=True):
+            if length < np.inf:  # nan where there is none
+                heapq.heappush(waiting, (length, k, x))
+        first, many = first + many, 2 * many
+        following = bounds[order[first]] if first < len(order) else np.inf
+        while waiting and waiting[0][0] <= following:
+            yield heapq.heappop(waiting)
