@@ -499,7 +499,7 @@ class Task:
         return float(gaps[:, : len(self.static.parts)].min())
 
     def way_between(self, parts: Parts, q: Array) -> Array:
-        """Return the direction along which two parts that are apart are their distance apart.
+        """Return the direction along which two parts are their distance apart; of parts that overlap, that of a facet.
 
         The differences of their points are {v: n_i . v >= gap_i} over facet directions; the nearest to 0 is a least
         distance problem, solved through non-negative least squares (Lawson and Hanson).
@@ -508,6 +508,8 @@ class Task:
 
         _, rows, gaps = self.separations(parts, self.pose(q))
         ahead = gaps > 0
+        if not ahead.any():
+            return frozen(rows[gaps.argmax(), :3])
         weights, _ = nnls(np.vstack([rows[ahead, :3].T, gaps[ahead] / gaps.max()]), np.array([0.0, 0.0, 0.0, 1.0]))
         way: Array = rows[ahead, :3].T @ weights
         return way

@@ -233,12 +233,8 @@ def _too_near(task: Task, q: Array, shifts: Array) -> dict[Parts, Array]:
     gaps, ahead = task.pair_gaps(q), dict[Parts, Array]()
     slack = min(DEFAULT.nominal * task.unit, DEFAULT.cut * task.size)
     for i, j in np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist():
-        if (gap := gaps[i, j]) > 0.0:
-            way = task.way_between((i, j), q)
-            gap = task.pair_gaps(q, {(i, j): way})[i, j]
-        else:
-            _, rows, separations = task.separations((i, j), task.pose(q))
-            way = rows[separations.argmax(), :3]
+        way = task.way_between((i, j), q)
+        gap = task.pair_gaps(q, {(i, j): way})[i, j]
         if (miss := task.needs[j] - gap) > slack:
             ahead[i, j] = q @ shifts - miss * way / np.linalg.norm(way)
     return ahead
