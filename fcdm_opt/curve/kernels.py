@@ -1608,8 +1608,8 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
 def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
     """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed.
 
-    The largest separation over its facet directions and those of `pair_bounds`, for pairs that may have the least of
-    all, or less than `enough`; of others a lower bound that is at least as much.
+    The largest separation over its facet directions, in unions over those of `pair_bounds` too, for pairs that may have
+    the least of all, or less than `enough`; of others a lower bound that is at least as much.
     """
     gaps, best = pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho), _INF
     n2, least = len(places2) - 1, np.argmin(gaps)
@@ -1619,7 +1619,8 @@ def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough)
         if turn == least or gaps[i, j] >= max(best, enough):
             continue
         own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
-        gaps[i, j] = max(gaps[i, j], least_separation(own1, table1, own2, table2, pose, rho))
+        apart = least_separation(own1, table1, own2, table2, pose, rho)
+        gaps[i, j] = apart if gaps.size == 1 else max(gaps[i, j], apart)
         best = min(best, gaps[i, j])
     return gaps
 

@@ -240,12 +240,6 @@ class Solution(Plain, Shown):
     seconds: Mapping[str, float] = field(default_factory=dict)
     derivatives: Sensitivity | None = field(default=None, repr=False)
 
-    def __post_init__(self) -> None:
-        for key, shape in (("transform", (4, 4)), ("rho", (2,)), ("pair", (2,))):
-            array = getattr(self, key)
-            if array is not None and array.shape != shape:
-                raise InputError("wrong shape", key=key, found=array.shape, allowed=str(shape))
-
     @property
     def verified(self) -> bool:
         """Whether a motion was found and the judge passed it, though it may leave the fit."""
@@ -315,6 +309,11 @@ class Solution(Plain, Shown):
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
-            return super().from_dict({**data, "derivatives": data["sensitivity"]})
+            read = super().from_dict({**data, "derivatives": data["sensitivity"]})
         except (KeyError, TypeError) as reason:
             raise InputError("not the plain data of a solution", key="Solution", found=str(reason)) from reason
+        for key, shape in (("transform", (4, 4)), ("rho", (2,)), ("pair", (2,))):
+            array = getattr(read, key)
+            if array is not None and array.shape != shape:
+                raise InputError("wrong shape", key=key, found=array.shape, allowed=str(shape))
+        return read
