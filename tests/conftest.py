@@ -19,14 +19,13 @@ settings.load_profile("plain Python" if PLAIN else "tests")
 
 # `pytest -m fast`: under a minute on two cores with kernels compiled, and something of every package
 FAST = {
-    "test_batch", "test_bodies", "test_certificate", "test_changed_sizes", "test_checker", "test_cli_help",
-    "test_collision", "test_contact", "test_contact_rows", "test_conversion", "test_descent", "test_distributions",
-    "test_documents_complete", "test_equations", "test_exact", "test_expansions", "test_features",
-    "test_hard_curves", "test_hard_problems", "test_init", "test_judging", "test_keep_out", "test_main_path",
-    "test_measure_cli", "test_measure_contacts", "test_measure_curves", "test_mesh_files", "test_motion",
-    "test_paper_examples", "test_problem", "test_rationals", "test_remarks", "test_report_page", "test_schema",
-    "test_solution", "test_solver_closed_forms", "test_study_files", "test_study_tables", "test_table",
-    "test_translations", "test_turns", "test_typing_mistakes", "test_whatif", "test_working",
+    "test_batch", "test_bodies", "test_certificate", "test_checker", "test_cli_help", "test_contact",
+    "test_contact_rows", "test_conversion", "test_descent", "test_distributions", "test_documents_complete",
+    "test_equations", "test_exact", "test_expansions", "test_features", "test_hard_problems", "test_init",
+    "test_judging", "test_main_path", "test_measure_cli", "test_mesh_files", "test_motion", "test_paper_examples",
+    "test_problem", "test_rationals", "test_remarks", "test_report_page", "test_schema", "test_solution",
+    "test_solver_closed_forms", "test_study_files", "test_study_tables", "test_table", "test_translations",
+    "test_turns", "test_typing_mistakes", "test_working",
 }  # fmt: skip
 
 
