@@ -19,6 +19,7 @@ from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedSce
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Tracked
 from fcdm_opt.curve.contact import Contact, contact_set, located, supporting_contact, touching_contact
+from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.elements import Element
@@ -217,7 +218,7 @@ class Holding:
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
-            normals, gap = _distinct(rows[separations >= widest - self.slack, :3]), widest
+            normals, gap = distinct(rows[separations >= widest - self.slack, :3]), widest
         if abs(gap - max(opponent.need, 0.0)) > self.slack:
             return []
         ways = []
@@ -388,15 +389,6 @@ def _crossing(first: Array, second: Array) -> Array:
     u, w = first[1] - first[0], second[1] - second[0]
     shares = np.linalg.lstsq(np.column_stack([u, -w]), second[0] - first[0])[0]
     return np.asarray(first[0] + shares[0] * u)
-
-
-def _distinct(normals: Array) -> list[Array]:
-    """Return one of each bundle of directions."""
-    kept: list[Array] = []
-    for normal in normals:
-        if all(normal @ known < 1.0 - DEFAULT.nominal for known in kept):
-            kept.append(normal)
-    return kept
 
 
 def _swept(task: Task, term: Term, part: ConvexPart) -> list[Term]:

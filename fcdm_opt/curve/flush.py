@@ -169,7 +169,7 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
             touching = located(one, two, pose, touching, rho)
             size = dimension(contact_set(one, two, pose, touching, rho), least)
             hosts: tuple[Host, ...] = ()
-            for normal in _distinct(tight) if size else ():
+            for normal in distinct(tight) if size else ():
                 contact = supporting_contact(one, two, normal, pose, DEFAULT.planarity)
                 contact = located(one, two, pose, contact, rho)
                 feature = contact.feature
@@ -245,7 +245,7 @@ def dimension(points: Array, least: float) -> int:
     return 2 if np.linalg.norm(np.cross(spokes, along / length), axis=1).max() > least else 1
 
 
-def _distinct(normals: Array) -> list[Array]:
+def distinct(normals: Array) -> list[Array]:
     """Return one of each bundle of directions."""
     kept: list[Array] = []
     for normal in normals:
