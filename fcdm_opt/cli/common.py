@@ -14,7 +14,6 @@ import typer
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, refuse, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
-from fcdm_opt.show.plain import plain
 
 if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
@@ -195,5 +194,7 @@ def album_in(out: Path) -> Album:
 def finish(document: Any, codes: Iterable[int]) -> None:
     """Write the JSON document, if one is wanted, and exit with the most severe code."""
     if document is not None:
-        typer.echo(json.dumps(plain(document), indent=2, allow_nan=False))
+        from fcdm_opt.plain import finite
+
+        typer.echo(json.dumps(finite(document), indent=2, allow_nan=False))
     raise typer.Exit(max(codes, key=SEVERITY.index, default=SOLVED))

@@ -12,9 +12,9 @@ import numpy as np
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show.plain import drawn, plain
 from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames
@@ -39,7 +39,7 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
         "bodies": _bodies(solution.problem),
         "modelled": _modelled(solution),
         "left_out": left_out(solution),
-        "certificate": plain(solution.to_dict()["certificate"]),
+        "certificate": finite(solution.to_dict()["certificate"]),
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
     }
@@ -53,14 +53,14 @@ def answered(solution: Solution) -> dict[str, Any]:
         "motion": motion_text(solution),
         "amount_unit": solution.problem.amount_unit,
         "bound_text": bound_line(solution),
-        **{key: plain(getattr(solution, key)) for key in ("amount", "doubt", "pair_state")},
+        **{key: finite(getattr(solution, key)) for key in ("amount", "doubt", "pair_state")},
     }
 
 
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
     solution = case.solution
-    published = {"motion": problem.published_text, "amount": plain(case.published_amount)}
+    published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
     texts = parameter_texts(problem, solution.parameters)
@@ -71,9 +71,9 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "advice": advised(case),
         "remarks": remarks(solution),
         **answered(solution),
-        **{key: plain(getattr(solution, key)) for key in named},
+        **{key: finite(getattr(solution, key)) for key in named},
         "published": published if problem.published_text or problem.published is not None else None,
-        "touch_amount": plain(case.touch_amount),
+        "touch_amount": finite(case.touch_amount),
         "parameters": [
             {"name": name, "value": value, "unit": kinds[name], "shown": text}
             for (name, value), text in zip(solution.parameters.items(), texts, strict=True)
@@ -117,9 +117,9 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
             "role": role,
             "vertices": len(body.corners),
             "parts": len(body.parts),
-            "seed": plain(body.seed),
+            "seed": finite(body.seed),
             "notes": [note for note in (first, *body.notes) if note],
-            "deviation": plain(body.deviation),
+            "deviation": finite(body.deviation),
         }
         for role, body, first in listed
     ]
@@ -144,7 +144,7 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
     text = f"{len(evidence.reasons)} cells of motions that will not do, in {len(evidence.fronts)} columns of directions"
     beside = not solution.status.found and np.isfinite(evidence.bound)  # a closed form says more: that nothing does
-    return {"bound": plain(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
+    return {"bound": finite(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
@@ -155,7 +155,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not derivatives.exists:
         why = "; ".join(derivatives.reasons)
         text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
-    return {"bars": [plain(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
+    return {"bars": [finite(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
 
 
 # ------------------------------------------------------------------------------------------------------------ pictures
@@ -176,7 +176,7 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
         "axes": {"box": drawn(problem.box), "window": drawn(seen)},
         "nominal": drawn(problem.nominal_pair),
         "tolerance_box": drawn(list(zip(low, high, strict=True))) if problem.tolerance is not None else None,
-        "signs": plain(problem.signs) if problem.signs.any() else None,
+        "signs": finite(problem.signs) if problem.signs.any() else None,
         "quadrant": problem.goal == "beyond",
         "tracking": problem.goal in TRACKING,
         "poses": poses,

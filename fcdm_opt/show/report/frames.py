@@ -19,9 +19,9 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, SwitchingPoint, middle, shared
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY
+from fcdm_opt.plain import drawn
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show.plain import drawn
 from fcdm_opt.show.report.scenes import contact_shapes
 from fcdm_opt.show.scales import reaching
 from fcdm_opt.show.texts import motion_text, parameter_texts

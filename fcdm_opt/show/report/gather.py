@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.problem.syntax import parsed
-from fcdm_opt.show.plain import plain
 from fcdm_opt.show.report.cases import answered, case_report
 from fcdm_opt.show.solved import SolvedCase, solved_again, solved_case
 from fcdm_opt.show.texts import tolerance_text
@@ -148,7 +148,7 @@ def _cell(case: int | None, solution: Solution, *, note: str = "") -> dict[str, 
     return {
         "case": case,
         **answered(solution),
-        "bound": plain(solution.lower_bound),
+        "bound": finite(solution.lower_bound),
         "published": solution.problem.published_text or None,
         "verified": solution.usable,
         "from_file": case is not None,

@@ -11,8 +11,8 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.plain import drawn
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show.plain import drawn
 from fcdm_opt.show.scene import face_polygons, own_polygons, true_edges
 
 MOST_NAMED = 8

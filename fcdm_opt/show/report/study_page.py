@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.geometry.units import floored
-from fcdm_opt.show.plain import plain
+from fcdm_opt.plain import finite
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.texts import shown, study_facts
@@ -47,7 +47,7 @@ def study_page(result: StudyResult) -> str:
         figures={
             "columns": columns,
             "varied": varied,
-            "rows": [[plain(rows[k][name]) for name in columns] for k in charted],
+            "rows": [[finite(rows[k][name]) for name in columns] for k in charted],
             "usable": [bool(rows[k]["usable"]) for k in charted],
             "numbers": list(charted),
             "of": count,
@@ -61,7 +61,7 @@ def study_page(result: StudyResult) -> str:
         varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
         heads=("number", *columns),
-        rows=[(str(k), *(_cell(name, plain(rows[k][name])) for name in columns)) for k in printed],
+        rows=[(str(k), *(_cell(name, finite(rows[k][name])) for name in columns)) for k in printed],
         study=result.study,
         versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
         definition=json.dumps(definition, indent=1, ensure_ascii=False),
