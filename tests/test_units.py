@@ -17,7 +17,7 @@ import fcdm_opt as fo
 from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.keys import ProblemFile
-from fcdm_opt.show import design_tables, tables, texts
+from fcdm_opt.show import tables, texts
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure, yield_figure
 from fcdm_opt.show.report.gather import gather
@@ -195,8 +195,8 @@ def _curves(unit: str) -> None:
 
 
 def _whatif(unit: str) -> None:
-    design_tables.print_case("boxes.toml", boxes(unit))
-    design_tables.print_whatif(fo.whatif(solved(unit).solution, tolerance=0.01))
+    tables.print_case("boxes.toml", boxes(unit))
+    tables.print_whatif(fo.whatif(solved(unit).solution, tolerance=0.01))
 
 
 @pytest.mark.parametrize("printed", [_solutions, _curves, _whatif])

@@ -58,8 +58,9 @@ def solve_command(
     """Find the smallest motion of each case, verify it, and print one table a file."""
     from rich.progress import track
 
+    from fcdm_opt.show.printing import console
     from fcdm_opt.show.solved import solved_case
-    from fcdm_opt.show.tables import console, print_solutions
+    from fcdm_opt.show.tables import print_solutions
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
     notes = console(stderr=True)

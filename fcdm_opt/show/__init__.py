@@ -4,7 +4,7 @@ texts            numbers, questions and answers in words, for all of these; `rem
 scales           the plane of scales: windows, and what lies inside
 rendering        HTML from `templates`, for `notebook` and `report`
 solved           cases as tables and reports show them; the one place that calls the solver
-tables           what the command line prints; `design_tables` for studies, what-ifs, maps, yields and poses
+tables           what the command line prints, by `printing`
 
 Pictures, and here what they share:
 
