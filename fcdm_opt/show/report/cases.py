@@ -22,9 +22,10 @@ from fcdm_opt.show.report.scenes import scene
 from fcdm_opt.show.scales import tolerance_box, window
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts
+from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts, shown
 from fcdm_opt.tolerances import DEFAULT
 
+UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
 
@@ -47,36 +48,39 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
 
 
 def answered(solution: Solution) -> dict[str, Any]:
-    """Return what a case, and a cell of the table of requirements, says of an answer."""
+    """Return what a case, and a cell of the table of requirements, says of an answer; its bound, and how near it is."""
+    text, _, near = bound_line(solution).partition(", ")
     return {
         "status": solution.status.name,
+        "outside": solution.status.name == "OUTSIDE_FIT",
         "motion": motion_text(solution),
         "amount_unit": solution.problem.amount_unit,
-        "bound_text": bound_line(solution),
-        **{key: finite(getattr(solution, key)) for key in ("amount", "doubt", "pair_state")},
+        "least": {"text": shown(solution.amount) if near == "exact" else text, "near": near},
+        **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
     }
 
 
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
-    solution = case.solution
+    solution, advice = case.solution, advised(case)
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
-    kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
     texts = parameter_texts(problem, solution.parameters)
-    named = ("usable", "lower_bound", "gap", "pair", "pair_gap", "rho", "active", "stage", "seconds")
+    told = zip(problem.motion.parameters, solution.parameters.values(), texts, strict=False)  # none without a motion
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
-        "advice": advised(case),
-        "remarks": remarks(solution),
+        "advice": advice,
+        "told": [*([] if solution.status.name in UNREMARKABLE else [advice]), *remarks(solution)],
         **answered(solution),
-        **{key: finite(getattr(solution, key)) for key in named},
+        **{
+            key: finite(getattr(solution, key))
+            for key in ("gap", "pair", "pair_gap", "rho", "active", "stage", "seconds")
+        },
         "published": published if problem.published_text or problem.published is not None else None,
         "touch_amount": finite(case.touch_amount),
         "parameters": [
-            {"name": name, "value": value, "unit": kinds[name], "shown": text}
-            for (name, value), text in zip(solution.parameters.items(), texts, strict=True)
+            {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
         ],
         "features": [feature.label for feature in solution.features],
         "configurations": _configurations(solution),

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.problem.syntax import parsed
@@ -138,22 +137,12 @@ def _missing(first: Problem, letter: str) -> dict[str, Any]:
     try:
         solution = solved_again(first, requirement=letter, name="", published=None, published_text="")
     except InputError as reason:
-        nothing = {"amount": None, "bound": None, "published": None, "motion": "-", "bound_text": "", "status": ""}
-        told = {"pair_state": "unknown", "verified": False, "from_file": False}
-        return {"case": None, **nothing, **told, "note": f"{note}; {reason}"}
+        return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
     return _cell(None, solution, note=note)
 
 
 def _cell(case: int | None, solution: Solution, *, note: str = "") -> dict[str, Any]:
-    return {
-        "case": case,
-        **answered(solution),
-        "bound": finite(solution.lower_bound),
-        "published": solution.problem.published_text or None,
-        "verified": solution.usable,
-        "from_file": case is not None,
-        "note": note,
-    }
+    return {"case": case, **answered(solution), "published": solution.problem.published_text or None, "note": note}
 
 
 def _title(files: Sequence[dict[str, Any]]) -> dict[str, str]:
