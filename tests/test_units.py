@@ -20,6 +20,7 @@ from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import tables, texts
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure, yield_figure
+from fcdm_opt.show.printing import print_head
 from fcdm_opt.show.report.gather import gather
 from fcdm_opt.show.report.page import page
 from fcdm_opt.show.report.study_page import study_page
@@ -182,16 +183,19 @@ def test_no_number_follows_from_it(tmp_path: Path) -> None:
 
 
 def _solutions(unit: str) -> None:
-    tables.print_solutions("boxes.toml", "Boxes", "", [solved(unit)])
+    print_head("boxes.toml", "Boxes", "", unit=unit)
+    tables.print_solutions([solved(unit)])
 
 
 def _ranges(unit: str) -> None:
     found = fo.coherent_range(example(unit), {"TZ": 1.0})
-    tables.print_ranges("e.toml", "", "", [(found, fo.contact_times(example(unit), {"TZ": 1.0}))])
+    print_head("e.toml", "", "", unit=unit)
+    tables.print_ranges([(found, fo.contact_times(example(unit), {"TZ": 1.0}))])
 
 
 def _curves(unit: str) -> None:
-    tables.print_curves("boxes.toml", "", "", [(boxes(unit).curve, ["P"])], unit=unit)
+    print_head("boxes.toml", "", "", unit=unit)
+    tables.print_curves([(boxes(unit).curve, ["P"])])
 
 
 def _whatif(unit: str) -> None:

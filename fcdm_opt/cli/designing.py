@@ -8,24 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fcdm_opt.cli.common import (
-    BAD_INPUT,
-    NO_MOTION,
-    NOT_VERIFIED,
-    SOLVED,
-    AsJson,
-    Cases,
-    Files,
-    Inquiry,
-    OpenedFile,
-    Seed,
-    album_in,
-    argument,
-    code_of,
-    finish,
-    option,
-    say,
-)
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Seed, argument, code_of, finish, option
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
@@ -63,6 +47,7 @@ def study_command(
     Rows go to study.sqlite in DIR as they come, at the end to study.csv, with a picture.
     """
     from fcdm_opt.design.study.running import run_study
+    from fcdm_opt.show.album import Album
     from fcdm_opt.show.printing import console
 
     result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
@@ -71,7 +56,7 @@ def study_command(
     if parquet:
         result.to_parquet(out / "study.parquet")
         say(f"wrote {out / 'study.parquet'}")
-    pictures = album_in(out)
+    pictures = Album(out, say)
     pictures.add_study("study", result)
     if not as_json:
         console().print(f"{result}\n")
@@ -214,18 +199,16 @@ def _each_case(
     """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
     from fcdm_opt.show.tables import print_case
 
-    for file in inquiry:
-        inquiry.say_of("cases", [])
-        for problem in file.problems:
+    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
+        if not inquiry.as_json:
+            print_case(file.path.name, problem)
+        for key, answer, printed in asked(file, problem):
+            entry[key.replace(" ", "_")] = answer.to_dict()
+            inquiry.codes.append(_code(answer))
             if not inquiry.as_json:
-                print_case(file.path.name, problem)
-            with inquiry.case(file, problem) as entry:
-                for key, answer, printed in asked(file, problem):
-                    entry[key.replace(" ", "_")] = answer.to_dict()
-                    inquiry.codes.append(_code(answer))
-                    if not inquiry.as_json:
-                        printed(answer)
-    inquiry.finish()
+                printed(answer)
+
+    inquiry.ask(answered)
 
 
 def _code(answer: Any) -> int:

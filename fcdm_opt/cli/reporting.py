@@ -7,7 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-from fcdm_opt.cli.common import BAD_INPUT, Cases, argument, code_of, finish, opened_files, option, problem_files, say
+from fcdm_opt.cli.common import Cases, argument, code_of, finish, opened_files, option, problem_files
+from fcdm_opt.cli.guarding import BAD_INPUT, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_lines, print_rows, print_text, wrapped
+from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.texts import (
     NOTHING,
@@ -47,11 +47,8 @@ def slope(segment: Any) -> float:
     return float(-a / b) if b else math.inf
 
 
-def print_curves(
-    name: str, title: str, note: str, curves: Sequence[tuple[DecisionCurve, list[str]]], *, unit: str = ""
-) -> None:
+def print_curves(curves: Sequence[tuple[DecisionCurve, list[str]]]) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
-    print_head(name, title, note, unit=unit)
     for curve, names in curves:
         (low_1, high_1), (low_2, high_2) = curve.box
         text = (
@@ -99,9 +96,8 @@ def _point(values: Iterable[float]) -> str:
     return ", ".join(f"{x:.6f}" for x in values)
 
 
-def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]) -> None:
+def print_solutions(rows: Sequence[SolvedCase]) -> None:
     """Print one table for the cases of a file, the advice where a case needs some, and where the time went."""
-    print_head(name, title, note, unit=rows[0].solution.problem.unit)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
     for row in rows:
         solution = row.solution
@@ -149,9 +145,8 @@ def _verdict(solution: Solution) -> str:
     return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
 
 
-def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
+def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
     """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
-    print_head(name, title, note, unit=rows[0][0].problem.unit)
     lines = []
     for coherent, _ in rows:
         problem = coherent.problem
