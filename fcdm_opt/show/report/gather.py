@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -18,7 +16,7 @@ from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import answered, case_report
 from fcdm_opt.show.solved import SolvedCase, solved_again, solved_case
 from fcdm_opt.show.texts import tolerance_text
-from fcdm_opt.tolerances import DEFAULT, Tolerances
+from fcdm_opt.tolerances import DEFAULT, meanings
 
 PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
 """Whose versions a report names."""
@@ -81,7 +79,7 @@ def gather(
     return {
         **_title(listed),
         "made": made(),
-        "tolerances": _tolerances(),
+        "tolerances": [[name, getattr(DEFAULT, name), meaning] for name, meaning in meanings().items()],
         "files": listed,
         "matrices": tables,
         "cases": cases,
@@ -183,17 +181,3 @@ def made() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return versions
-
-
-def _tolerances() -> list[list[Any]]:
-    """Return name, value and meaning of every tolerance."""
-    lines = (inspect.getdoc(Tolerances) or "").splitlines()
-    meanings: dict[str, list[str]] = {}
-    name = ""
-    for line in lines[lines.index("Attributes") + 2 :]:
-        if line.startswith(" "):
-            meanings[name].append(line.strip())
-        else:
-            name = line.strip()
-            meanings[name] = []
-    return [[each.name, getattr(DEFAULT, each.name), " ".join(meanings[each.name])] for each in fields(Tolerances)]
