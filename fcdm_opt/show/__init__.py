@@ -3,7 +3,7 @@
 texts            numbers, questions and answers in words, for all of these; `remarks` are sentences
 scales           the plane of scales: windows, and what lies inside
 rendering        HTML from `templates`, for `notebook` and `report`
-solved           cases as tables and reports show them; the one place that calls the solver
+solved           cases as tables and reports show them
 tables           what the command line prints, by `printing`
 
 Pictures, and here what they share:

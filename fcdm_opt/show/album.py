@@ -59,18 +59,18 @@ class Album:
     def add_curve(self, stem: str, title: str, curve: DecisionCurve, *, unit: str = "") -> None:
         """Add a decision curve, and its bodies as drawn, in a unit of length."""
         from fcdm_opt.show.plots import decision_curve_figure
-        from fcdm_opt.show.scene import scene_figure
+        from fcdm_opt.show.scene import ShownPair, scene_figure
 
         name = self._once(stem)
         self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
-        scene = scene_figure(curve.movable, curve.static, unit=unit, title=title, caption="as drawn")
-        self._write(f"{name}-scene", scene)
+        drawn = ShownPair.of(curve.movable, curve.static)
+        self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption="as drawn"))
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
         from fcdm_opt.curve.decision_curve import decision_curve
         from fcdm_opt.show.plots import before_after_figure
-        from fcdm_opt.show.scene import scene_figure
+        from fcdm_opt.show.scene import ShownPair, scene_figure
         from fcdm_opt.show.sensitivities import sensitivities_figure
         from fcdm_opt.show.texts import amount_text, asked_text, motion_text
 
@@ -85,14 +85,11 @@ class Album:
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho
         moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+        keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
         scene = scene_figure(
-            problem.movable,
-            problem.static,
-            rho=rho,
-            transform=solution.transform,
+            ShownPair.of(problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out),
             features=solution.features,
             contacts=moved.contact_points(rho),
-            keep_out=[keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out],
             unit=problem.unit,
             title=title,
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion}",

@@ -14,8 +14,9 @@ from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import answered, case_report
-from fcdm_opt.show.solved import SolvedCase, solved_again, solved_case
+from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.show.texts import tolerance_text
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT, meanings
 
 PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
@@ -133,7 +134,7 @@ def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
-        solution = solved_again(first, requirement=letter, name="", published=None, published_text="")
+        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
     except InputError as reason:
         return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
     return _cell(None, solution, note=note)
