@@ -18,9 +18,8 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
-from fcdm_opt.show.lettering import Sheet, fitted
+from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scales import clipped
 from fcdm_opt.show.scene import ShownPair, scene_figure, true_edges
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

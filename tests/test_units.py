@@ -22,8 +22,7 @@ from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure, yield_figure
 from fcdm_opt.show.printing import print_head
 from fcdm_opt.show.report.gather import gather
-from fcdm_opt.show.report.page import page
-from fcdm_opt.show.report.study_page import study_page
+from fcdm_opt.show.report.page import page, study_page
 from fcdm_opt.show.scene import ShownPair, scene_figure
 from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.solved import SolvedCase, solved_case

@@ -70,7 +70,7 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
 def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
     """Return the report on one study."""
     from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.show.report.study_page import study_page
+    from fcdm_opt.show.report.page import study_page
 
     if len(sources) > 1:
         found = ", ".join(map(str, sources))

@@ -1,14 +1,14 @@
 """What is shown: pictures for print and screen, tables on a terminal, cards of notebooks, and reports.
 
 texts            numbers, questions and answers in words, for all of these; `remarks` are sentences
-scales           the plane of scales: windows, and what lies inside
-rendering        HTML from `templates`, for `notebook` and `report`
+rendering        HTML from `templates`, for `cards` and `report`
+cards            what notebooks show
 solved           cases as tables and reports show them
 tables           what the command line prints, by `printing`
 
 Pictures, and here what they share:
 
-plots            decision curves, before and after a motion
+plots            decision curves, before and after a motion; the plane of scales
 scene            the pair of bodies in space
 family           the curves over a coherent range
 maps             compensation maps, and the yield of a fit

@@ -96,7 +96,7 @@ class Card(NamedTuple):
         return "".join(map(str.strip, rendered("card.html", card=data).split("\n")))
 
 
-# -------------------------------------------------------------------------------------------------------------- bodies
+# --------------------------------------------------------------------------------------------------------------- bodies
 
 
 def body_card(body: Body) -> Card:
@@ -114,7 +114,7 @@ def body_card(body: Body) -> Card:
     return Card(f"Body: {body.name}", facts=facts, lists=lists, picture=body_figure(body), told=told)
 
 
-# -------------------------------------------------------------------------------------------------------------- curves
+# --------------------------------------------------------------------------------------------------------------- curves
 
 
 def curve_card(curve: DecisionCurve) -> Card:
@@ -138,7 +138,7 @@ def curve_card(curve: DecisionCurve) -> Card:
     return Card("Decision curve", facts=facts, lists=lists, state=curve.status, picture=picture, told=told)
 
 
-# ----------------------------------------------------------------------------------------------- problems and answers
+# ------------------------------------------------------------------------------------------------- problems and answers
 
 
 def problem_card(problem: Problem) -> Card:
@@ -282,7 +282,7 @@ def range_card(coherent: CoherentRange) -> Card:
     )
 
 
-# ------------------------------------------------------------------------------------------------------- what if
+# -------------------------------------------------------------------------------------------------------------- what if
 
 
 def whatif_card(answer: WhatIf) -> Card:
@@ -412,7 +412,7 @@ def _shown(value: Any, kind: str = "") -> str:
     return number(value) if value is None or type(value) is float else str(value)
 
 
-# ---------------------------------------------------------------------------------------------------- which card is it
+# ----------------------------------------------------------------------------------------------------- which card is it
 
 CARDS: dict[str, Callable[[Any], Card]] = {
     "Body": body_card,

@@ -11,8 +11,7 @@ from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, styled
 from fcdm_opt.show.lettering import Names, Sheet
-from fcdm_opt.show.plots import ALONG, plane
-from fcdm_opt.show.scales import path, pieces
+from fcdm_opt.show.plots import ALONG, path, pieces, plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

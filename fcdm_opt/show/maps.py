@@ -109,7 +109,7 @@ def _mark(axes: Any, sizes: CompensationMap) -> None:
         axes.plot(*sizes.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
 
 
-# ---------------------------------------------------------------------------------------------------------- yield
+# ---------------------------------------------------------------------------------------------------------------- yield
 
 
 @styled

@@ -266,7 +266,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[flo
     axes.annotate(f"{length:g} {word}", left + np.array([0.0, 4.0]), ha="left", va="bottom", **small)
 
 
-# ------------------------------------------------------------------------------------------------------------ the view
+# ------------------------------------------------------------------------------------------------------------- the view
 
 
 def page_directions(elevation: float, azimuth: float) -> Array:

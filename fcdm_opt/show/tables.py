@@ -179,7 +179,7 @@ def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
     print_text()
 
 
-# ------------------------------------------------------------------------------------------------------- what if
+# -------------------------------------------------------------------------------------------------------------- what if
 
 
 def print_case(file: str, problem: Problem) -> None:

@@ -15,11 +15,10 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
-from fcdm_opt.show.report.frames import Frames
-from fcdm_opt.show.report.scenes import scene
-from fcdm_opt.show.scales import tolerance_box, window
+from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts, shown
@@ -106,7 +105,7 @@ def digest(problem: Problem) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-# ------------------------------------------------------------------------------------------------------------- grounds
+# -------------------------------------------------------------------------------------------------------------- grounds
 
 
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
@@ -162,7 +161,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     return {"bars": [finite(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
 
 
-# ------------------------------------------------------------------------------------------------------------ pictures
+# ------------------------------------------------------------------------------------------------------------- pictures
 
 
 def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str, Any]:

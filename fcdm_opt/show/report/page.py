@@ -1,13 +1,21 @@
-"""The report as one HTML text: what the template `page.html` shows, as plain values and texts."""
+"""The reports as one HTML text each: on problems what `page.html` shows, on a study its points and what was found."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.geometry.units import floored
+from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show.rendering import whole_page
-from fcdm_opt.show.texts import shown
+from fcdm_opt.show.report.gather import made
+from fcdm_opt.show.texts import shown, study_facts
+
+if TYPE_CHECKING:
+    from fcdm_opt.design.study.results import StudyResult
 
 Data = Mapping[str, Any]
 
@@ -17,6 +25,12 @@ FIGURES = (  # what the scripts draw of a case; all else is text
 )
 POSES = {"nominal": "nominal", "rescaled": "re-scaled, at rest", "corrected": "corrected", "tracked": "tracked sizes"}
 MINUS = "\u2212"
+
+MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
+"""Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
+
+ALWAYS = ("lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
+"""Columns of a row besides what was varied, status, amount and the motion's parameters."""
 
 
 def page(payload: Data) -> str:
@@ -57,3 +71,90 @@ def page(payload: Data) -> str:
         versions=[(name, shown(value)) for name, value in payload["made"].items()],
         tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
     )
+
+
+# -------------------------------------------------------------------------------------------------------------- studies
+
+
+def study_page(result: StudyResult) -> str:
+    """Return the report on a study as one self-contained HTML text.
+
+    Parameters
+    ----------
+    result : StudyResult
+        May be one of a run that is not complete.
+
+    Returns
+    -------
+    str
+        HTML5, UTF-8. The chart holds 10,000 points at most, evenly chosen, the table 500; both say so.
+    """
+    rows = result.rows()
+    count = len(rows)
+    varied, columns = _columns(result, rows)
+    charted, printed = (_evenly(count, most) for most in (MOST_POINTS, MOST_ROWS))
+    definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
+    return whole_page(
+        "study.html",
+        scripts=("study.js",),
+        figures={
+            "columns": columns,
+            "varied": varied,
+            "rows": [[finite(rows[k][name]) for name in columns] for k in charted],
+            "usable": [bool(rows[k]["usable"]) for k in charted],
+            "numbers": list(charted),
+            "of": count,
+            "budget": result.definition.get("budget"),
+            "unit": result.unit,
+        },
+        title=result.definition.get("title") or "Study",
+        note=result.definition.get("note"),
+        summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
+        picture=_picture(result),
+        varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
+        caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
+        heads=("number", *columns),
+        rows=[(str(k), *(_cell(name, finite(rows[k][name])) for name in columns)) for k in printed],
+        study=result.study,
+        versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
+        definition=json.dumps(definition, indent=1, ensure_ascii=False),
+    )
+
+
+def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
+    """Return the columns that hold what was varied, and all of chart and table: with them what was found, the motion.
+
+    A row holds its number, what was varied, status and amounts, the motion, then all else.
+    """
+    if not rows:
+        return list(result.axes), []
+    names = list(rows[0])
+    varied = names[names.index("number") + 1 : names.index("status")]
+    motion = names[names.index("lower_bound") + 1 : names.index("rho_1")]
+    return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
+
+
+def _evenly(count: int, most: int) -> Sequence[int]:
+    return range(count) if count <= most else [k * count // most for k in range(most)]
+
+
+def _picture(result: StudyResult) -> str:
+    """Return the study's picture as SVG."""
+    from fcdm_opt.show import write_svg
+    from fcdm_opt.show.studies import study_figure
+
+    text = io.StringIO()
+    write_svg(study_figure(result), text)
+    drawn = text.getvalue()
+    return drawn[drawn.index("<svg") :]
+
+
+def _listed(values: Sequence[Any]) -> str:
+    some = [f"({shown(value)})" if isinstance(value, list | tuple) else shown(value) for value in values[:MOST_VALUES]]
+    more = f" and {len(values) - MOST_VALUES} more" if len(values) > MOST_VALUES else ""
+    return ", ".join(some) + more
+
+
+def _cell(name: str, value: Any) -> str:
+    """Return a value as the table shows it, a bound never rounded up."""
+    return floored(value, 6) if name == "lower_bound" and value and value > 0 else shown(value)
