@@ -16,6 +16,7 @@ from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.show.album import Album
 
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
 CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
@@ -141,13 +142,15 @@ class Inquiry:
     def __init__(
         self, paths: Sequence[Path], cases: Sequence[str] | None, *, as_json: bool, out: Path | None = None
     ) -> None:
-        from fcdm_opt.show.album import Album
-
         self._opened = opened_files(paths, cases or ())
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
-        self.pictures = Album(out, say) if out is not None and any(file.problems for file in self._opened) else None
+        self.pictures: Album | None = None
+        if out is not None and any(file.problems for file in self._opened):
+            from fcdm_opt.show.album import Album
+
+            self.pictures = Album(out, say)
 
     def __iter__(self) -> Iterator[OpenedFile]:
         """Yield each file that could be read; `say_of` is about the last."""

@@ -7,8 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.show import save
+from fcdm_opt.show.family import family_figure
+from fcdm_opt.show.maps import map_figure, yield_figure
+from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
+from fcdm_opt.show.scene import ShownPair, scene_figure
+from fcdm_opt.show.sensitivities import sensitivities_figure
+from fcdm_opt.show.studies import study_figure
+from fcdm_opt.show.texts import amount_text, asked_text, motion_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,9 +66,6 @@ class Album:
 
     def add_curve(self, stem: str, title: str, curve: DecisionCurve, *, unit: str = "") -> None:
         """Add a decision curve, and its bodies as drawn, in a unit of length."""
-        from fcdm_opt.show.plots import decision_curve_figure
-        from fcdm_opt.show.scene import ShownPair, scene_figure
-
         name = self._once(stem)
         self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
         drawn = ShownPair.of(curve.movable, curve.static)
@@ -68,12 +73,6 @@ class Album:
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
-        from fcdm_opt.curve.decision_curve import decision_curve
-        from fcdm_opt.show.plots import before_after_figure
-        from fcdm_opt.show.scene import ShownPair, scene_figure
-        from fcdm_opt.show.sensitivities import sensitivities_figure
-        from fcdm_opt.show.texts import amount_text, asked_text, motion_text
-
         problem, found, motion = solution.problem, solution.status.found, motion_text(solution)
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
@@ -100,30 +99,22 @@ class Album:
 
     def add_range(self, stem: str, title: str, coherent: CoherentRange) -> None:
         """Add the family of decision curves over a coherent range."""
-        from fcdm_opt.show.family import family_figure
-
         case, caption = coherent.problem.name, " & ".join(feature.label for feature in coherent.features)
         figure = family_figure(coherent, title=f"{title}: case {case}, coherent range", caption=caption)
         self._write(f"{self._once(f'{stem}-{case}')}-range", figure)
 
     def add_yield(self, stem: str, result: AssemblyYield, *, title: str = "") -> None:
         """Add how the amounts of all part pairs are spread about the budget."""
-        from fcdm_opt.show.maps import yield_figure
-
         self._write(self._once(stem), yield_figure(result, title=title or f"yield: {stem}"))
 
     def add_map(self, stem: str, title: str, sizes: CompensationMap) -> str:
         """Add the amount over the box of sizes, with the regions of a compensation map; return the picture's stem."""
-        from fcdm_opt.show.maps import map_figure
-
         name = f"{self._once(stem)}-map"
         self._write(name, map_figure(sizes, title=title))
         return name
 
     def add_study(self, stem: str, result: StudyResult) -> None:
         """Add the amount over what a study varied."""
-        from fcdm_opt.show.studies import study_figure
-
         self._write(self._once(stem), study_figure(result))
 
     def _once(self, wanted: str) -> str:
