@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from time import perf_counter
 from typing import Any
 
@@ -11,6 +9,7 @@ import numpy as np
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
+from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.problem import TRACKING, Problem
@@ -83,7 +82,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         ],
         "features": [feature.label for feature in solution.features],
         "configurations": _configurations(solution),
-        "sha256": digest(problem),
+        "sha256": digest(canonical(problem.to_dict())),
     }
 
 
@@ -97,12 +96,6 @@ def _configurations(solution: Solution) -> list[str]:
     if contact is None:
         return []
     return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
-
-
-def digest(problem: Problem) -> str:
-    """Return the SHA-256 of the question as plain data: of its JSON, keys sorted, without blanks."""
-    text = json.dumps(problem.to_dict(), sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 # -------------------------------------------------------------------------------------------------------------- grounds

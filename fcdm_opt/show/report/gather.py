@@ -14,13 +14,16 @@ from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.problem.syntax import parsed
 from fcdm_opt.show.report.cases import answered, case_report
-from fcdm_opt.show.solved import SolvedCase, solved_case
+from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT, meanings
 
 PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
 """Whose versions a report names."""
+
+SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
+"""What cases of one table have in common, besides bodies and keep-outs."""
 
 FAMILIES = 8.0
 """Seconds that the frames of one case may take, by default."""
@@ -57,7 +60,7 @@ def gather(
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
         errors = [file.error] if file.error else []
-        problems, solved = list[Problem](), list[SolvedCase]()
+        answers = list[tuple[int, Problem, Solution]]()
         for problem in file.problems:
             if say:
                 say(f"{file.path.name}: case {problem.name}")
@@ -69,12 +72,10 @@ def gather(
                 if say:
                     say(f"error: {errors[-1]}")
                 continue
-            problems.append(problem)
-            solved.append(case)
+            answers.append((len(cases), problem, case.solution))
             cases.append({"file": number, **data})
-        first = len(cases) - len(solved)
-        tables += [{"file": number, **table} for table in matrices(problems, solved, first=first)]
-        listed.append({**head, "meshes": meshes, "cases": list(range(first, len(cases)))})
+        tables += [{"file": number, **table} for table in matrices(answers)]
+        listed.append({**head, "meshes": meshes, "cases": [number for number, *_ in answers]})
         if errors:
             listed[-1]["error"] = "; ".join(errors)
     return {
@@ -87,47 +88,35 @@ def gather(
     }
 
 
-def matrices(problems: Sequence[Problem], cases: Sequence[SolvedCase], *, first: int = 0) -> list[dict[str, Any]]:
-    """Return the tables of a file's cases.
+def matrices(answers: Sequence[tuple[int, Problem, Solution]]) -> list[dict[str, Any]]:
+    """Return the tables of a file's cases: the number of each in the report, the question and the answer.
 
     Cases of the same bodies, nominal sizes, tolerances, goal, pair state and clearance that differ in the requirement
     share a table; keep-outs and path must be the same too, the motion need not. A requirement that the file does not
-    ask for is solved with the motion of the table's first case. Without a requirement a case has no table. `first` is
-    the number of the first case in the report.
+    ask for is solved with the motion of the table's first case. Without a requirement a case has no table.
     """
     tables: list[tuple[Any, Problem, dict[str, tuple[int, Solution]]]] = []
-    for number, (problem, case) in enumerate(zip(problems, cases, strict=True), first):
+    for number, problem, solution in answers:
         if problem.requirement is None:
             continue
-        question, letter = _question(problem), problem.requirement
-        cells = next((cells for asked, _, cells in tables if asked == question and letter not in cells), None)
+        told = problem.to_dict()
+        question = told["bodies"], told.get("keep_out"), [told["case"][0].get(key) for key in SHARED]
+        letter = problem.requirement
+        cells = next((cells for other, _, cells in tables if other == question and letter not in cells), None)
         if cells is None:
             cells = {}
             tables.append((question, problem, cells))
-        cells[letter] = number, case.solution
-    return [_listed(problem, cells) for _, problem, cells in tables]
-
-
-def _question(problem: Problem) -> tuple[Any, ...]:
-    """Return what cases of one table share."""
-    assert problem.tolerance is not None
-    return (
-        id(problem.movable),
-        id(problem.static),
-        tuple(problem.nominal_pair.tolist()),
-        tuple(problem.tolerance.ravel().tolist()),
-        problem.goal,
-        problem.pair,
-        problem.clearance,
-        problem.path,
-        tuple(id(keep_out) for keep_out in problem.keep_out),
-    )
-
-
-def _listed(first: Problem, known: dict[str, tuple[int, Solution]]) -> dict[str, Any]:
-    names = [solution.problem.name for _, solution in known.values()]
-    cells = {letter: _cell(*known[letter]) if letter in known else _missing(first, letter) for letter in SIGNS}
-    return {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first), "cells": cells}
+        cells[letter] = number, solution
+    return [
+        {
+            "title": f"cases {', '.join(solution.problem.name for _, solution in known.values())}",
+            "tolerance": tolerance_text(first),
+            "cells": {
+                letter: _cell(*known[letter]) if letter in known else _missing(first, letter) for letter in SIGNS
+            },
+        }
+        for _, first, known in tables
+    ]
 
 
 def _missing(first: Problem, letter: str) -> dict[str, Any]:
