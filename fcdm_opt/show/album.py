@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
-from fcdm_opt.show import save
+from fcdm_opt.show import Figure, save
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure, yield_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
@@ -19,8 +19,6 @@ from fcdm_opt.show.studies import study_figure
 from fcdm_opt.show.texts import amount_text, asked_text, motion_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield

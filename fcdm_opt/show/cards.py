@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.problem import TRACKING
-from fcdm_opt.show import pixels
+from fcdm_opt.show import Figure, pixels
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
@@ -27,8 +27,6 @@ from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_uni
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield

@@ -9,13 +9,11 @@ import numpy as np
 
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, styled
+from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet
 from fcdm_opt.show.plots import ALONG, path, pieces, plane
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from fcdm_opt.along.coherent_range import CoherentRange, Event
 
 CURVES = 5

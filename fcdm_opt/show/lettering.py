@@ -5,16 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.show import DARK, NOTE, TITLE, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from fcdm_opt.show import DARK, NOTE, TITLE, Figure, new_figure
 
 SPACING = 1.45
 """Distance of lines, in sizes of their text."""

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import TRACKING, Problem
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, VERMILLION, styled
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, clipped
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.problem.solution import Solution
 
 ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)
 """Where along a segment its name stands, the best place first."""
@@ -82,8 +78,6 @@ def before_after_figure(
     title, caption : str
         Text above and below the picture.
     """
-    from fcdm_opt.curve.decision_curve import decision_curve
-
     before, after = problem.curve, None
     pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)
     if pose is not None:

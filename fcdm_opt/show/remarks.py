@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import TRACKING
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.texts import CLOSED, bound_text, numbers
 from fcdm_opt.tolerances import DEFAULT
-
-if TYPE_CHECKING:
-    from fcdm_opt.problem.solution import Solution
 
 LARGE, GROWTH = 0.5, 2.0
 """A corner that moves farther than this share of the smaller body's shortest side, and than this times what the sizes

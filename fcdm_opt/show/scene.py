@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, styled
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, literal
 from fcdm_opt.show.texts import shortened
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fcdm_opt.curve.features import Feature
-    from fcdm_opt.geometry.elements import Element
 
 WIDTH = 12.0 / 2.54
 """Inches: between a column and the page."""

@@ -11,13 +11,11 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.texts import shortened, status_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from fcdm_opt.design.study.results import StudyResult
 
 COLOURS, DASHES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, BLACK), ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
