@@ -166,8 +166,8 @@ def test_no_text_runs_off_the_page_or_into_another(made: Any) -> None:
 def test_an_album_takes_studies(tmp_path: Path) -> None:
     said: list[str] = []
     album = Album(tmp_path / "album", said.append)
-    album.add_study("sweep", by_case())
-    album.add_study("sweep", drawn())
+    album.add("sweep", study_figure(by_case()))
+    album.add("sweep", study_figure(drawn()))
     names = sorted(path.name for path in (tmp_path / "album").iterdir())
     assert names == [f"sweep{k}.{ending}" for k in ("-2", "") for ending in ("png", "svg")]
     assert len(said) == 4

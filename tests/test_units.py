@@ -194,7 +194,7 @@ def _ranges(unit: str) -> None:
 
 def _curves(unit: str) -> None:
     print_head("boxes.toml", "", "", unit=unit)
-    tables.print_curves([(boxes(unit).curve, ["P"])])
+    tables.print_curves({boxes(unit).curve: ["P"]})
 
 
 def _whatif(unit: str) -> None:

@@ -49,6 +49,7 @@ def study_command(
     from fcdm_opt.design.study.running import run_study
     from fcdm_opt.show.album import Album
     from fcdm_opt.show.printing import console
+    from fcdm_opt.show.studies import study_figure
 
     result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
     result.to_csv(out / "study.csv")
@@ -57,7 +58,7 @@ def study_command(
         result.to_parquet(out / "study.parquet")
         say(f"wrote {out / 'study.parquet'}")
     pictures = Album(out, say)
-    pictures.add_study("study", result)
+    pictures.add("study", study_figure(result))
     if not as_json:
         console().print(f"{result}\n")
     counts = result.counts
@@ -135,6 +136,7 @@ def map_command(
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
     from fcdm_opt.show import tables
+    from fcdm_opt.show.maps import map_figure, yield_figure
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
@@ -143,7 +145,8 @@ def map_command(
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         assert pictures is not None  # there is a case
         found = compensation_map(problem, box=covered, error=error, seconds=seconds, jobs=jobs or 1)
-        stem = pictures.add_map(f"{file.path.stem}-{problem.name}", f"{file.name}: case {problem.name}", found)
+        title = f"{file.name}: case {problem.name}"
+        stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, title=title), ending="-map")
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
             say(f"wrote {out / f'{stem}.{ending}'}")
@@ -152,7 +155,7 @@ def map_command(
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
             scattered: Any = tuple(ends) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
-            pictures.add_yield(f"{stem}-yield", share, title=f"{file.name}: case {problem.name}")
+            pictures.add(f"{stem}-yield", yield_figure(share, title=title))
             yield "yield", share, tables.print_yield
 
     _each_case(inquiry, asked)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
@@ -47,9 +47,9 @@ def slope(segment: Any) -> float:
     return float(-a / b) if b else math.inf
 
 
-def print_curves(curves: Sequence[tuple[DecisionCurve, list[str]]]) -> None:
+def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
-    for curve, names in curves:
+    for curve, names in curves.items():
         (low_1, high_1), (low_2, high_2) = curve.box
         text = (
             f"{curve.movable.name}, movable, and {curve.static.name}, static; cases {', '.join(names)}: "
