@@ -193,8 +193,8 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
             at = solution.rho, solution.transform, solution.rho
             tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
     return {
-        "nominal": frames.still(problem.nominal_pair, "nominal sizes, no motion"),
-        "rescaled": frames.still(problem.target, "the parts made, no motion"),
+        "nominal": frames.frame(problem.nominal_pair, note="nominal sizes, no motion"),
+        "rescaled": frames.frame(problem.target, note="the parts made, no motion"),
         "corrected": corrected,
         "tracked": tracked,
     }

@@ -73,10 +73,6 @@ class Frames:
         """Return the places of features in `shapes`."""
         return [self._touching.setdefault(feature, len(self._touching)) for feature in features]
 
-    def still(self, sizes: Array, note: str) -> dict[str, Any]:
-        """Return the frame at rest at two scales."""
-        return self.frame(sizes, None, None, motion="none", amount=0.0, note=note)
-
     def solved(self, solution: Solution, note: str = "") -> dict[str, Any]:
         """Return the frame of a solution: the parts made where it puts them, or at rest where there is no motion."""
         return self.frame(
@@ -95,10 +91,10 @@ class Frames:
     def frame(
         self,
         sizes: Array,
-        transform: Array | None,
-        rho: Array | None,
+        transform: Array | None = None,
+        rho: Array | None = None,
         *,
-        amount: float,
+        amount: float = 0.0,
         gap: float | None = None,
         target: Array | None = None,
         note: str = "",
@@ -141,7 +137,7 @@ class Frames:
             "amount": drawn(amount),
             "pair_gap": drawn(gap),
             "pair_state": state,
-            **{"status": None, "usable": None, "parameters": [], **told},
+            **{"status": None, "usable": None, "motion": "none", "parameters": [], **told},
             "note": "; ".join(filter(None, (note, self._lost(curve, rho)))),
         }
 

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.show import write_svg
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.gather import made
+from fcdm_opt.show.studies import study_figure
 from fcdm_opt.show.texts import shown, study_facts
 
 if TYPE_CHECKING:
@@ -140,13 +142,9 @@ def _evenly(count: int, most: int) -> Sequence[int]:
 
 def _picture(result: StudyResult) -> str:
     """Return the study's picture as SVG."""
-    from fcdm_opt.show import write_svg
-    from fcdm_opt.show.studies import study_figure
-
     text = io.StringIO()
     write_svg(study_figure(result), text)
-    drawn = text.getvalue()
-    return drawn[drawn.index("<svg") :]
+    return text.getvalue()[text.getvalue().index("<svg") :]
 
 
 def _listed(values: Sequence[Any]) -> str:
