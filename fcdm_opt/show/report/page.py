@@ -23,10 +23,8 @@ Data = Mapping[str, Any]
 
 FIGURES = (  # what the scripts draw of a case; all else is text
     *("file", "name", "scene", "feature_shapes", "labels", "axes", "nominal", "tolerance_box", "signs", "quadrant"),
-    *("tracking", "poses", "families", "unit", "amount_unit"),
+    *("tracking", "poses", "families", "unit", "amount_unit", "bodies"),
 )
-POSES = {"nominal": "nominal", "rescaled": "re-scaled, at rest", "corrected": "corrected", "tracked": "tracked sizes"}
-MINUS = "\u2212"
 
 MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
 """Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
@@ -53,24 +51,18 @@ def page(payload: Data) -> str:
     for file in files:
         inputs.append({**file, "note": " ".join((file.get("note") or "").split())})
         inputs += [{**mesh, "title": f"mesh of {file['file']}", "note": None} for mesh in file.get("meshes") or ()]
-    figures = []
-    for case in cases:
-        bodies = [{key: body[key] for key in ("name", "role")} for body in case["bodies"]]
-        figures.append({**{key: case.get(key) for key in FIGURES}, "bodies": bodies})
     return whole_page(
         "page.html",
         scripts=("curve.js", "scene.js", "page.js"),
-        figures={"cases": figures},
+        figures={"cases": [{key: case[key] for key in FIGURES} for case in cases]},
         title=payload["title"],
-        note=payload.get("note"),
-        unread=[file for file in files if file.get("error")],
+        note=payload["note"],
         cases=[{"number": number, **case} for number, case in enumerate(cases)],
-        files=[{"cases": (), **file} for file in files],
+        files=files,
         matrices=payload["matrices"],
-        signs={letter: ",".join("+" if sign > 0 else MINUS for sign in pair) for letter, pair in SIGNS.items()},
-        poses=POSES,
+        signs=SIGNS,
         inputs=inputs,
-        versions=[(name, shown(value)) for name, value in payload["made"].items()],
+        versions=payload["made"].items(),
         tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
     )
 
