@@ -7,6 +7,5 @@ changeover       where, along a line, one active set gives way to another
 size_mesh        triangles over the box, and how they are split
 refined_mesh     the same, refined until the motion is known everywhere
 table            triangles that interpolate it, for programs on the shop floor
-lookup           which triangle a size pair is in
 assembly_yield   the share of part pairs whose motion stays within a budget, and which size it hangs on
 """
