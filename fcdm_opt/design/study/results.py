@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import os
@@ -17,8 +16,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fcdm_opt.design.moved_files import moved
-from fcdm_opt.design.proportion import proportion_interval
+from fcdm_opt.design.moved_files import moved, to_csv
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
 from fcdm_opt.doors import Shown
@@ -35,7 +33,7 @@ PENDING = "PENDING"
 
 CONFIDENCE = 0.95
 
-CASE, DRAW = "case", "draw"  # axes that no key of a problem stands for
+DRAW = "draw"  # an axis that no key of a problem stands for
 
 PLAIN = ("message", "usable", "amount", "lower_bound")
 PAIRS = ("rho", "pair")
@@ -165,13 +163,15 @@ class StudyResult(Shown):
     @property
     def assembly_yield(self) -> Share | None:
         """Share of the points whose motion stays within the budget; None without a budget, or a point worked out."""
+        from scipy.stats import binomtest
+
         budget = self.definition.get("budget")
         found = [row for key, _ in self.points if (row := self.answer(key))]
         if budget is None or not found:
             return None
         within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
-        interval = proportion_interval(within, len(found), CONFIDENCE)
-        return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
+        low, high = binomtest(within, len(found)).proportion_ci(CONFIDENCE, "exact")
+        return Share(within / len(found), (float(low), float(high)), within, len(found), CONFIDENCE, budget)
 
     def __str__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items()) or "none"
@@ -260,10 +260,7 @@ class StudyResult(Shown):
         InputError
             Where the file cannot be written; then there is none.
         """
-        with moved(path) as other, other.open("w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(self._columns)
-            table.writerows(zip(*self._columns.values(), strict=True))
+        to_csv(path, [self._columns, *zip(*self._columns.values(), strict=True)])
 
     def to_parquet(self, path: str | os.PathLike[str]) -> None:
         """Write `frame` as Parquet.

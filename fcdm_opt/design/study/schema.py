@@ -6,9 +6,13 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 
+from fcdm_opt.errors import InputError
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.schema import Entry, Label, Number, declared, one_of, refusal
 
 Key = Annotated[str, Field(min_length=1)]
+DIALECT = "https://json-schema.org/draft/2020-12/schema"  # the name of the dialect: nothing is asked there
+KINDS = ("problem", "study")
 WAYS = ("values", "grid", "uniform", "normal", "csv")
 
 # "from" and "yield" are words of Python, so that no class body can name such a field
@@ -192,3 +196,24 @@ StudyArguments = create_model(
         for key in ("title", "note", "cases", "seed", "certify", "effort", "time_limit", "sampling", "count")
     },  # type: ignore[call-overload]
 )
+
+
+def json_schema(kind: str = "problem") -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a kind of file; editors complete and check files by it.
+
+    Parameters
+    ----------
+    kind : "problem" or "study"
+
+    Raises
+    ------
+    InputError
+        For another kind.
+    """
+    if kind not in KINDS:
+        raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
+    model = ProblemFile if kind == "problem" else StudyFile
+    document = model.model_json_schema()
+    document.pop("title", None)
+    head = {"$schema": DIALECT, "$id": f"urn:fcdm-opt:{kind}", "title": f"{kind.capitalize()} file of fcdm-opt (TOML)"}
+    return {**head, **document}

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fcdm_opt.design.whatif.clashes import PlainMotion
+from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
