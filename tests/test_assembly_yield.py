@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 from size_tables import BOX, squares, table
 
 from fcdm_opt.design.compensation import assembly_yield as module
 from fcdm_opt.design.compensation.assembly_yield import assembly_yield
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.distributions import Measured, Normal, Uniform
+from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.errors import InputError
 
 (LOW_1, HIGH_1), (LOW_2, HIGH_2) = BOX
@@ -33,11 +33,6 @@ def share_2(y):
 def linear(p, q, **settings):
     """Return a table of the amount p u + q v, with u and v going from 0 to 1 over the box."""
     return table(squares(3), lambda x, y: p * share_1(x) + q * share_2(y), lambda x, y: x - 1.0, **settings)
-
-
-def proportion_interval(passed, count, confidence):
-    """Return the interval of Clopper and Pearson."""
-    return tuple(binomtest(passed, count).proportion_ci(confidence, method="exact"))
 
 
 def near(found, truth, count, sigmas=5.0):

@@ -172,3 +172,11 @@ def drawn_pairs(sizes: Any, box: Any, count: int, seed: int) -> tuple[Array, str
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])
     return drawn, f"{count} pairs drawn from {given[0]} and {given[1]}"
+
+
+def proportion_interval(passed: int, count: int, confidence: float) -> tuple[float, float]:
+    """Return Clopper and Pearson's interval of a share of which `passed` of `count` independent draws are known."""
+    from scipy.stats import binomtest
+
+    low, high = binomtest(passed, count).proportion_ci(confidence, method="exact")
+    return float(low), float(high)

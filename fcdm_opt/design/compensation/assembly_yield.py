@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.design.distributions import Distribution, Measured
-from fcdm_opt.design.sizes import drawn_pairs, sources
+from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
@@ -174,8 +174,6 @@ def assembly_yield(
     both first-order and total indices (A. Saltelli et al., Variance based sensitivity analysis of model output,
     Computer Physics Communications 181 (2010)).
     """
-    from scipy.stats import binomtest
-
     if not callable(getattr(sizes_map, "at", None)):
         raise InputError("not a map of motions", key="sizes_map", found=type(sizes_map).__name__, allowed="a Table")
     if budget is None and not limits:
@@ -205,7 +203,7 @@ def assembly_yield(
     bins = BINS if high - low > DEFAULT.tie * high else 1  # else the bins were narrower than digits tell apart
     counts, edges = np.histogram(amounts, bins, (low, high if high > low else low + 1.0))
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
-    sure, possible = (binomtest(some, of).proportion_ci(confidence, "exact") for some in (surely, possibly))
+    (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     contributions = []
     for k, body in enumerate(BODIES):
         held = pairs.T.copy()
@@ -224,7 +222,7 @@ def assembly_yield(
         )
     return AssemblyYield(
         share=float(points.passed.mean()),
-        interval=(float(sure.low), float(possible.high)),
+        interval=(low, high),
         confidence=float(confidence),
         count=of,
         passed=int(points.passed.sum()),

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fcdm_opt.design.moved_files import moved, to_csv
+from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
 from fcdm_opt.doors import Shown
@@ -163,15 +164,13 @@ class StudyResult(Shown):
     @property
     def assembly_yield(self) -> Share | None:
         """Share of the points whose motion stays within the budget; None without a budget, or a point worked out."""
-        from scipy.stats import binomtest
-
         budget = self.definition.get("budget")
         found = [row for key, _ in self.points if (row := self.answer(key))]
         if budget is None or not found:
             return None
         within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
-        low, high = binomtest(within, len(found)).proportion_ci(CONFIDENCE, "exact")
-        return Share(within / len(found), (float(low), float(high)), within, len(found), CONFIDENCE, budget)
+        interval = proportion_interval(within, len(found), CONFIDENCE)
+        return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
 
     def __str__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items()) or "none"
