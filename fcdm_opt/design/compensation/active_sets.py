@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 
-class ActiveSet(NamedTuple):
+@dataclass(frozen=True, order=True)
+class ActiveSet:
     """What holds a motion: pairs of sizes that share it make a region of the map.
 
     Attributes

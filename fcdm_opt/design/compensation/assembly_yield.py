@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.design.distributions import Distribution, Measured
 from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
 from fcdm_opt.doors import Shown
@@ -31,13 +30,6 @@ SHARES = (0.5, 0.9, 0.99, 0.999)
 
 BODIES = ("movable", "static")
 OTHERS = ("outside", "impossible", "undecided")
-
-
-class SizeMap(Protocol):
-    """What a yield is worked out from: a `Table`, a `CompensationMap`, or anything else that answers alike."""
-
-    def at(self, rho1: ArrayLike, rho2: ArrayLike, /) -> MapPoints:
-        """Return the motions for size pairs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +126,7 @@ class AssemblyYield(Plain, Shown):
 
 
 def assembly_yield(
-    sizes_map: SizeMap,
+    sizes_map: Any,
     *,
     sizes: tuple[Distribution, Distribution] | Array,
     budget: float | None = None,
@@ -147,7 +139,7 @@ def assembly_yield(
 
     Parameters
     ----------
-    sizes_map : Table or CompensationMap
+    sizes_map : Table or CompensationMap, or anything else with an `at` that answers alike
         The motion for every size pair, with its error.
     sizes : pair of distributions, or array (n, 2)
         What the sizes of body 1 and body 2 are drawn from, independently of each other; or measured pairs, which are
@@ -183,10 +175,7 @@ def assembly_yield(
     kept = {name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()}
     if not is_real(confidence) or not 0.0 < confidence < 1.0:
         raise InputError("unusable confidence", key="confidence", found=confidence, allowed="between 0 and 1")
-
-    def looked_up(x: Array, y: Array) -> _LookedUp:
-        return _looked_up(sizes_map, most, {names.index(name): ends for name, ends in kept.items()}, x, y)
-
+    looked_up = partial(_looked_up, sizes_map, most, {names.index(name): ends for name, ends in kept.items()})
     given = sources(sizes)
     scatter = given if isinstance(given, tuple) else (Measured(given[:, 0]), Measured(given[:, 1]))
     drawn, _ = drawn_pairs(scatter, None, count, seed)
@@ -253,7 +242,7 @@ class _LookedUp(NamedTuple):
 
 
 def _looked_up(
-    sizes_map: SizeMap, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array
+    sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array
 ) -> _LookedUp:
     """Return what a map says of size pairs, block by block; parameters that have limits are told by their number."""
     blocks = []

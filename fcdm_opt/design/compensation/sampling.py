@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from itertools import chain, pairwise
 from time import perf_counter
 from typing import Any, NamedTuple, TypeVar
 
@@ -17,16 +16,10 @@ from fcdm_opt.design.compensation.active_sets import ActiveSet, active_set
 from fcdm_opt.design.sizes import size_box, tolerance_box
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.judge.certificate import verify
-from fcdm_opt.judge.engagement import inside_fit
-from fcdm_opt.model.reported import reported
-from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
-from fcdm_opt.stages.order import STAGES
 from fcdm_opt.tolerances import DEFAULT
 
-QUICK = ("satisfied", "shift", "straight", "one parameter", "rotations", "descent", "translations")  # dearest last
 CHUNK = 16  # pairs that a process is handed at once
 
 Pair = tuple[float, float]
@@ -49,18 +42,9 @@ def asked(problem: Problem, pair: Sequence[float] | Array) -> Problem:
     return problem.changed(target=(float(pair[0]), float(pair[1])), requirement=None, tolerance=None, goal=problem.goal)
 
 
-def sample_at(problem: Problem, pair: Pair, *, careful: bool = False) -> Sample:
-    """Return the least motion for one pair of sizes: by local searches where they do, or as `solve` finds it."""
-    one, solution = asked(problem, pair), None
-    if not careful and problem.amount == "weighted" and not problem.feature_pairs:
-        task = Task.of(one)
-        tried = (STAGES[name](task) for name in QUICK)
-        answer = next((answer for answer in tried if answer is not None and answer.settles), None)
-        if answer is not None:
-            solution = reported(one, task, answer)
-            solution = inside_fit(solution.with_certificate(verify(solution), {}))
-    if solution is None or (solution.status.found and not solution.usable):
-        solution = solve(one, effort="quick")
+def sample_at(problem: Problem, pair: Pair) -> Sample:
+    """Return the least motion for one pair of sizes."""
+    solution = solve(asked(problem, pair), effort="quick")
     values = [solution.amount, *solution.parameters.values()] if solution.usable else [math.nan]
     return Sample(active_set(solution), np.resize(values, 1 + len(problem.weights)))
 
@@ -70,9 +54,9 @@ def _read(text: str) -> Problem:
     return Problem.from_dict(json.loads(text))
 
 
-def samples_at(text: str, pairs: Iterable[Pair], careful: bool) -> list[Sample]:
-    """Return the samples of a problem in plain data: what a worker process does."""
-    return [sample_at(_read(text), pair, careful=careful) for pair in pairs]
+def sample_of(text: str, pair: Pair) -> Sample:
+    """Return the sample of a problem in plain data: what a worker process does."""
+    return sample_at(_read(text), pair)
 
 
 @dataclass(eq=False)
@@ -80,7 +64,7 @@ class Sampler:
     """Finds least motions, in `jobs` processes, and remembers them.
 
     Places are relative to the box: (0, 0) is its lower, (1, 1) its upper corner. After as many samples as `budget`, or
-    as many `seconds`, it is `spent`. Local searches are asked first, unless it is `careful`: see `agree`.
+    as many `seconds`, it is `spent`.
     """
 
     problem: Problem
@@ -89,7 +73,6 @@ class Sampler:
     jobs: int = 1
     seconds: float = math.inf
     known: dict[Pair, Sample] = field(default_factory=dict)
-    careful: bool = False
     _start: float = field(default_factory=perf_counter)
 
     @property
@@ -114,27 +97,14 @@ class Sampler:
         self.known.update(zip(missing, self._solved(missing), strict=True))
         return [self.known[pair] for pair in pairs]
 
-    def agree(self, places: Array) -> bool:
-        """Tell whether `solve` finds no less at some places; if it does, forget all, and take it everywhere."""
-        before, self.careful = self.samples(list(places)), True
-        after = self._solved([(float(x), float(y)) for x, y in self.pair(places)])
-        for one, two in zip(before, after, strict=True):
-            less = one.values[0] - two.values[0] > DEFAULT.touch * self.problem.size
-            if less or np.isnan(one.values[0]) != np.isnan(two.values[0]):
-                self.known.clear()
-                return False
-        return True
-
-    def _solved(self, pairs: list[Pair]) -> Iterable[Sample]:
+    def _solved(self, pairs: list[Pair]) -> list[Sample]:
         if self.jobs == 1 or len(pairs) < 2 * self.jobs:
-            return [sample_at(self.problem, pair, careful=self.careful) for pair in pairs]
+            return [sample_at(self.problem, pair) for pair in pairs]
         from joblib import Parallel, delayed
 
-        count = min(len(pairs), max(self.jobs, len(pairs) // CHUNK))
-        ends = np.linspace(0, len(pairs), count + 1).astype(int)
-        with Parallel(n_jobs=self.jobs, inner_max_num_threads=1, backend="loky") as run:
-            chunks = (delayed(samples_at)(self._plain, pairs[a:b], self.careful) for a, b in pairwise(ends))
-            return chain.from_iterable(run(chunks))
+        run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
+        found: list[Sample] = run(delayed(sample_of)(self._plain, pair) for pair in pairs)
+        return found
 
     @cached_property
     def _plain(self) -> str:

@@ -106,7 +106,7 @@ class StudyResult(Shown):
         if not path.is_file():
             raise InputError("no study has been run into this folder", file=str(out), allowed=f"a folder with {FILE}")
         try:
-            with closing(_opened(path)) as base:
+            with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as base:
                 base.execute("BEGIN")  # one state of the store, whatever is written meanwhile
                 meta = dict(base.execute("SELECT name, value FROM meta"))
                 if meta["schema"] != str(SCHEMA):
@@ -323,18 +323,6 @@ class StudyResult(Shown):
 
 
 # ------------------------------------------------------------------------------------------------------------ the store
-
-
-def _opened(path: Path) -> sqlite3.Connection:
-    """Open a store for reading; also one in a folder that cannot be written, where nobody else writes then either."""
-    place = path.resolve().as_uri()
-    base = sqlite3.connect(f"{place}?mode=ro", uri=True)
-    try:
-        base.execute("SELECT name FROM sqlite_master LIMIT 1")
-    except sqlite3.OperationalError:
-        base.close()
-        base = sqlite3.connect(f"{place}?immutable=1", uri=True)
-    return base
 
 
 def _axes(definition: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:

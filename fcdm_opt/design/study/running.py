@@ -20,6 +20,7 @@ from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.design.study.store import Store
 from fcdm_opt.design.study.study import Study, StudyPoint
 from fcdm_opt.errors import InputError
+from fcdm_opt.version import __version__
 
 ENGINES = ("joblib", "dask")
 PAUSE = 10.0
@@ -77,7 +78,7 @@ def run_study(
     study = study if isinstance(study, Study) else Study.read(study)
     check_engine(engine, jobs, scheduler)
     with (
-        Store(Path(out), study.key, study.version, study.to_dict()) as store,
+        Store(Path(out), study.key, __version__, study.to_dict()) as store,
         shown(len(study), progress=progress, say=say) as tell,
         workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
@@ -187,7 +188,6 @@ def workers(
         answer: Work
         if engine == "dask":
             from fcdm_opt.design.study.cluster import answer_on_worker, joined
-            from fcdm_opt.version import __version__
 
             backend: Any = stack.enter_context(joined(scheduler, jobs))
             answer = partial(answer_on_worker, __version__, work, limit)

@@ -164,14 +164,8 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         tied = isinstance(was_told, float) and isinstance(now_told, float) and abs(was_told - now_told) <= floor
         if was_told != now_told and not tied:  # infinity is a word
             yield Difference(name, was_told, now_told)
-    others: tuple[tuple[str, Any, Any], ...] = (
-        ("status", before.status.name, after.status.name),
-        ("usable", before.usable, after.usable),
-        ("pair_state", before.pair_state, after.pair_state),
-        ("pair", before.pair.tolist(), after.pair.tolist()),
-        ("features", [feature.label for feature in before.features], [feature.label for feature in after.features]),
-        ("active", list(before.active), list(after.active)),
-    )
-    for name, was, now in others:
+    for name in ("status", "usable", "pair_state", "pair", "features", "active"):
+        was, now = ([item.label for item in told.features] if name == "features" else plain(getattr(told, name))
+                    for told in (before, after))  # fmt: skip
         if was != now:
             yield Difference(name, was, now)
