@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
-from fcdm_opt.design.whatif.constraints import constraints, excesses, named, without
+from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
 from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -126,6 +126,11 @@ def test_dropping_a_pair_state_drops_the_clearance_that_it_asks_for():
     assert names(asked) == ["pair 'clear'", "clearance", "coherence"]
     assert names(without(asked, ["pair 'clear'"])) == ["coherence"]
     assert names(without(asked, ["clearance"])) == ["pair 'clear'", "coherence"]
+
+
+def named(problem: Problem, name: str) -> Constraint:
+    (constraint,) = (one for one in constraints(problem) if one.name == name)
+    return constraint
 
 
 def relaxed(problem: Problem, name: str, by: float) -> Problem:

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
+from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.problem.problem import Problem
 
-DISTRIBUTIONS = (Uniform, Normal, Measured)
 MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
@@ -100,8 +99,8 @@ def size_box(value: Any, key: str) -> Array:
 def sources(value: Any) -> tuple[Distribution, Distribution] | Array:
     """Return a distribution of sizes for each body, or a list of size pairs, (n, 2), n > 0, all finite and > 0."""
     allowed = "an (n, 2) array of measured pairs (rho_1, rho_2) > 0, or a distribution for each body"
-    if isinstance(value, list | tuple) and any(isinstance(item, DISTRIBUTIONS) for item in value):
-        if len(value) != 2 or not all(isinstance(item, DISTRIBUTIONS) for item in value):
+    if isinstance(value, list | tuple) and any(isinstance(item, Distribution) for item in value):
+        if len(value) != 2 or not all(isinstance(item, Distribution) for item in value):
             raise InputError("not two distributions", key="sizes", found=value, allowed="one for each body")
         for source in value:
             if not source.range[0] > 0.0:

@@ -32,7 +32,7 @@ BODIES = ("movable", "static")
 OTHERS = ("outside", "impossible", "undecided")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Contribution(Plain):
     """How much of the amount's variance, and of the failures, is due to one body's tolerance.
 
@@ -197,18 +197,9 @@ def assembly_yield(
     for k, body in enumerate(BODIES):
         held = pairs.T.copy()
         held[k] = scatter[k].quantile(0.5)
-        first, total = indices[k].tolist()
-        first_error, total_error = deviations[k].tolist()
-        contributions.append(
-            Contribution(
-                body=body,
-                first_order=first,
-                first_order_error=first_error,
-                total=total,
-                total_error=total_error,
-                share_without=float(looked_up(*held).passed.mean()),
-            )
-        )
+        (first, total), (first_error, total_error) = indices[k].tolist(), deviations[k].tolist()
+        without = float(looked_up(*held).passed.mean())
+        contributions.append(Contribution(body, first, first_error, total, total_error, without))
     return AssemblyYield(
         share=float(points.passed.mean()),
         interval=(low, high),
@@ -241,9 +232,7 @@ class _LookedUp(NamedTuple):
     outside: Flags
 
 
-def _looked_up(
-    sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array
-) -> _LookedUp:
+def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array) -> _LookedUp:
     """Return what a map says of size pairs, block by block; parameters that have limits are told by their number."""
     blocks = []
     for start in range(0, max(len(x), 1), BLOCK):

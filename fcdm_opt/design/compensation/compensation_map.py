@@ -12,9 +12,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.active_sets import ActiveSet
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
-from fcdm_opt.design.compensation.sampling import Sampler, covered
+from fcdm_opt.design.compensation.sampling import ActiveSet, Sampler, covered
 from fcdm_opt.design.compensation.size_mesh import areas
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json

@@ -11,9 +11,8 @@ from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.design.compensation.active_sets import REJECTED, ActiveSet
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
-from fcdm_opt.design.compensation.sampling import Asking, Sample, Sampler
+from fcdm_opt.design.compensation.sampling import REJECTED, ActiveSet, Asking, Sample, Sampler
 from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task

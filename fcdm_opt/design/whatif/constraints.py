@@ -231,18 +231,13 @@ def without(problem: Problem, names: Iterable[str]) -> Problem:
     InputError
         For a name that no constraint of the problem has.
     """
-    for constraint in [named(problem, name) for name in dict.fromkeys(names)]:
-        problem = constraint.changed(problem, constraint.most)
-    return problem
-
-
-def named(problem: Problem, name: str) -> Constraint:
-    """Return the constraint of a name; raises `InputError` that lists the names there are."""
     known = {one.name: one for one in constraints(problem)}
-    if name not in known:
-        allowed = ", ".join(known) or "none: the problem has no constraint"
-        raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)
-    return known[name]
+    for name in dict.fromkeys(names):
+        if name not in known:
+            allowed = ", ".join(known) or "none: the problem has no constraint"
+            raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)
+        problem = known[name].changed(problem, known[name].most)
+    return problem
 
 
 def excesses(problem: Problem, solution: Solution) -> dict[str, float]:

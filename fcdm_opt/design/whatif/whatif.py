@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.question import excluded
 from fcdm_opt.design.whatif.constraints import problem_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.doors import Shown
@@ -135,11 +136,9 @@ def whatif(problem: Problem | Solution, other: Problem | None = None, /, **chang
 
 def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments that a change leaves without meaning."""
-    dropped: dict[str, Any] = {}
-    if changes.get("target") is not None:
-        dropped |= {"requirement": None, "tolerance": None}
-    elif changes.get("requirement") is not None or changes.get("tolerance") is not None:
-        dropped |= {"target": None}
+    dropped: dict[str, Any] = {
+        other: None for name, value in changes.items() if value is not None for other in excluded(name)
+    }
     if "motion" in changes:
         dropped |= {"published": None, "published_text": ""}
     return dropped
