@@ -152,7 +152,7 @@ def test_a_family_found_dearer_than_its_part_is_told() -> None:
 def test_bounds_are_told_where_certified() -> None:
     motions = [Translation("x"), Translation("x") >> Rotation("z")]
     found = compare(boxes(), motions, certify=True)
-    for row in found.rows():
+    for row in found.to_dict()["rows"]:
         assert 0.99 * row["amount"] <= row["lower_bound"] <= row["amount"] * (1 + 1e-9)
     one, two = (next(row for row in found.table if row.motion is motion) for motion in motions)
     assert two.solution is not None
