@@ -1018,16 +1018,6 @@ def _room(k):
 
 
 @kernel
-def first_beyond(scene, trials, hands, miss):
-    """Return the first of several z that bring the tracked pair beyond its target, real all along; -1 for none."""
-    room = _room(trials.shape[1])
-    for r in range(len(trials)):
-        if beyond(scene, hands, trials[r], room) >= miss and not _lost(scene, scene[6], hands, trials[r], room):
-            return r
-    return -1
-
-
-@kernel
 def merits(scene, hands, limits, steps, angles, cap, halvings):
     """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
 
