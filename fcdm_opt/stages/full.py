@@ -86,7 +86,11 @@ def _everything(task: Task, closing: Parts | None) -> tuple[list[Row], Array]:
             normal = facets[int(np.argmax(facets[:, 5] - facets[:, 3:5] @ task.nominal)), :3]
             sides = (1, one.vertices), (2, two.vertices - two.seed)
             for s in positions:
-                rows += [program.plane_row_on_the_way(len(planes), s, body, v) for body, vs in sides for v in vs]
+                rows += [
+                    Row(("plane on the way", body), np.append(vertex, s), 0.0, np.inf, "", len(planes))
+                    for body, vertices in sides
+                    for vertex in vertices
+                ]
                 planes.append(_level(task, one, normal, task.nominal[0]))
     pose = task.pose(task.start)
     for i, j in np.ndindex(len(task.movable.parts), len(task.opponents)):

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.flush import Overlap
 from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -110,28 +109,6 @@ def _seat_rows(task: Task) -> list[Row]:
     return [rows[k] for k in independent(np.vstack([scale * rates, slopes]) * task.steps * moving)]
 
 
-def still_row(task: Task, parameter: int) -> Row:
-    """Keep a parameter at zero."""
-    return Row(("turned",), np.eye(len(task.weights))[parameter] / task.steps, 0.0, 0.0, "flush contacts stay aligned")
-
-
-def shared_row(task: Task, overlap: Overlap, least: float) -> Row:
-    """Keep flush elements over one another by a length, along a direction that stays."""
-    values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
-    return Row(("over",), values, least / task.unit, INF, "flush contacts stay on one another")
-
-
-def line_row(task: Task, s: float, feature: FeaturePoints, scale: float, apart: bool, name: str) -> Row:
-    """Keep the tracked pair at path position s on the touching (or apart) side of a feature's contact line."""
-    values = np.concatenate([[s], feature.values, [scale * task.unit]])
-    return Row(("line", feature.kind), values, *((0.0, INF) if apart else (-INF, 0.0)), name)
-
-
-def target_row(task: Task, feature: FeaturePoints, scale: float, name: str) -> Row:
-    """Keep the target pair from being apart in a feature's direction."""
-    return Row(("target", feature.kind), np.append(feature.values, scale * task.unit), -INF, 0.0, name)
-
-
 def support_row(task: Task, s: float, feature: FeaturePoints, scale: float, body: int, vertex: Array, name: str) -> Row:
     """Keep a vertex, as drawn, behind a tracked feature's plane at path position s."""
     values = np.concatenate([[s], feature.values, vertex, [scale * task.unit]])
@@ -144,11 +121,6 @@ def plane_row(task: Task, block: int, body: int, vertex: Array, need: float, nam
     Of body 1 as drawn, to be scaled and moved; of body 2 or a keep-out, which stay, as scaled and relative to s_2.
     """
     return Row(("plane", body), np.append(vertex, need / task.unit), 0.0, INF, name, block)
-
-
-def plane_row_on_the_way(block: int, s: float, body: int, vertex: Array) -> Row:
-    """Keep a vertex on its body's side of plane `block` at path position s and the tracked pair, see `plane_row`."""
-    return Row(("plane on the way", body), np.append(vertex, s), 0.0, INF, "", block)
 
 
 def common_rows(task: Task, block: int, one: ConvexPart, two: ConvexPart) -> list[Row]:
