@@ -64,13 +64,10 @@ class Descent:
     ----------
     task : Task
     motion : PoseInstructions
-    asks : bool
-        Whether the state of the target pair is among what is asked.
     """
 
     task: Task
     motion: PoseInstructions
-    asks: bool
 
     @cached_property
     def scale(self) -> Array:
@@ -90,7 +87,8 @@ class Descent:
         rows = [(*feature.site, *feature.parts) for feature in task.tracked]
         tracked = np.array(rows, dtype=np.int64).reshape(-1, 5)
         signs = np.array([feature.sign for feature in task.tracked])
-        pairs = np.array([task.nominal, task.target, (task.need if self.asks else -np.inf, 0.0)])
+        # where a contact is tracked, the state of the target pair is left to other stages
+        pairs = np.array([task.nominal, task.target, (-np.inf if task.tracked else task.need, 0.0)])
         points = (DEFAULT.path_points - 1, task.coherent, DEFAULT.path_turn, MOST_TURNED, DEFAULT.cut * task.size)
         path = np.array([*points, *self.turning], dtype=np.float64)
         return motion, task.movable.packed, task.static.packed, tracked, signs, pairs, path
@@ -225,18 +223,6 @@ class Descent:
             best = self.settle(self._wide(), self._below(best)) or best
         return best
 
-    def least_paired(self, loose: Settled) -> Settled | None:
-        """Return the least motion found that gives the target pair its state besides; `loose` is without."""
-        task, starts = self.task, np.vstack([loose.z, self.starts])
-        gaps = task.pair_gaps(loose.z * self.scale)
-        low = [parts for parts in np.ndindex(gaps.shape) if gaps[parts] < task.need]
-        order = sorted(np.ndindex(gaps.shape), key=lambda parts: float(gaps[parts]))
-        best: Settled | None = None
-        for closing in [*([None] if low or not task.must_touch else []), *(order[:CHOICES] if task.must_touch else [])]:
-            for _, chosen in self._combined({parts: self.ways(loose.z, parts) for parts in low}):
-                best = self.settle(starts, self._below(best), chosen, closing) or best
-        return best
-
     # ------------------------------------------------------------------------------------------- touch and clear
 
     def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way, float]]:
@@ -338,11 +324,8 @@ def descent(task: Task) -> Answer | None:
     program = pose_instructions(task.motion)
     if program is None:
         return None
-    own = Descent(task, program, task.must_clear and not task.tracked)
+    own = Descent(task, program)
     best = own.least_tracked() if task.tracked else own.least_free()
-    paired = best is not None and task.tracked and task.must_clear
-    if best is not None and paired and not task.meets(best.z * own.scale, DEFAULT.requirement, path=False):
-        best = replace(own, asks=True).least_paired(best)
     if best is None:
         return None
     q = np.clip(best.z * own.scale, task.limits[:, 0], task.limits[:, 1])

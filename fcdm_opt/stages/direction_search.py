@@ -79,7 +79,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     """Return the least motion, and those beside it, in directions a little to both sides."""
     program = pose_instructions(task.motion)
     assert program is not None
-    own = Descent(task, program, False)
+    own = Descent(task, program)
     *scene, path = own.scene
     path = path.copy()
     path[4] *= WITHIN
