@@ -597,9 +597,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
     k = len(z)
     g, G, lengths = np.empty(count), np.empty((count, k)), np.empty(count)
     g2, G2, lengths2 = np.empty(count), np.empty((count, k)), np.empty(count)
-    all_rows, equal = np.ones(count), np.empty(count, np.bool_)
-    for c in range(count):
-        equal[c] = rows[0][c, EQUAL] > 0
+    all_rows, equal = np.ones(count), rows[0][:count, EQUAL] > 0
     H, step, trial = np.zeros((k, k)), np.empty(k), np.empty(k)
     duals[:count] = 0.0
     if not normalised(scene, rows, count, all_rows, z, g, G, lengths):
@@ -979,16 +977,10 @@ def _widest(rows, x, y):
 
 @kernel
 def beyond(scene, hands, z, room):
-    """Return by how much the tracked pair is beyond its target, relative; -inf where there is none.
-
-    Of one tracked feature, which meets its target exactly, the target's height over its line.
-    """
-    tracked, pairs = scene[3], scene[5]
+    """Return by how much the tracked pair is beyond its target, relative; -inf where there is none."""
     q, flat, lines, rho, _ = room  # so that nothing is allocated
     _place(scene[0], z, 1.0, q, flat, False)
-    exists = _tracked(scene, flat, 1.0, lines, rho)
-    if len(tracked) == 1:
-        return lines[0, 0, 3] * pairs[1, 0] + lines[0, 0, 4] * pairs[1, 1] - lines[0, 0, 5]
+    exists, pairs = _tracked(scene, flat, 1.0, lines, rho), scene[5]
     a, b, d, e = lines[0, 0, 3], lines[0, 0, 4], lines[1, 0, 3], lines[1, 0, 4]
     parallel = not abs(a * e - b * d) > CROSSING * math.sqrt((a * a + b * b) * (d * d + e * e))
     if parallel or not exists:
@@ -1034,8 +1026,7 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
     halvings : int
         Of a stretch at whose end the contact is lost.
     """
-    path = scene[6]
-    merits, crossed = np.full(len(angles), 2.0 * FAR), len(scene[3]) == 1
+    path, merits = scene[6], np.full(len(angles), 2.0 * FAR)
     way, z, room = np.empty(2), np.empty(2), _room(2)
     looks = np.empty((3, len(path)))
     looks[:] = path
@@ -1051,15 +1042,13 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
                 longest = min(longest, steps[1 + k] / abs(way[k]))
             elif limits[k, 0] > 0.0 or limits[k, 1] < 0.0:
                 end = -np.inf
-        z[:] = 0.0
-        was = beyond(scene, hands, z, room)
         before, best, lost = 0.0, -np.inf, not start <= end
         while before < end and not lost:
             ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
             if before < start < ahead:
                 ahead = start
             z[:] = ahead * way
-            lost = not crossed and _lost(scene, looks[0], hands, z, room)
+            lost = _lost(scene, looks[0], hands, z, room)
             low, high = before, ahead
             for _ in range(halvings if lost else 0):
                 middle = 0.5 * (low + high)
@@ -1074,25 +1063,23 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
             z[:] = ahead * way
             value = beyond(scene, hands, z, room)
             if ahead >= start and ahead > 0.0:
-                best = max(best, -abs(value) if crossed else value)
-                if was * value <= 0.0 if crossed else value >= 0.0:
+                best = max(best, value)
+                if value >= 0.0:
                     low, high = before, ahead
                     for _ in range(ROOT_HALVINGS if low >= start else 0):
                         middle = 0.5 * (low + high)
                         if not low < middle < high:
                             break
                         z[:] = middle * way
-                        there = beyond(scene, hands, z, room)
-                        if was * there <= 0.0 if crossed else there >= 0.0:
+                        if beyond(scene, hands, z, room) >= 0.0:
                             high = middle
                         else:
                             low = middle
                     z[:] = high * way
                     if not (_lost(scene, looks[1], hands, z, room) or _lost(scene, looks[2], hands, z, room)):
-                        merits[n], lost = high, True
-                        cap = min(cap, high)
-                    lost = lost or not crossed
-            before, was = ahead, value
+                        merits[n], cap = high, min(cap, high)
+                    lost = True
+            before = ahead
         if merits[n] >= FAR:
             merits[n] = FAR * (1.0 + min(-best, 1.0))
     return merits

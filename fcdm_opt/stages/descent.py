@@ -103,10 +103,9 @@ class Descent:
         """The rows of limits and goal, with room for more, and how many there are."""
         task, table, numbers = self.task, np.zeros((ROOM, compiled.ROW), dtype=np.int64), np.zeros((ROOM, 3))
         made: list[tuple[dict[int, int], float, float]] = []
-        for k, limits in enumerate(task.limits.tolist()):
-            for hand, end in zip((1.0, -1.0), limits, strict=True):
-                if np.isfinite(end):
-                    made.append(({compiled.TYPE: compiled.BOUND, compiled.V: k}, hand, end / self.scale[k]))
+        for k, side in np.argwhere(np.isfinite(task.limits)).tolist():
+            level = float(task.limits[k, side] / self.scale[k])
+            made.append(({compiled.TYPE: compiled.BOUND, compiled.V: k}, (1.0, -1.0)[side], level))
         if len(task.tracked) == 1:
             made.append(({compiled.TYPE: compiled.ON, compiled.EQUAL: 1}, 1.0, 0.0))
         elif task.tracked:

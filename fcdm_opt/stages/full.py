@@ -59,7 +59,7 @@ def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> Answer
     for closing in closings:
         rows, planes = _everything(task, closing)
         outcome = program.minimise(task, rows, task.start, planes, "full", tolerance)
-        if not outcome.feasible or (best is not None and task.amount(outcome.q) >= best.amount):
+        if outcome is None or (best is not None and task.amount(outcome.q) >= best.amount):
             continue
         pairs = list(np.ndindex(len(task.movable.parts), len(task.opponents)))
         largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0

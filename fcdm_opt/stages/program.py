@@ -43,11 +43,10 @@ class Row(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Result of one solve: parameters, normals of the planes, whether all rows hold, and the rows that are active."""
+    """Result of one solve in which all rows hold: parameters, normals of the planes, and the rows that are active."""
 
     q: Array
     normals: Array
-    feasible: bool
     active: tuple[int, ...]
 
 
@@ -361,8 +360,8 @@ def minimise(
     planes: Array,
     method: str = "sqpmethod",
     tolerance: float = DEFAULT.solver,
-) -> Outcome:
-    """Solve the program from one start.
+) -> Outcome | None:
+    """Solve the program from one start; None where rows do not hold.
 
     Parameters
     ----------
@@ -411,11 +410,12 @@ def minimise(
     with np.errstate(invalid="ignore"):  # where a row is not finite the outcome is no feasible one
         excess = np.maximum(lower - g, g - upper)
     feasible = np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= max(DEFAULT.cut, tolerance)
-    feasible = bool(feasible) and (method != "full" or solver.stats()["success"])
+    if not feasible or (method == "full" and not solver.stats()["success"]):
+        return None
     active = tuple(sorted(order[m] for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper))))
     tilts = x[k : k + 3 * len(planes)].reshape(-1, 3)
     normals = [frame @ [1.0, *tilt[:2]] for frame, tilt in zip(frames, tilts, strict=True)]
-    return Outcome(q, np.array(normals).reshape(-1, 3), feasible, active)
+    return Outcome(q, np.array(normals).reshape(-1, 3), active)
 
 
 def _frame(normal: Array) -> Array:

@@ -180,13 +180,12 @@ class Relaxation:
         """Return the least feasible outcome over the starts."""
         planes = np.array(list(self._planes.values())).reshape(-1, 4)
         task = self.task
-        outcomes = [program.minimise(task, self._rows, start, planes, method) for start in starts]
-        stuck = self.task.tracked and not any(outcome.feasible for outcome in outcomes)
-        cornered = any(self.task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
+        found = [program.minimise(task, self._rows, start, planes, method) for start in starts]
+        stuck = task.tracked and not any(found)
+        cornered = any(task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
         if self._planes and (stuck or cornered):  # where SQP may find nothing, or stop short of the least
-            outcomes.append(program.minimise(self.task, self._rows, starts[0], planes, "ipopt"))
-        feasible = [outcome for outcome in outcomes if outcome.feasible]
-        best = min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)
+            found.append(program.minimise(task, self._rows, starts[0], planes, "ipopt"))
+        best = min((own for own in found if own is not None), key=lambda own: task.amount(own.q), default=None)
         for _ in range(RECENTRED if self._planes else 0):
             if best is None:
                 break
@@ -196,7 +195,7 @@ class Relaxation:
             lengths = np.linalg.norm(best.normals, axis=1)[:, None]
             planes = np.column_stack([best.normals, np.array(levels) / self.task.unit]) / lengths
             again = program.minimise(task, self._rows, best.q, planes, method)
-            if not again.feasible or self.task.amount(again.q) >= self.task.amount(best.q) * (1.0 - DEFAULT.nominal):
+            if again is None or task.amount(again.q) >= task.amount(best.q) * (1.0 - DEFAULT.nominal):
                 break
             best = again
         return best
