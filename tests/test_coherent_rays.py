@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,6 @@ import fcdm_opt as fo
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.stages import direction_search
-from fcdm_opt.stages.descent import descent
 from fcdm_opt.tolerances import DEFAULT
 
 EXAMPLE = Path(__file__).parents[1] / "problems" / "example1.toml"
@@ -63,20 +60,6 @@ def test_no_direction_has_a_smaller_motion(name: str, tolerance: float) -> None:
                 smaller.append((angle, share))
     assert looked > 100
     assert not smaller
-
-
-def test_of_one_tracked_feature_rays_find_what_descent_finds() -> None:
-    """The target is brought onto one line; descent looks at fewer points of the path, and gains a little of that."""
-    task = Task.of(asked("C", 0.005))
-    for feature in task.tracked:
-        one = replace(task, tracked=(feature,), flush=(), goal="at")
-        rays = direction_search.least_direction(one)
-        found = descent(one)
-        assert rays is not None
-        assert rays.q is not None
-        assert found is not None
-        assert found.q is not None
-        assert one.amount(rays.q) == pytest.approx(one.amount(found.q), rel=WINDOW)
 
 
 def test_nothing_is_found_where_nothing_is() -> None:

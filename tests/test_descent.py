@@ -18,8 +18,8 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 from fcdm_opt.stages import compiled, rays
 from fcdm_opt.stages.descent import descent
-from fcdm_opt.stages.models import nonlinear
 from fcdm_opt.stages.rays import one_parameter
+from fcdm_opt.stages.relaxation import nonlinear
 
 X, Y, Z = (Translation(axis) for axis in "xyz")
 RX, RY, RZ = (Rotation(axis) for axis in "xyz")

@@ -23,6 +23,7 @@ from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -55,17 +56,12 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class StateSpan:
+class StateSpan(Plain):
     """A stretch low <= x <= high over which the pair is "apart" or "overlapping"."""
 
     state: str
     low: float
     high: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data; infinity as "inf"."""
-        ends = {name: x if math.isfinite(x) else str(x) for name, x in (("low", self.low), ("high", self.high))}
-        return {"state": self.state} | ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +104,9 @@ class ContactTimes:
         return {
             "direction": dict(zip(names, self.direction.tolist(), strict=True)),
             "pair": self.pair.tolist(),
-            "free": None if self.free is None else [x if math.isfinite(x) else str(x) for x in self.free],
-            "spans": [span.to_dict() for span in self.spans],
-            "touches": [touch.to_dict() for touch in self.touches],
+            "free": plain(self.free),
+            "spans": plain(self.spans),
+            "touches": plain(self.touches),
             "proved": self.proved,
         }
 

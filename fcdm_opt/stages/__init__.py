@@ -7,9 +7,8 @@ descent          least distance steps over contact rows (`compiled`)
 best_first       the least motion under linear conditions with alternatives
 ways_apart       descent over all ways in which part pairs may come apart
 direction_search tracked contacts direction by direction
-program          the nonlinear program; `relaxation` grows it by what its solutions violate
+program          the nonlinear program; `relaxation` grows it by what its solutions violate, from several starts
 rays             one parameter: first contact along a ray by safe steps (`steady`: of second order)
-models           the nonlinear program from several starts
 branching        branch and bound, see `proof`
 full             everything in one program: the yardstick
 another_amount   other amounts than the weighted one

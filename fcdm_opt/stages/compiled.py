@@ -26,8 +26,22 @@ import math
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel
-from fcdm_opt.curve.kernels import E1E2, F1V2, facet_rows, pair_bounds
+from fcdm_opt.compiling import kernel, step
+from fcdm_opt.curve.kernels import (
+    E1E2,
+    F1V2,
+    _at,
+    _cross,
+    _dot,
+    _entry,
+    _length,
+    _minus,
+    _times,
+    _turned,
+    _turned_back,
+    facet_rows,
+    pair_bounds,
+)
 from fcdm_opt.motion import instructions as codes
 
 REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
@@ -149,67 +163,66 @@ def _part(parts, p):
 
 
 @kernel
-def _turn(M, at, x0, x1, x2):
-    return (
-        M[at] * x0 + M[at + 1] * x1 + M[at + 2] * x2,
-        M[at + 3] * x0 + M[at + 4] * x1 + M[at + 5] * x2,
-        M[at + 6] * x0 + M[at + 7] * x1 + M[at + 8] * x2,
-    )
+def _edge(part, k):
+    """Return the first vertex of an edge, and the way to its other one."""
+    reals, ints = part
+    h = ints[3] + 8 * k
+    return ints[h], _minus(_at(reals, ints[h + 1]), _at(reals, ints[h]))
+
+
+@kernel
+def _corner(part, face):
+    """Return a vertex of a face."""
+    ints = part[1]
+    return ints[ints[3] + 4 * ints[ints[5] + face]]
+
+
+@kernel
+def _own_vertices(one, two, site):
+    """Return a vertex of either part on the elements that a site names."""
+    kind, i, j = site[0], site[1], site[2]
+    if kind == F1V2:
+        return _corner(one, i), j
+    if kind == E1E2:
+        return _edge(one, i)[0], _edge(two, j)[0]
+    return i, _corner(two, j)
 
 
 @kernel
 def _line(parts1, parts2, site, sign, flat, out):
     """Fill `out`, (k + 1, 6), with a feature's (n, a, b, c) and their derivatives; nan where edges are parallel.
 
-    The direction n is R m, of a face of body 1, c, of one of body 2, or R e x f of edges over its length.
+    The direction n is R e, e normal of a face of body 1, f, of one of body 2, or R e x f of edges over its length.
     """
-    kind, i, j = site[0], site[1], site[2]
-    reals1, ints1 = _part(parts1, site[3])
-    reals2, ints2 = _part(parts2, site[4])
-    m0 = m1 = m2 = e0 = e1 = e2 = f0 = f1 = f2 = c0 = c1 = c2 = 0.0
+    kind = site[0]
+    one, two = _part(parts1, site[3]), _part(parts2, site[4])
+    v, w = _own_vertices(one, two, site)
+    e = f = n = u = 0.0, 0.0, 0.0
     if kind == E1E2:
-        h, g = ints1[3] + 8 * i, ints2[3] + 8 * j
-        v, v2, w, w2 = ints1[h], ints1[h + 1], ints2[g], ints2[g + 1]
-        e0, e1, e2 = reals1[v2, 0] - reals1[v, 0], reals1[v2, 1] - reals1[v, 1], reals1[v2, 2] - reals1[v, 2]
-        f0, f1, f2 = reals2[w2, 0] - reals2[w, 0], reals2[w2, 1] - reals2[w, 1], reals2[w2, 2] - reals2[w, 2]
-        e0, e1, e2 = sign * e0, sign * e1, sign * e2
+        e, f = _times(sign, _edge(one, site[1])[1]), _edge(two, site[2])[1]
     elif kind == F1V2:
-        v, w, f = ints1[ints1[3] + 4 * ints1[ints1[5] + i]], j, ints1[0] + i
-        m0, m1, m2 = reals1[f, 0], reals1[f, 1], reals1[f, 2]
+        e = _at(one[0], one[1][0] + site[1])
     else:
-        v, w, f = i, ints2[ints2[3] + 4 * ints2[ints2[5] + j]], ints2[0] + j
-        c0, c1, c2 = -reals2[f, 0], -reals2[f, 1], -reals2[f, 2]
-    w0, w1, z2 = reals2[w, 0], reals2[w, 1], reals2[w, 2]
-    d0, d1, d2 = flat[9], flat[10], flat[11]
-    r0, r1, r2 = _turn(flat, 0, reals1[v, 0], reals1[v, 1], reals1[v, 2])
-    n0 = n1 = n2 = 0.0
-    steep = 1.0
+        f = _times(-1.0, _at(two[0], two[1][0] + site[2]))
+    x, y, steep = _at(one[0], v), _at(two[0], w), 1.0
     for m in range(len(out)):
         at = 12 * m
         if kind == E1E2:
-            g0, g1, g2 = _turn(flat, at, e0, e1, e2)
-            u0, u1, u2 = (g1 * f2 - g2 * f1) / steep, (g2 * f0 - g0 * f2) / steep, (g0 * f1 - g1 * f0) / steep
-            if m == 0:
-                steep = math.sqrt(u0 * u0 + u1 * u1 + u2 * u2)
-                u0, u1, u2 = u0 / steep, u1 / steep, u2 / steep
-            else:
-                along = n0 * u0 + n1 * u1 + n2 * u2
-                u0, u1, u2 = u0 - along * n0, u1 - along * n1, u2 - along * n2
-        elif m == 0 or kind == F1V2:
-            u0, u1, u2 = _turn(flat, at, m0, m1, m2)
-            u0, u1, u2 = u0 + c0, u1 + c1, u2 + c2
+            u = _cross(_turned(flat, at, e), f)
+            steep = _length(u) if m == 0 else steep
+            u = _times(1.0 / steep, u)
+            u = _minus(u, _times(_dot(n, u), n))
         else:
-            u0 = u1 = u2 = 0.0
-        out[m, 0], out[m, 1], out[m, 2] = u0, u1, u2
-        out[m, 3] = u0 * r0 + u1 * r1 + u2 * r2
-        out[m, 4] = -(u0 * w0 + u1 * w1 + u2 * z2)
-        out[m, 5] = u0 * d0 + u1 * d1 + u2 * d2
+            u = _turned(flat, at, e) if kind == F1V2 else _times(1.0 if m == 0 else 0.0, f)
+        out[m, 0], out[m, 1], out[m, 2] = u
+        out[m, 3] = _dot(u, _turned(flat, 0, x))
+        out[m, 4] = -_dot(u, y)
+        out[m, 5] = _dot(u, _entry(flat, 9))
         if m == 0:
-            n0, n1, n2 = u0, u1, u2
+            n = u
         else:
-            s0, s1, s2 = _turn(flat, at, reals1[v, 0], reals1[v, 1], reals1[v, 2])
-            out[m, 3] += n0 * s0 + n1 * s1 + n2 * s2
-            out[m, 5] += n0 * flat[at + 9] + n1 * flat[at + 10] + n2 * flat[at + 11]
+            out[m, 3] += _dot(n, _turned(flat, at, x))
+            out[m, 5] += _dot(n, _entry(flat, at + 9))
 
 
 @kernel
@@ -300,7 +313,7 @@ def evaluate(scene, rows, count, only, z, g, G):
                 value -= n[0, 3] * rho[m, 0] + n[0, 4] * rho[m, 1] if m > 0 else 0.0
             else:
                 value = n[m, 2 + body] if kind == BEHIND else -pairs[2, 0] if m == 0 else 0.0
-                u = _turn(flat, 12 * m, one[v, 0], one[v, 1], one[v, 2])
+                u = _turned(flat, 12 * m, _at(one, v))
                 for c in range(3):
                     moved = e * flat[12 * m + 9 + c] - x * u[c]
                     if m == 0:
@@ -318,12 +331,35 @@ def evaluate(scene, rows, count, only, z, g, G):
 # ------------------------------------------------------------------------------------------------------- active set
 
 
+@step
+def _inner(x, y):
+    total = 0.0
+    for m in range(len(x)):
+        total += x[m] * y[m]
+    return total
+
+
+@step
+def _norm(x):
+    return math.sqrt(_inner(x, x))
+
+
+@step
+def _add(x, factor, y):
+    """Add a multiple of y to x."""
+    for m in range(len(x)):
+        x[m] += factor * y[m]
+
+
 @kernel
-def _norm(z):
-    square = 0.0
-    for m in range(len(z)):
-        square += z[m] * z[m]
-    return math.sqrt(square)
+def _project(x, basis, count, shares):
+    """Take from x its shares along the first orthonormal rows of a basis, twice over."""
+    shares[:count] = 0.0
+    for _again in range(2):
+        for b in range(count):
+            share = _inner(basis[b], x)
+            shares[b] += share
+            _add(x, -share, basis[b])
 
 
 @kernel
@@ -346,9 +382,7 @@ def nearest(G, h, equal, count, x, duals):
         for c in range(count):
             if implied[c]:
                 continue
-            value = -h[c]
-            for m in range(k):
-                value += G[c, m] * x[m]
+            value = _inner(G[c], x) - h[c]
             held = False
             for a in range(used):
                 held = held or active[a] == c
@@ -366,46 +400,19 @@ def nearest(G, h, equal, count, x, duals):
             return True
         own, short = 0.0, worst
         while True:
-            # modified Gram-Schmidt of the active rows, twice over the new one
             for a in range(used):
-                for m in range(k):
-                    basis[a, m] = G[active[a], m]
-                for b in range(a):
-                    R[b, a] = 0.0
-                for _again in range(2):
-                    for b in range(a):
-                        product = 0.0
-                        for m in range(k):
-                            product += basis[b, m] * basis[a, m]
-                        R[b, a] += product
-                        for m in range(k):
-                            basis[a, m] -= product * basis[b, m]
-                length = 0.0
-                for m in range(k):
-                    length += basis[a, m] * basis[a, m]
-                length = math.sqrt(length)
-                R[a, a] = length
-                for m in range(k):
-                    basis[a, m] /= length
-            for m in range(k):
-                z[m] = flip * G[pick, m]
-            along[:] = 0.0
-            for _again in range(2):
-                for b in range(used):
-                    product = 0.0
-                    for m in range(k):
-                        product += basis[b, m] * z[m]
-                    along[b] += product
-                    for m in range(k):
-                        z[m] -= product * basis[b, m]
+                basis[a] = G[active[a]]
+                _project(basis[a], basis, a, R[a])
+                R[a, a] = _norm(basis[a])
+                basis[a] /= R[a, a]
+            z[:] = flip * G[pick]
+            _project(z, basis, used, along)
             for a in range(used - 1, -1, -1):
                 total = along[a]
                 for b in range(a + 1, used):
-                    total -= R[a, b] * r[b]
+                    total -= R[b, a] * r[b]
                 r[a] = total / R[a, a]
-            square = 0.0
-            for m in range(k):
-                square += z[m] * z[m]
+            square = _inner(z, z)
             free = square > 1e-18
             if not free and short > -1e-11:
                 implied[pick] = True  # follows from those before it
@@ -421,10 +428,8 @@ def nearest(G, h, equal, count, x, duals):
             if not t < np.inf:
                 return False
             if free:
-                for m in range(k):
-                    x[m] += t * z[m]
-            for a in range(used):
-                multipliers[a] -= t * r[a]
+                _add(x, t, z)
+            _add(multipliers[:used], -t, r)
             own += t
             if free and full <= ratio:
                 active[used], multipliers[used] = pick, own
@@ -435,9 +440,7 @@ def nearest(G, h, equal, count, x, duals):
             for a in range(drop, used - 1):
                 active[a], multipliers[a] = active[a + 1], multipliers[a + 1]
             used -= 1
-            short = -flip * h[pick]
-            for m in range(k):
-                short += flip * G[pick, m] * x[m]
+            short = flip * (_inner(G[pick], x) - h[pick])
     return False
 
 
@@ -463,9 +466,7 @@ def _factored(H, L, least):
     """Fill L with the Cholesky factor of H; tell if all squares of its diagonal are above `least`."""
     for a in range(len(H)):
         for b in range(a + 1):
-            total = H[a, b]
-            for m in range(b):
-                total -= L[a, m] * L[b, m]
+            total = H[a, b] - _inner(L[a, :b], L[b])
             if a > b:
                 L[a, b] = total / L[b, b]
             elif total > least:
@@ -479,10 +480,7 @@ def _factored(H, L, least):
 def _forward(L, b, x):
     """Fill x with the solution of L x = b."""
     for a in range(len(b)):
-        x[a] = b[a]
-        for m in range(a):
-            x[a] -= L[a, m] * x[m]
-        x[a] /= L[a, a]
+        x[a] = (b[a] - _inner(x[:a], L[a])) / L[a, a]
 
 
 @kernel
@@ -505,19 +503,14 @@ def newton(H, G, h, equal, count, z, step, duals):
     turned, levels, lengths = np.empty((count, k)), np.empty(count), np.empty(count)
     for c in range(count):
         _forward(L, G[c], turned[c])
-        level = -h[c]
-        for a in range(k):
-            level += turned[c, a] * low[a]
         lengths[c] = max(_norm(turned[c]), _TINY)
-        levels[c] = level / lengths[c]
-        for a in range(k):
-            turned[c, a] /= lengths[c]
+        levels[c] = (_inner(turned[c], low) - h[c]) / lengths[c]
+        turned[c] /= lengths[c]
     if not nearest(turned, levels, equal, count, step, duals):
         return False
     for c in range(count):
         duals[c] /= lengths[c]
-    for a in range(k):
-        step[a] -= low[a]
+    _add(step, -1.0, low)
     _backward(L, step)
     return True
 
@@ -531,10 +524,9 @@ def _relaxed(G, h, equal, count, z, step):
         A[m, m], b[m] = 1e-6, -1e-6 * z[m]
     for c in range(count):
         if equal[c] or h[c] < 0.0:
+            _add(b, -h[c], G[c])
             for m in range(k):
-                b[m] -= h[c] * G[c, m]
-                for n in range(k):
-                    A[m, n] += G[c, m] * G[c, n]
+                _add(A[m], G[c, m], G[c])
     _factored(A, L, 0.0)
     _forward(L, b, step)
     _backward(L, step)
@@ -554,8 +546,7 @@ def normalised(scene, rows, count, all_rows, z, g, G, lengths):
         finite = finite and length < np.inf and abs(g[c]) < np.inf
         lengths[c] = max(length, 1e-9)
         g[c] /= lengths[c]
-        for m in range(len(z)):
-            G[c, m] /= lengths[c]
+        G[c] /= lengths[c]
     return finite
 
 
@@ -583,10 +574,7 @@ def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
             if only[c] > 0.0:
                 for other in range(k):
                     H[m, other] -= duals[c] * (G2[c, other] / lengths[c] - G[c, other]) / SPREAD
-    for m in range(k):
-        for other in range(m):
-            H[m, other] = 0.5 * (H[m, other] + H[other, m])
-            H[other, m] = H[m, other]
+    H[:] = 0.5 * (H + H.T)
     return True
 
 
@@ -609,9 +597,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
     k = len(z)
     g, G, lengths = np.empty(count), np.empty((count, k)), np.empty(count)
     g2, G2, lengths2 = np.empty(count), np.empty((count, k)), np.empty(count)
-    all_rows, equal = np.ones(count), np.empty(count, np.bool_)
-    for c in range(count):
-        equal[c] = rows[0][c, EQUAL] > 0
+    all_rows, equal = np.ones(count), rows[0][:count, EQUAL] > 0
     H, step, trial = np.zeros((k, k)), np.empty(k), np.empty(k)
     duals[:count] = 0.0
     if not normalised(scene, rows, count, all_rows, z, g, G, lengths):
@@ -636,24 +622,19 @@ def descend(scene, rows, count, steepest, z, duals, enough):
                 return NOWHERE
             duals[:count] = 0.0
             _relaxed(G, g, equal, count, z, step)
-        longest, far, size = 0.0, 0.0, 0.0
-        for m in range(k):
-            longest, far = max(longest, abs(step[m]) / steepest[m]), max(far, abs(step[m]))
-            size = max(size, abs(z[m]))
+        longest, far, size = np.abs(step / steepest).max(), np.abs(step).max(), np.abs(z).max()
         if not far < np.inf:
             return BROKEN
         if done and far <= EXACT * (1.0 + size) * 10.0 and most <= EXACT * 100.0:
             return FOUND
         if longest > 1.0:
-            for m in range(k):
-                step[m] /= longest
+            step /= longest
         for c in range(count):
             price = max(price, 2.0 * abs(duals[c]))
         here, t, accepted = 0.5 * _norm(z) ** 2 + price * total, 1.0, False
         amount = now = peak = 0.0
         for _ in range(HALVINGS):
-            for m in range(k):
-                trial[m] = z[m] + t * step[m]
+            trial[:] = z + t * step
             amount = 0.5 * _norm(trial) ** 2
             if normalised(scene, rows, count, all_rows, trial, g2, G2, lengths2):
                 now, peak = _violation(g2, equal, count)
@@ -678,14 +659,12 @@ def descend(scene, rows, count, steepest, z, duals, enough):
 
 
 @kernel
-def _inside(reals, ints, rho, x0, x1, x2, slack):
+def _inside(part, rho, x, slack):
     """Tell whether a point, in a part's axes relative to its seed, lies in the part at a scale."""
-    n = ints[0]
+    reals, ints = part
     for f in range(ints[1]):
-        v = ints[ints[3] + 4 * ints[ints[5] + f]]
-        m = reals[n + f]
-        level = rho * (m[0] * reals[v, 0] + m[1] * reals[v, 1] + m[2] * reals[v, 2])
-        if not m[0] * x0 + m[1] * x1 + m[2] * x2 <= level + slack:
+        m = _at(reals, ints[0] + f)
+        if not _dot(m, x) <= rho * _dot(m, _at(reals, _corner(part, f))) + slack:
             return False
     return True
 
@@ -693,35 +672,19 @@ def _inside(reals, ints, rho, x0, x1, x2, slack):
 @kernel
 def _shared(parts1, parts2, site, flat, x, y, slack):
     """Tell whether the vertex or crossing of edges that a feature names lies in both parts at a scale pair."""
-    kind, i, j = site[0], site[1], site[2]
-    reals1, ints1 = _part(parts1, site[3])
-    reals2, ints2 = _part(parts2, site[4])
-    if kind == F1V2:  # relative to s_2
-        p0, p1, p2 = y * reals2[j, 0], y * reals2[j, 1], y * reals2[j, 2]
-    elif kind == E1E2:
-        h, g = ints1[3] + 8 * i, ints2[3] + 8 * j
-        v, e, w, t = reals1[ints1[h]], reals1[ints1[h + 1]], reals2[ints2[g]], reals2[ints2[g + 1]]
-        a0, a1, a2 = _turn(flat, 0, x * v[0], x * v[1], x * v[2])
-        b0, b1, b2 = _turn(flat, 0, x * e[0], x * e[1], x * e[2])
-        b0, b1, b2 = b0 - a0, b1 - a1, b2 - a2
-        c0, c1, c2 = y * (t[0] - w[0]), y * (t[1] - w[1]), y * (t[2] - w[2])
-        s0, s1, s2 = a0 - flat[9] - y * w[0], a1 - flat[10] - y * w[1], a2 - flat[11] - y * w[2]
-        bb, cc, bc = b0 * b0 + b1 * b1 + b2 * b2, c0 * c0 + c1 * c1 + c2 * c2, b0 * c0 + b1 * c1 + b2 * c2
-        bs, cs = b0 * s0 + b1 * s1 + b2 * s2, c0 * s0 + c1 * s1 + c2 * s2
-        det = bb * cc - bc * bc
-        u = min(max((bb * cs - bc * bs) / det, 0.0), 1.0) if det > 0.0 else 0.5
-        p0, p1, p2 = y * w[0] + u * c0, y * w[1] + u * c1, y * w[2] + u * c2
-    else:
-        v = reals1[i]
-        p0, p1, p2 = _turn(flat, 0, x * v[0], x * v[1], x * v[2])
-        p0, p1, p2 = p0 - flat[9], p1 - flat[10], p2 - flat[11]
-    if not _inside(reals2, ints2, y, p0, p1, p2, slack):
-        return False
-    p0, p1, p2 = p0 + flat[9], p1 + flat[10], p2 + flat[11]
-    q0 = flat[0] * p0 + flat[3] * p1 + flat[6] * p2
-    q1 = flat[1] * p0 + flat[4] * p1 + flat[7] * p2
-    q2 = flat[2] * p0 + flat[5] * p1 + flat[8] * p2
-    return _inside(reals1, ints1, x, q0, q1, q2, slack)
+    one, two, d = _part(parts1, site[3]), _part(parts2, site[4]), _entry(flat, 9)
+    v, w = _own_vertices(one, two, site)
+    moved, p = _minus(_turned(flat, 0, _times(x, _at(one[0], v))), d), _times(y, _at(two[0], w))  # relative to s_2
+    if site[0] == E1E2:
+        b, c = _turned(flat, 0, _times(x, _edge(one, site[1])[1])), _times(y, _edge(two, site[2])[1])
+        s, bb, bc = _minus(moved, p), _dot(b, b), _dot(b, c)
+        det = bb * _dot(c, c) - bc * bc
+        u = min(max((bb * _dot(c, s) - bc * _dot(b, s)) / det, 0.0), 1.0) if det > 0.0 else 0.5
+        p = _minus(p, _times(-u, c))
+    elif site[0] != F1V2:
+        p = moved
+    own = _turned_back(flat, 0, _minus(p, _times(-1.0, d)))
+    return _inside(two, y, p, slack) and _inside(one, x, own, slack)
 
 
 @kernel
@@ -729,14 +692,8 @@ def _orientation(parts1, parts2, site, p1, p2, flat, n):
     """Return the sign with which a site's normal is n; of edges that of edge 1 x edge 2."""
     if site[0] != E1E2:
         return 1.0
-    reals1, ints1 = _part(parts1, p1)
-    reals2, ints2 = _part(parts2, p2)
-    h, g = ints1[3] + 8 * site[1], ints2[3] + 8 * site[2]
-    v, e, w, t = reals1[ints1[h]], reals1[ints1[h + 1]], reals2[ints2[g]], reals2[ints2[g + 1]]
-    e0, e1, e2 = _turn(flat, 0, e[0] - v[0], e[1] - v[1], e[2] - v[2])
-    t0, t1, t2 = t[0] - w[0], t[1] - w[1], t[2] - w[2]
-    product = n[0] * (e1 * t2 - e2 * t1) + n[1] * (e2 * t0 - e0 * t2) + n[2] * (e0 * t1 - e1 * t0)
-    return 1.0 if product > 0.0 else -1.0
+    e, f = _edge(_part(parts1, p1), site[1])[1], _edge(_part(parts2, p2), site[2])[1]
+    return 1.0 if _dot(n, _cross(_turned(flat, 0, e), f)) > 0.0 else -1.0
 
 
 @kernel
@@ -773,7 +730,6 @@ def path_faults(scene, z, first, faults):
         turned += abs(z[m] * motion[3][m]) * path[5 + m]
     points = max(int(path[0]), int(np.ceil(min(turned, path[3]) / path[2])))
     flat, q, lines, rho = np.empty(12 * (k + 1)), np.empty(k), np.empty((2, 1, 6)), np.empty((1, 2))
-    level = np.empty(3)
     for point in range(points if path[1] > 0.0 else 1):
         s = 1.0 - point / points
         _place(motion, z, s, q, flat, False)
@@ -784,10 +740,9 @@ def path_faults(scene, z, first, faults):
             return -1
         for t in range(len(tracked)):
             line, p1, p2 = lines[t, 0], tracked[t, 3], tracked[t, 4]
-            for c in range(3):
-                level[c] = flat[c] * line[0] + flat[3 + c] * line[1] + flat[6 + c] * line[2]
-            v, high = _highest(_part(parts1, p1), level, 1.0)
-            w, low = _highest(_part(parts2, p2), line, -1.0)
+            n = _entry(line, 0)
+            v, high = _highest(_part(parts1, p1), _turned_back(flat, 0, n))
+            w, low = _highest(_part(parts2, p2), _times(-1.0, n))
             site = (tracked[t, 0], t, tracked[t, 2])
             for body in (1, 2):
                 vertex, over = (v, (high - line[3]) * x) if body == 1 else (w, (low - line[4]) * y)
@@ -805,12 +760,12 @@ def path_faults(scene, z, first, faults):
 
 
 @kernel
-def _highest(part, n, side):
-    """Return the vertex of a part that reaches furthest along side * n, and its height."""
+def _highest(part, n):
+    """Return the vertex of a part that reaches furthest along n, and its height."""
     reals, ints = part
     high, vertex = -np.inf, 0
     for v in range(ints[0]):
-        height = side * (reals[v, 0] * n[0] + reals[v, 1] * n[1] + reals[v, 2] * n[2])
+        height = _dot(n, _at(reals, v))
         if height > high:
             high, vertex = height, v
     return vertex, high
@@ -843,13 +798,12 @@ def _others(scene, lines, flat, x, y, s, faults, count):
                         if tracked[t, 3] == p1 and tracked[t, 4] == p2:
                             same = False
                             for m in range(known):
-                                n, f = lines[t, 0], flats[m]
-                                same = same or n[0] * f[0] + n[1] * f[1] + n[2] * f[2] > 1.0 - 1e-9
+                                same = same or _dot(lines[t, 0], flats[m]) > 1.0 - 1e-9
                             excused = excused and same
                     wrong = not excused
                 if wrong:
                     sign = _orientation(parts1, parts2, sites[best], p1, p2, flat, rows[best])
-                    site = (sites[best, 0], sites[best, 1], sites[best, 2])
+                    site = _at(sites, best)
                     count = _note(faults, count, SIDE, s, hand, sign, site, p1, p2, 0, 0, abs(widest))
                 elif not touching and widest <= slack:
                     for r in range(len(rows)):
@@ -860,17 +814,6 @@ def _others(scene, lines, flat, x, y, s, faults, count):
 
 
 # ------------------------------------------------------------------------------------------------- touch and clear
-
-
-@kernel
-def _own_vertices(parts1, parts2, site, p1, p2):
-    """Return a vertex of either part on the elements that a site names."""
-    ints1, ints2 = _part(parts1, p1)[1], _part(parts2, p2)[1]
-    if site[0] == F1V2:
-        return ints1[ints1[3] + 4 * ints1[ints1[5] + site[1]]], site[2]
-    if site[0] == E1E2:
-        return ints1[ints1[3] + 8 * site[1]], ints2[ints2[3] + 8 * site[2]]
-    return site[1], ints2[ints2[3] + 4 * ints2[ints2[5] + site[2]]]
 
 
 @kernel
@@ -897,7 +840,7 @@ def ways(scene, z, p1, p2):
 
 
 @kernel
-def _add(rows, count, hand, site, sign, p1, p2, v, w):
+def _gap_row(rows, count, hand, site, sign, p1, p2, v, w):
     """Add a row that two vertices are apart, or not, along a site's normal; return how many rows there are."""
     ints, reals = rows
     if count == len(ints):
@@ -912,26 +855,19 @@ def _add(rows, count, hand, site, sign, p1, p2, v, w):
 @kernel
 def _is_known(rows, count, ints, reals):
     """Tell whether a row is among the first ones."""
+    known = False
     for r in range(count):
-        same = True
-        for c in range(ROW):
-            same = same and rows[0][r, c] == ints[c]
-        for c in range(3):
-            same = same and rows[1][r, c] == reals[c]
-        if same:
-            return True
-    return False
+        known = known or (np.all(rows[0][r] == ints) and np.all(rows[1][r] == reals))
+    return known
 
 
 @kernel
 def _foremost(parts1, parts2, p1, p2, flat, x, y, n):
     """Return the vertices of a part pair that reach furthest along n, and the separation there."""
-    u = np.empty(3)
-    for c in range(3):
-        u[c] = flat[c] * n[0] + flat[3 + c] * n[1] + flat[6 + c] * n[2]
-    v, first = _highest(_part(parts1, p1), u, 1.0)
-    w, second = _highest(_part(parts2, p2), n, -1.0)
-    return v, w, n[0] * flat[9] + n[1] * flat[10] + n[2] * flat[11] - x * first - y * second
+    n = _entry(n, 0)
+    v, first = _highest(_part(parts1, p1), _turned_back(flat, 0, n))
+    w, second = _highest(_part(parts2, p2), _times(-1.0, n))
+    return v, w, _dot(n, _entry(flat, 9)) - x * first - y * second
 
 
 @kernel
@@ -972,7 +908,7 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
             v, w, gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])
             if gap < need - slack or begins:
                 before = count
-                count = _add(rows, count, 1.0, chosen[c], hands[c], p1, p2, v, w)
+                count = _gap_row(rows, count, 1.0, chosen[c], hands[c], p1, p2, v, w)
                 changed = changed or count > before
         bounds = pair_bounds(*parts1, *parts2, pose, pairs[1])
         for p1 in range(0 if begins else bounds.shape[0]):
@@ -989,7 +925,7 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
                     chosen[made, 3], chosen[made, 4] = p1, p2
                     hands[made] = _orientation(parts1, parts2, facets[best], p1, p2, flat, lines[best])
                     v, w, _ = _foremost(parts1, parts2, p1, p2, flat, x, y, lines[best])
-                    count = _add(rows, count, 1.0, chosen[made], hands[made], p1, p2, v, w)
+                    count = _gap_row(rows, count, 1.0, chosen[made], hands[made], p1, p2, v, w)
                     made += 1
                     changed = True
     if closing[0] >= 0:
@@ -999,13 +935,10 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
             stale = False
             if ints[r, TYPE] == GAP and reals[r, HAND] < 0.0:
                 _line(parts1, parts2, ints[r, KIND : P2 + 1], reals[r, SIGN], pose, line)
-                n = line[0]
-                gap = _foremost(parts1, parts2, p1, p2, flat, x, y, n)[2]
-                one, two = _part(parts1, p1)[0][ints[r, V]], _part(parts2, p2)[0][ints[r, W]]
-                u, value = _turn(flat, 0, one[0], one[1], one[2]), 0.0
-                for c in range(3):
-                    value += n[c] * (flat[9 + c] - x * u[c] + y * two[c])
-                stale = not value <= gap + slack
+                gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])[2]
+                one, two = _at(_part(parts1, p1)[0], ints[r, V]), _at(_part(parts2, p2)[0], ints[r, W])
+                way = _minus(_times(x, _turned(flat, 0, one)), _times(y, two))
+                stale = not _dot(line[0], _minus(_entry(flat, 9), way)) <= gap + slack
                 changed = changed or (stale and duals[r] > 0.0)
             if not stale:
                 ints[kept], reals[kept], duals[kept] = ints[r], reals[r], duals[r]
@@ -1016,9 +949,9 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
         for r in range(len(lines)):
             wide = lines[r, 5] - lines[r, 3] * x - lines[r, 4] * y
             if wide > slack and wide >= 0.5 * widest:
-                v, w = _own_vertices(parts1, parts2, facets[r], p1, p2)
+                v, w = _own_vertices(_part(parts1, p1), _part(parts2, p2), facets[r])
                 sign = _orientation(parts1, parts2, facets[r], p1, p2, flat, lines[r])
-                count = _add(rows, count, -1.0, facets[r], sign, p1, p2, v, w)
+                count = _gap_row(rows, count, -1.0, facets[r], sign, p1, p2, v, w)
         changed = changed or widest > slack
     return (GOES_ON if changed else NOWHERE if faulty else FOUND), count, made
 
@@ -1044,16 +977,10 @@ def _widest(rows, x, y):
 
 @kernel
 def beyond(scene, hands, z, room):
-    """Return by how much the tracked pair is beyond its target, relative; -inf where there is none.
-
-    Of one tracked feature, which meets its target exactly, the target's height over its line.
-    """
-    tracked, pairs = scene[3], scene[5]
+    """Return by how much the tracked pair is beyond its target, relative; -inf where there is none."""
     q, flat, lines, rho, _ = room  # so that nothing is allocated
     _place(scene[0], z, 1.0, q, flat, False)
-    exists = _tracked(scene, flat, 1.0, lines, rho)
-    if len(tracked) == 1:
-        return lines[0, 0, 3] * pairs[1, 0] + lines[0, 0, 4] * pairs[1, 1] - lines[0, 0, 5]
+    exists, pairs = _tracked(scene, flat, 1.0, lines, rho), scene[5]
     a, b, d, e = lines[0, 0, 3], lines[0, 0, 4], lines[1, 0, 3], lines[1, 0, 4]
     parallel = not abs(a * e - b * d) > CROSSING * math.sqrt((a * a + b * b) * (d * d + e * e))
     if parallel or not exists:
@@ -1083,16 +1010,6 @@ def _room(k):
 
 
 @kernel
-def first_beyond(scene, trials, hands, miss):
-    """Return the first of several z that bring the tracked pair beyond its target, real all along; -1 for none."""
-    room = _room(trials.shape[1])
-    for r in range(len(trials)):
-        if beyond(scene, hands, trials[r], room) >= miss and not _lost(scene, scene[6], hands, trials[r], room):
-            return r
-    return -1
-
-
-@kernel
 def merits(scene, hands, limits, steps, angles, cap, halvings):
     """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
 
@@ -1109,8 +1026,7 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
     halvings : int
         Of a stretch at whose end the contact is lost.
     """
-    path = scene[6]
-    merits, crossed = np.full(len(angles), 2.0 * FAR), len(scene[3]) == 1
+    path, merits = scene[6], np.full(len(angles), 2.0 * FAR)
     way, z, room = np.empty(2), np.empty(2), _room(2)
     looks = np.empty((3, len(path)))
     looks[:] = path
@@ -1126,15 +1042,13 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
                 longest = min(longest, steps[1 + k] / abs(way[k]))
             elif limits[k, 0] > 0.0 or limits[k, 1] < 0.0:
                 end = -np.inf
-        z[:] = 0.0
-        was = beyond(scene, hands, z, room)
         before, best, lost = 0.0, -np.inf, not start <= end
         while before < end and not lost:
             ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
             if before < start < ahead:
                 ahead = start
             z[:] = ahead * way
-            lost = not crossed and _lost(scene, looks[0], hands, z, room)
+            lost = _lost(scene, looks[0], hands, z, room)
             low, high = before, ahead
             for _ in range(halvings if lost else 0):
                 middle = 0.5 * (low + high)
@@ -1149,25 +1063,23 @@ def merits(scene, hands, limits, steps, angles, cap, halvings):
             z[:] = ahead * way
             value = beyond(scene, hands, z, room)
             if ahead >= start and ahead > 0.0:
-                best = max(best, -abs(value) if crossed else value)
-                if was * value <= 0.0 if crossed else value >= 0.0:
+                best = max(best, value)
+                if value >= 0.0:
                     low, high = before, ahead
                     for _ in range(ROOT_HALVINGS if low >= start else 0):
                         middle = 0.5 * (low + high)
                         if not low < middle < high:
                             break
                         z[:] = middle * way
-                        there = beyond(scene, hands, z, room)
-                        if was * there <= 0.0 if crossed else there >= 0.0:
+                        if beyond(scene, hands, z, room) >= 0.0:
                             high = middle
                         else:
                             low = middle
                     z[:] = high * way
                     if not (_lost(scene, looks[1], hands, z, room) or _lost(scene, looks[2], hands, z, room)):
-                        merits[n], lost = high, True
-                        cap = min(cap, high)
-                    lost = lost or not crossed
-            before, was = ahead, value
+                        merits[n], cap = high, min(cap, high)
+                    lost = True
+            before = ahead
         if merits[n] >= FAR:
             merits[n] = FAR * (1.0 + min(-best, 1.0))
     return merits

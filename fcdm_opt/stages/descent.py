@@ -24,9 +24,8 @@ from fcdm_opt.tolerances import DEFAULT
 ROOM = 160  # rows of one descent
 ROUNDS = 30  # of adding rows
 REACH, WIDE = 3.0, (50.0, 15.0, 5.0)  # starts away from rest, in typical amounts, and where those find nothing
-PROBES, FRACTIONS = 5, (0.98, 0.7, 0.4)  # improvements by probing, at most, and where
+PROBES = 5  # improvements along other sites, at most
 CHOICES, MOST_APART = 12, 24  # ways apart of a pair that are tried, and pairs kept apart
-MOST_JOINT = 100  # starts that share rows
 ASTRAY = 2.0  # factor by which a motion may differ from what rows promised before rays are searched
 EAGER = 0.7  # ways whose promise times this is no better than what is known are not tried
 ON_THE_WAY = "the nearest contact on the way"
@@ -65,13 +64,10 @@ class Descent:
     ----------
     task : Task
     motion : PoseInstructions
-    asks : bool
-        Whether the state of the target pair is among what is asked.
     """
 
     task: Task
     motion: PoseInstructions
-    asks: bool
 
     @cached_property
     def scale(self) -> Array:
@@ -91,7 +87,8 @@ class Descent:
         rows = [(*feature.site, *feature.parts) for feature in task.tracked]
         tracked = np.array(rows, dtype=np.int64).reshape(-1, 5)
         signs = np.array([feature.sign for feature in task.tracked])
-        pairs = np.array([task.nominal, task.target, (task.need if self.asks else -np.inf, 0.0)])
+        # where a contact is tracked, the state of the target pair is left to other stages
+        pairs = np.array([task.nominal, task.target, (-np.inf if task.tracked else task.need, 0.0)])
         points = (DEFAULT.path_points - 1, task.coherent, DEFAULT.path_turn, MOST_TURNED, DEFAULT.cut * task.size)
         path = np.array([*points, *self.turning], dtype=np.float64)
         return motion, task.movable.packed, task.static.packed, tracked, signs, pairs, path
@@ -106,10 +103,9 @@ class Descent:
         """The rows of limits and goal, with room for more, and how many there are."""
         task, table, numbers = self.task, np.zeros((ROOM, compiled.ROW), dtype=np.int64), np.zeros((ROOM, 3))
         made: list[tuple[dict[int, int], float, float]] = []
-        for k, limits in enumerate(task.limits.tolist()):
-            for hand, end in zip((1.0, -1.0), limits, strict=True):
-                if np.isfinite(end):
-                    made.append(({compiled.TYPE: compiled.BOUND, compiled.V: k}, hand, end / self.scale[k]))
+        for k, side in np.argwhere(np.isfinite(task.limits)).tolist():
+            level = float(task.limits[k, side] / self.scale[k])
+            made.append(({compiled.TYPE: compiled.BOUND, compiled.V: k}, (1.0, -1.0)[side], level))
         if len(task.tracked) == 1:
             made.append(({compiled.TYPE: compiled.ON, compiled.EQUAL: 1}, 1.0, 0.0))
         elif task.tracked:
@@ -141,43 +137,31 @@ class Descent:
         """
         best: Settled | None = None
         for start in starts:
-            best = self.settle_jointly(start[None], min(enough, self._below(best)), chosen, closing) or best
+            best = self._settled_from(start, min(enough, self._below(best)), chosen, closing) or best
         return best
 
-    def settle_jointly(
-        self, starts: Array, enough: float = np.inf, chosen: Sequence[Way] = (), closing: Parts | None = None
+    def _settled_from(
+        self, start: Array, enough: float, chosen: Sequence[Way], closing: Parts | None
     ) -> Settled | None:
-        """Return the same with rows that all starts share, each round from the least of their solutions.
-
-        Rows added for one start alone may shut it up in a corner that others never enter.
-        """
+        """Return the same from one start: rows are added for what each solution violates."""
         rows, base = (self.rows[0].copy(), self.rows[1].copy()), self.rows[2]
         count, made = base, len(chosen)
         sites = np.zeros((MOST_APART, 5), dtype=np.int64), np.zeros(MOST_APART)
         for k, way in enumerate(chosen):
             sites[0][k], sites[1][k] = way
         pair, slack = np.array((-1, -1) if closing is None else closing), 0.1 * DEFAULT.cut * self.task.unit
-        duals, latest = np.zeros(ROOM), starts[:1]
+        z, duals = start.copy(), np.zeros(ROOM)
         for turn in range(ROUNDS):
             begins = turn == 0 and (made > 0 or closing is not None)
             if not begins:
-                again = starts if turn == 0 else latest if len(starts) == 1 else np.vstack([latest, starts])
-                least, found = enough, None
-                for start in again:
-                    z, own = start.copy(), np.zeros(ROOM)
-                    ended = compiled.descend(self.scene, rows, count, self.steepest, z, own, least)
-                    if ended == compiled.FOUND and (length := float(np.linalg.norm(z))) < least:
-                        least, found, duals = length, z, own
-                if found is None:
+                ended = compiled.descend(self.scene, rows, count, self.steepest, z, duals, enough)
+                if ended != compiled.FOUND or not float(np.linalg.norm(z)) < enough:
                     return None
-                latest = found[None]
-            went, count, made = compiled.grow(
-                self.scene, rows, base, count, sites, made, pair, latest[0], slack, duals, begins
-            )
+            went, count, made = compiled.grow(self.scene, rows, base, count, sites, made, pair, z, slack, duals, begins)
             if went == compiled.FOUND:
                 sited = zip(sites[0][:made].tolist(), sites[1][:made].tolist(), strict=True)
                 ways = [Way(tuple(site), hand) for site, hand in sited]
-                return self._settled(latest[0], rows[0][:count], rows[1][:count, compiled.HAND], duals, ways, closing)
+                return self._settled(z, rows[0][:count], rows[1][:count, compiled.HAND], duals, ways, closing)
             if went != compiled.GOES_ON:
                 return None
         return None
@@ -223,14 +207,11 @@ class Descent:
         made: Array = np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
         return made
 
-    @cached_property
-    def directions(self) -> Array:
-        """Fixed directions, unit, see `rays.directions`."""
-        return rays.directions(self.task) * self.task.weights
-
     def _wide(self) -> Array:
+        """Return starts further away, along fixed directions, see `rays.directions`."""
+        ways = rays.directions(self.task) * self.task.weights
         steps = [np.where(self.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
-        return np.vstack([self.directions * own for own in steps])
+        return np.vstack([ways * own for own in steps])
 
     # ------------------------------------------------------------------------------------------- tracked contact
 
@@ -239,32 +220,6 @@ class Descent:
         best = self.settle(self.starts, np.inf)
         if best is None or best.amount > WIDE[-1]:
             best = self.settle(self._wide(), self._below(best)) or best
-            for starts in (self.starts, self._wide()[:MOST_JOINT]):
-                joint = self.settle_jointly(starts)
-                best = joint if joint is not None and joint.amount < self._below(best) else best
-        if best is None or self.task.goal != "beyond":
-            return best
-        low, high = self.task.limits.T / self.scale
-        for _ in range(PROBES):
-            trials = np.vstack([fraction * best.amount * self.directions for fraction in FRACTIONS])
-            trials = trials[((trials >= low) & (trials <= high)).all(axis=1)]
-            k = compiled.first_beyond(self.scene, trials, self.task.signs.astype(np.float64), DEFAULT.line)
-            better = None if k < 0 else self.settle(trials[k : k + 1], best.amount * (1.0 - DEFAULT.nominal))
-            if better is None:
-                break
-            best = better
-        return best
-
-    def least_paired(self, loose: Settled) -> Settled | None:
-        """Return the least motion found that gives the target pair its state besides; `loose` is without."""
-        task, starts = self.task, np.vstack([loose.z, self.starts])
-        gaps = task.pair_gaps(loose.z * self.scale)
-        low = [parts for parts in np.ndindex(gaps.shape) if gaps[parts] < task.need]
-        order = sorted(np.ndindex(gaps.shape), key=lambda parts: float(gaps[parts]))
-        best: Settled | None = None
-        for closing in [*([None] if low or not task.must_touch else []), *(order[:CHOICES] if task.must_touch else [])]:
-            for _, chosen in self._combined({parts: self.ways(loose.z, parts) for parts in low}):
-                best = self.settle(starts, self._below(best), chosen, closing) or best
         return best
 
     # ------------------------------------------------------------------------------------------- touch and clear
@@ -368,11 +323,8 @@ def descent(task: Task) -> Answer | None:
     program = pose_instructions(task.motion)
     if program is None:
         return None
-    own = Descent(task, program, task.must_clear and not task.tracked)
+    own = Descent(task, program)
     best = own.least_tracked() if task.tracked else own.least_free()
-    paired = best is not None and task.tracked and task.must_clear
-    if best is not None and paired and not task.meets(best.z * own.scale, DEFAULT.requirement, path=False):
-        best = replace(own, asks=True).least_paired(best)
     if best is None:
         return None
     q = np.clip(best.z * own.scale, task.limits[:, 0], task.limits[:, 1])

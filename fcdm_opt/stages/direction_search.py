@@ -39,13 +39,11 @@ BESIDE = 1e-4  # radians: where it is asked what ends the window, which stops sh
 
 
 def suits(task: Task) -> bool:
-    """Tell whether a task's motions are a fan of rays: two parameters, a tracked contact, and none that stays flush."""
-    line = len(task.tracked) == 1 and task.goal in ("beyond", "at")
-    two = len(task.tracked) == 2 and task.goal == "beyond"
+    """Tell whether a task's motions are a fan of rays: two parameters, a switching point, and none that stays flush."""
     return (
-        len(task.weights) == 2
+        len(task.weights) == len(task.tracked) == 2
+        and task.goal == "beyond"
         and task.weighted
-        and (line or two)
         and not any(task.flush)
         and pose_instructions(task.motion) is not None
     )
@@ -79,7 +77,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     """Return the least motion, and those beside it, in directions a little to both sides."""
     program = pose_instructions(task.motion)
     assert program is not None
-    own = Descent(task, program, False)
+    own = Descent(task, program)
     *scene, path = own.scene
     path = path.copy()
     path[4] *= WITHIN
@@ -139,10 +137,8 @@ def _narrowed(merits_of: Callable[[Array], Array], low: float, high: float) -> t
 
 def _active(task: Task, q: Array, sides: tuple[Array, ...]) -> tuple[str, ...]:
     """Return what the motion meets exactly, and what is wrong with the contact on the way in directions beside."""
-    names = ["target on the moved segment"] if len(task.tracked) == 1 else []
-    if len(task.tracked) == 2:
-        off = np.abs(task.tracked_contact(q)[0] / task.target - 1.0) <= DEFAULT.active
-        names += [f"rho_{k + 1} reaches its target" for k in range(2) if off[k] and task.signs[k] != 0]
+    reached = np.abs(task.tracked_contact(q)[0] / task.target - 1.0) <= DEFAULT.active
+    names = [f"rho_{k + 1} reaches its target" for k in range(2) if reached[k] and task.signs[k] != 0]
     for side in sides:
         for _, _, fault in task.path_faults(side):
             if fault is None:

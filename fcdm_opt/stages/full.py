@@ -59,7 +59,7 @@ def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> Answer
     for closing in closings:
         rows, planes = _everything(task, closing)
         outcome = program.minimise(task, rows, task.start, planes, "full", tolerance)
-        if not outcome.feasible or (best is not None and task.amount(outcome.q) >= best.amount):
+        if outcome is None or (best is not None and task.amount(outcome.q) >= best.amount):
             continue
         pairs = list(np.ndindex(len(task.movable.parts), len(task.opponents)))
         largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
@@ -86,7 +86,11 @@ def _everything(task: Task, closing: Parts | None) -> tuple[list[Row], Array]:
             normal = facets[int(np.argmax(facets[:, 5] - facets[:, 3:5] @ task.nominal)), :3]
             sides = (1, one.vertices), (2, two.vertices - two.seed)
             for s in positions:
-                rows += [program.plane_row_on_the_way(len(planes), s, body, v) for body, vs in sides for v in vs]
+                rows += [
+                    Row(("plane on the way", body), np.append(vertex, s), 0.0, np.inf, "", len(planes))
+                    for body, vertices in sides
+                    for vertex in vertices
+                ]
                 planes.append(_level(task, one, normal, task.nominal[0]))
     pose = task.pose(task.start)
     for i, j in np.ndindex(len(task.movable.parts), len(task.opponents)):

@@ -13,8 +13,8 @@ from fcdm_opt.stages.descent import descent
 from fcdm_opt.stages.direction_search import least_direction
 from fcdm_opt.stages.full import full
 from fcdm_opt.stages.linear import shift, straight, translations
-from fcdm_opt.stages.models import nonlinear
 from fcdm_opt.stages.rays import one_parameter
+from fcdm_opt.stages.relaxation import nonlinear
 from fcdm_opt.stages.turns import turns
 
 

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.flush import Overlap
 from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -44,11 +43,10 @@ class Row(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Result of one solve: parameters, normals of the planes, whether all rows hold, and the rows that are active."""
+    """Result of one solve in which all rows hold: parameters, normals of the planes, and the rows that are active."""
 
     q: Array
     normals: Array
-    feasible: bool
     active: tuple[int, ...]
 
 
@@ -110,28 +108,6 @@ def _seat_rows(task: Task) -> list[Row]:
     return [rows[k] for k in independent(np.vstack([scale * rates, slopes]) * task.steps * moving)]
 
 
-def still_row(task: Task, parameter: int) -> Row:
-    """Keep a parameter at zero."""
-    return Row(("turned",), np.eye(len(task.weights))[parameter] / task.steps, 0.0, 0.0, "flush contacts stay aligned")
-
-
-def shared_row(task: Task, overlap: Overlap, least: float) -> Row:
-    """Keep flush elements over one another by a length, along a direction that stays."""
-    values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
-    return Row(("over",), values, least / task.unit, INF, "flush contacts stay on one another")
-
-
-def line_row(task: Task, s: float, feature: FeaturePoints, scale: float, apart: bool, name: str) -> Row:
-    """Keep the tracked pair at path position s on the touching (or apart) side of a feature's contact line."""
-    values = np.concatenate([[s], feature.values, [scale * task.unit]])
-    return Row(("line", feature.kind), values, *((0.0, INF) if apart else (-INF, 0.0)), name)
-
-
-def target_row(task: Task, feature: FeaturePoints, scale: float, name: str) -> Row:
-    """Keep the target pair from being apart in a feature's direction."""
-    return Row(("target", feature.kind), np.append(feature.values, scale * task.unit), -INF, 0.0, name)
-
-
 def support_row(task: Task, s: float, feature: FeaturePoints, scale: float, body: int, vertex: Array, name: str) -> Row:
     """Keep a vertex, as drawn, behind a tracked feature's plane at path position s."""
     values = np.concatenate([[s], feature.values, vertex, [scale * task.unit]])
@@ -144,11 +120,6 @@ def plane_row(task: Task, block: int, body: int, vertex: Array, need: float, nam
     Of body 1 as drawn, to be scaled and moved; of body 2 or a keep-out, which stay, as scaled and relative to s_2.
     """
     return Row(("plane", body), np.append(vertex, need / task.unit), 0.0, INF, name, block)
-
-
-def plane_row_on_the_way(block: int, s: float, body: int, vertex: Array) -> Row:
-    """Keep a vertex on its body's side of plane `block` at path position s and the tracked pair, see `plane_row`."""
-    return Row(("plane on the way", body), np.append(vertex, s), 0.0, INF, "", block)
 
 
 def common_rows(task: Task, block: int, one: ConvexPart, two: ConvexPart) -> list[Row]:
@@ -389,8 +360,8 @@ def minimise(
     planes: Array,
     method: str = "sqpmethod",
     tolerance: float = DEFAULT.solver,
-) -> Outcome:
-    """Solve the program from one start.
+) -> Outcome | None:
+    """Solve the program from one start; None where rows do not hold.
 
     Parameters
     ----------
@@ -439,11 +410,12 @@ def minimise(
     with np.errstate(invalid="ignore"):  # where a row is not finite the outcome is no feasible one
         excess = np.maximum(lower - g, g - upper)
     feasible = np.isfinite(x).all() and np.isfinite(g).all() and excess.max(initial=-INF) <= max(DEFAULT.cut, tolerance)
-    feasible = bool(feasible) and (method != "full" or solver.stats()["success"])
+    if not feasible or (method == "full" and not solver.stats()["success"]):
+        return None
     active = tuple(sorted(order[m] for m in np.flatnonzero((excess >= -DEFAULT.cut) & (lower < upper))))
     tilts = x[k : k + 3 * len(planes)].reshape(-1, 3)
     normals = [frame @ [1.0, *tilt[:2]] for frame, tilt in zip(frames, tilts, strict=True)]
-    return Outcome(q, np.array(normals).reshape(-1, 3), feasible, active)
+    return Outcome(q, np.array(normals).reshape(-1, 3), active)
 
 
 def _frame(normal: Array) -> Array:

@@ -1,19 +1,20 @@
-"""Programs that leave out what may not matter, and grow by what their solutions violate."""
+"""Stage 4, last: programs that leave out what may not matter, and grow by what their solutions violate."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fcdm_opt.curve.coherence import Fault
-from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.model.bounds import displacement_rate
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.model.bounds import displacement_bound, displacement_rate, search_rate
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Answer, Opponent, Parts, Task
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import program, rays
-from fcdm_opt.stages.program import Outcome, Row
+from fcdm_opt.stages.program import INF, Outcome, Row
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 40  # of adding violated constraints
@@ -22,7 +23,97 @@ VARIANTS = 40  # choices for several overlapping pairs, at most
 RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
 KEPT = 6  # starts of the first round that later rounds keep
 KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
+REACH = 3.0  # starts away from rest, in typical amounts
+WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
+FALLBACK_CHOICES = 3  # choices of features tried then
+LARGE = 0.5  # of the size: displacements beyond this are large
 HELD = 3  # vertices of either part that a new separating plane holds at once
+
+
+def nonlinear(task: Task) -> Answer:
+    """Stage 4: the nonlinear program.
+
+    Where contacts must stay flush, which few turns let them, first without turns, and then with turns from there.
+    """
+    turning = task.spins.any(axis=1) & (task.limits[:, 0] <= 0) & (task.limits[:, 1] >= 0)
+    still = frozen(np.where(turning[:, None], 0.0, task.limits))
+    if not any(task.flush) or not turning.any() or (still == 0).all() or (still == task.limits).all():
+        return _program(task)
+    answer = _program(replace(task, limits=still))
+    if answer.q is None:
+        return _program(task)
+    best = answer
+    starts = [answer.q, *(answer.q + sign * x for x in np.diag(task.steps)[turning] for sign in (1.0, -1.0))]
+    for relaxation in choices(task, answer.q, near=True):
+        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "sqpmethod")) or best
+    return replace(best, stage=answer.stage, lower_bound=min(displacement_bound(task), best.amount))
+
+
+def _program(task: Task) -> Answer:
+    """Return what the nonlinear program finds; constraints of other features come in when a solution violates them.
+
+    Several starts, and every choice of features that may matter; then the first contact on a ray. All starts are fixed:
+    the same task gives the same answer.
+    """
+    best, reached = _first_found(task)
+    contact = _on_a_ray(task, best) if not task.tracked and task.allows(task.rest) else None
+    if contact is not None:
+        best = contact
+        for relaxation in choices(task, contact.motion, near=True):
+            best = _better(best, relaxation.smallest([contact.motion], "sqpmethod", best.amount)) or best
+    stage, bound = "4: nonlinear program", displacement_bound(task)
+    if best is None:
+        status = Status.LEFT_COHERENT_RANGE if reached and task.coherent else Status.NOT_FOUND
+        return Answer(status, None, f"{stage}, no start succeeded", bound)
+    return replace(best, stage=stage, lower_bound=min(bound, best.amount))  # the two differ by rounding at most
+
+
+def _better(one: Answer | None, two: Answer | None) -> Answer | None:
+    return min((found for found in (one, two) if found is not None), key=lambda found: found.amount, default=None)
+
+
+def _first_found(task: Task) -> tuple[Answer | None, bool]:
+    """Return the best over all choices of features and starts, and whether any reached it but for coherence.
+
+    Where SQP finds nothing for tracked features, wider starts are tried, and then IPOPT; without, rays are searched.
+    """
+    turning = np.array([kind == "rotation" for _, kind in task.motion.parameters])
+    near, wide = (np.where(turning, np.minimum(x * task.steps, 1.0), x * task.steps) for x in (REACH, WIDE_REACH))
+    near_starts = [task.start, *(task.start + sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
+    near_starts = [np.clip(start, task.limits[:, 0], task.limits[:, 1]) for start in near_starts]
+    wide_starts = [x * direction * wide for x in WIDE_FRACTIONS for direction in rays.directions(task) * task.weights]
+    tries: list[tuple[str, list[Array], int | None]] = [("sqpmethod", near_starts, None)]
+    if task.tracked:
+        tries += [("sqpmethod", wide_starts, FALLBACK_CHOICES), ("ipopt", [task.start], FALLBACK_CHOICES)]
+    best, reached = None, False
+    for method, starts, most in tries:
+        for relaxation in sorted(choices(task, task.start), key=lambda choice: choice.promise)[:most]:
+            if best is not None and relaxation.promise >= best.amount:
+                break
+            # of tracked features a later round may find a nearer start
+            enough = np.inf if best is None or task.tracked else best.amount
+            best = _better(best, relaxation.smallest(starts, method, enough))
+            reached = reached or relaxation.reached
+        if best is not None:
+            break
+    return best, reached
+
+
+def _on_a_ray(task: Task, known: Answer | None) -> Answer | None:
+    """Return the least first contact along fixed directions; None if it is not less than the best known.
+
+    Along the axes always, as a start may have passed the contact by; along the others where nothing is known, or the
+    best known motion is as large as the bodies.
+    """
+    large = known is None or known.amount * search_rate(task) > LARGE * task.size
+    contact = None
+    for direction in rays.directions(task, rays.FINE) if large else rays.directions(task, ()):
+        least = contact or known
+        limit = min(rays.reach(task, direction), np.inf if least is None else least.amount)
+        amount = rays.first_contact(task, direction, limit).amount
+        if amount < limit and task.meets(q := amount * direction, DEFAULT.requirement):
+            contact = task.answer(q, active=rays.ON_THE_WAY, modelled=task.modelled_by_gaps(q))
+    return contact
 
 
 @dataclass(eq=False)
@@ -89,13 +180,12 @@ class Relaxation:
         """Return the least feasible outcome over the starts."""
         planes = np.array(list(self._planes.values())).reshape(-1, 4)
         task = self.task
-        outcomes = [program.minimise(task, self._rows, start, planes, method) for start in starts]
-        stuck = self.task.tracked and not any(outcome.feasible for outcome in outcomes)
-        cornered = any(self.task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
+        found = [program.minimise(task, self._rows, start, planes, method) for start in starts]
+        stuck = task.tracked and not any(found)
+        cornered = any(task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
         if self._planes and (stuck or cornered):  # where SQP may find nothing, or stop short of the least
-            outcomes.append(program.minimise(self.task, self._rows, starts[0], planes, "ipopt"))
-        feasible = [outcome for outcome in outcomes if outcome.feasible]
-        best = min(feasible, key=lambda outcome: self.task.amount(outcome.q), default=None)
+            found.append(program.minimise(task, self._rows, starts[0], planes, "ipopt"))
+        best = min((own for own in found if own is not None), key=lambda own: task.amount(own.q), default=None)
         for _ in range(RECENTRED if self._planes else 0):
             if best is None:
                 break
@@ -105,7 +195,7 @@ class Relaxation:
             lengths = np.linalg.norm(best.normals, axis=1)[:, None]
             planes = np.column_stack([best.normals, np.array(levels) / self.task.unit]) / lengths
             again = program.minimise(task, self._rows, best.q, planes, method)
-            if not again.feasible or self.task.amount(again.q) >= self.task.amount(best.q) * (1.0 - DEFAULT.nominal):
+            if again is None or task.amount(again.q) >= task.amount(best.q) * (1.0 - DEFAULT.nominal):
                 break
             best = again
         return best
@@ -170,9 +260,13 @@ class Relaxation:
             vertex = part.vertices[fault.vertex]
             self._rows.append(program.support_row(task, s, feature, scale, fault.body, vertex, name))
         else:
-            apart = fault.kind == "overlapping"
+            apart = fault.kind == "overlapping"  # on the touching, or apart, side of the feature's contact line
             name = f"{pair} stays {'apart' if apart else 'in contact'} on the way"
-            self._rows.append(program.line_row(task, s, feature, scale, apart, name))
+            values, ends = (
+                np.concatenate([[s], feature.values, [scale * task.unit]]),
+                (0.0, INF) if apart else (-INF, 0.0),
+            )
+            self._rows.append(Row(("line", feature.kind), values, *ends, name))
         return True
 
     def _keep_flush(self, s: float, pose: Array) -> bool:
@@ -185,13 +279,18 @@ class Relaxation:
             if seat.misfit(pose, task.target) <= DEFAULT.cut * task.size:
                 overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
                 if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
-                    self._rows.append(program.shared_row(task, overlap, least))
+                    values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
+                    self._rows.append(
+                        Row(("over",), values, least / task.unit, INF, "flush contacts stay on one another")
+                    )
                     added = True
         moving = (task.limits != 0).any(axis=1)
         turning = np.flatnonzero(moving & task.spins.any(axis=1))
         if task.seats and not added and 0 < len(turning) < moving.sum() and self._is_new("still"):
             self._rows = [row for row in self._rows if row.template[0] not in ("turned", "aligned")]
-            self._rows += [program.still_row(task, int(k)) for k in turning]
+            for k in turning:
+                values = np.eye(len(task.weights))[k] / task.steps
+                self._rows.append(Row(("turned",), values, 0.0, 0.0, "flush contacts stay aligned"))
             added = True
         return added
 
@@ -207,8 +306,8 @@ class Relaxation:
         self._features.add((kind, i, j))
         rotation = pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, (kind, i, j), self.closing, rows[worst, :3], rotation)
-        name = f"{task.named(self.closing)} closes"
-        self._rows.append(program.target_row(task, feature, feature.steepness(rotation), name))
+        values = np.append(feature.values, feature.steepness(rotation) * task.unit)
+        self._rows.append(Row(("target", feature.kind), values, -INF, 0.0, f"{task.named(self.closing)} closes"))
         return True
 
     def add_plane(self, parts: Parts, q: Array, normal: Array) -> None:

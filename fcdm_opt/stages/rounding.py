@@ -40,36 +40,24 @@ def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Ans
         return answer
     stage = f"{answer.stage}; then whole steps"
     rounded = task.resolution > 0
-    best: tuple[float, float, Array] | None = None
+    near, best = _near(task, answer.q), None
     if rounded.all():
-        ranked = sorted(
-            (
-                (task.miss(q) if task.is_equation else 0.0, task.amount(q), k, q)
-                for k, q in enumerate(_near(task, answer.q))
-            )
-        )
-        best = next(((miss, amount, q) for miss, amount, _, q in ranked if task.meets_in_steps(q)), None)
+        ranked = sorted(near, key=lambda q: (task.miss(q) if task.is_equation else 0.0, task.amount(q)))
+        best = next(filter(task.meets_in_steps, ranked), None)
         if not task.is_equation and task.weighted:
-            best = next(
-                (
-                    (0.0, task.amount(q), q)
-                    for q in _between(task, task.amount(answer.q), best and best[1])
-                    if task.meets_in_steps(q)
-                ),
-                best,
-            )
+            between = _between(task, task.amount(answer.q), None if best is None else task.amount(best))
+            best = next(filter(task.meets_in_steps, between), best)
     else:
-        for q in sorted(_near(task, answer.q), key=task.amount)[:MOST_SOLVED]:
+        for q in sorted(near, key=task.amount)[:MOST_SOLVED]:
             limits = np.where(rounded[:, None], q[:, None], task.limits)
             found = solve(replace(task, limits=limits, resolution=None))
-            if found.q is not None and (best is None or task.amount(found.q) < best[1]):
-                best = (0.0, task.amount(found.q), found.q)
+            if found.q is not None and (best is None or task.amount(found.q) < task.amount(best)):
+                best = found.q
     if best is None:
         return Answer(Status.NOT_IN_STEPS, None, f"{stage}, none near", answer.lower_bound)
-    _, amount, q = best
-    bound = 0.0 if task.is_equation and rounded.all() else min(answer.lower_bound, amount)
-    status = answer.status if np.array_equal(q, answer.q) else Status.SOLVED
-    return Answer(status, q, stage, bound, (*answer.active, "whole steps"), answer.modelled)
+    bound = 0.0 if task.is_equation and rounded.all() else min(answer.lower_bound, task.amount(best))
+    status = answer.status if np.array_equal(best, answer.q) else Status.SOLVED
+    return Answer(status, best, stage, bound, (*answer.active, "whole steps"), answer.modelled)
 
 
 def _between(task: Task, low: float, high: float | None) -> Array:

@@ -15,8 +15,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel
-from fcdm_opt.curve.kernels import E1E2, F1V2
+from fcdm_opt.compiling import kernel, step
+from fcdm_opt.curve.kernels import (
+    E1E2,
+    V1F2,
+    _at,
+    _cross,
+    _dot,
+    _entry,
+    _length,
+    _minus,
+    _times,
+    _turned,
+    _turned_back,
+)
 from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, nearest_points, placed
 
 HALVINGS = 40  # of the time for which two points stay near
@@ -42,17 +54,17 @@ def _pose(way, amount, R, m):
             m[i] -= R[3 * i + j] * c[j]
 
 
-@kernel
-def _velocity(way, x, out):
-    """Set the velocity of a point of body 1 at x; return its distance from the line."""
-    u, c, turn, shift = way[0], way[1], way[2, 0], way[2, 1]
-    square = 0.0
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        across = u[j] * (x[k] - c[k]) - u[k] * (x[j] - c[j])
-        square += across * across
-        out[i] = turn * across + shift * u[i]
-    return np.sqrt(square)
+@step
+def _plus(u, x):
+    return u[0] + x[0], u[1] + x[1], u[2] + x[2]
+
+
+@step
+def _velocity(way, x):
+    """Return the velocity of a point of body 1 at x, and its distance from the line."""
+    u = _at(way, 0)
+    across = _cross(u, _minus(x, _at(way, 1)))
+    return _plus(_times(way[2, 0], across), _times(way[2, 1], u)), _length(across)
 
 
 @kernel
@@ -68,55 +80,34 @@ def _time(room, rate, bend):
 @kernel
 def _apart(way, R, m, d, n, one, two):
     """Return how long a direction keeps two polyhedra apart."""
-    least = np.inf
+    least, time = np.inf, np.inf
     for v in range(len(two)):
-        least = min(least, n[0] * two[v, 0] + n[1] * two[v, 1] + n[2] * two[v, 2])
-    x, rates = np.empty(3), np.empty(3)
-    leaning = n[0] * way[0, 0] + n[1] * way[0, 1] + n[2] * way[0, 2]
+        least = min(least, _dot(n, _at(two, v)))
+    leaning = _dot(n, _at(way, 0))
     bend = way[2, 0] ** 2 * np.sqrt(max(1.0 - leaning * leaning, 0.0))
-    level = least + n[0] * (d[0] + m[0]) + n[1] * (d[1] + m[1]) + n[2] * (d[2] + m[2])
-    time = np.inf
+    level = least + _dot(n, d) + _dot(n, m)
     for v in range(len(one)):
-        height = rate = 0.0
-        for j in range(3):
-            x[j] = m[j] + R[3 * j] * one[v, 0] + R[3 * j + 1] * one[v, 1] + R[3 * j + 2] * one[v, 2]
-        radius = _velocity(way, x, rates)
-        for j in range(3):
-            height += n[j] * x[j]
-            rate += n[j] * rates[j]
-        time = min(time, _time(level - height, rate, bend * radius))
+        x = _plus(_entry(m, 0), _turned(R, 0, _at(one, v)))
+        rate, radius = _velocity(way, x)
+        time = min(time, _time(level - _dot(n, x), _dot(n, rate), bend * radius))
     return time
 
 
 @kernel
-def _held(way, R, m, d, body, point, normals, levels, known, scratch):
-    """Return how long a point of a body, in its own axes, stays inside the other polyhedron; `known`: in vain.
-
-    `scratch` is overwritten: (3, 3).
-    """
-    p, x, rates = scratch[0], scratch[1], scratch[2]
-    for j in range(3):
-        if body == 0:
-            x[j] = m[j] + R[3 * j] * point[0] + R[3 * j + 1] * point[1] + R[3 * j + 2] * point[2]
-        else:
-            x[j] = m[j] + d[j] + point[j]
-    radius = _velocity(way, x, rates)
-    for j in range(3):  # in the axes of the other body
-        if body == 0:
-            p[j] = x[j] - m[j] - d[j]
-        else:
-            p[j] = R[j] * (point[0] + d[0]) + R[3 + j] * (point[1] + d[1]) + R[6 + j] * (point[2] + d[2])
-    if body == 1:  # body 1's axes turn away under it
-        for j in range(3):
-            x[j] = -(R[j] * rates[0] + R[3 + j] * rates[1] + R[6 + j] * rates[2])
-        rates[:] = x
+def _held(way, R, m, d, body, point, normals, levels, known):
+    """Return how long a point of a body, in its own axes, stays inside the other polyhedron; `known`: in vain."""
+    shift = _plus(m, d)
+    if body == 0:
+        x = _plus(_turned(R, 0, point), m)
+        p, (rate, radius) = _minus(x, shift), _velocity(way, x)  # in the axes of the other body
+    else:
+        rate, radius = _velocity(way, _plus(shift, point))
+        p = _turned_back(R, 0, _plus(point, d))
+        rate = _times(-1.0, _turned_back(R, 0, rate))  # body 1's axes turn away under it
     bend, time = way[2, 0] ** 2 * radius, np.inf
     for i in range(len(normals)):
-        room, rate = levels[i], 0.0
-        for j in range(3):
-            room -= normals[i, j] * p[j]
-            rate += normals[i, j] * rates[j]
-        time = min(time, _time(room, rate, bend))
+        n = _at(normals, i)
+        time = min(time, _time(levels[i] - _dot(n, p), _dot(n, rate), bend))
         if time <= known:
             return known
     return time
@@ -126,42 +117,34 @@ def _held(way, R, m, d, body, point, normals, levels, known, scratch):
 def _overlapping(way, R, m, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
     """Return how long two polyhedra overlap at least: by a vertex of one inside the other, or a point of an edge."""
     best = 0.0
-    p, u, point, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    p, u = np.empty(3), np.empty(3)
     for body in range(2):
         points, edges = (one, edges1) if body == 0 else (two, edges2)
         normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
         for v in range(len(points)):
-            best = _held(way, R, m, d, body, points[v], normals, levels, best, scratch)
+            best = _held(way, R, m, d, body, _at(points, v), normals, levels, best)
         for e in range(len(edges)):
             placed(R, d, body, points[edges[e, 0]], p)
             placed(R, d, body, points[edges[e, 1]], u)
-            for j in range(3):
-                u[j] -= p[j]
+            u -= p
             low, high = clipped(p, u, normals, levels, 0.0)
             if high > low:
-                middle = 0.5 * (low + high)
-                for j in range(3):
-                    start = points[edges[e, 0], j]
-                    point[j] = start + middle * (points[edges[e, 1], j] - start)
-                best = _held(way, R, m, d, body, point, normals, levels, best, scratch)
+                start, end = _at(points, edges[e, 0]), _at(points, edges[e, 1])
+                point = _plus(start, _times(0.5 * (low + high), _minus(end, start)))
+                best = _held(way, R, m, d, body, point, normals, levels, best)
     return best
 
 
 @kernel
 def _near(way, R, m, d, x, y, need):
     """Return how long a point of body 1, in its axes, and one of the other about s_2 stay nearer than `need`."""
-    p, rates, between = np.empty(3), np.empty(3), np.empty(3)
-    for j in range(3):
-        p[j] = m[j] + R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2]
-        between[j] = p[j] - m[j] - d[j] - y[j]
-    bend = way[2, 0] ** 2 * _velocity(way, p, rates)
+    turned = _turned(R, 0, x)
+    rate, radius = _velocity(way, _plus(turned, m))
+    between, bend = _minus(_minus(turned, d), y), way[2, 0] ** 2 * radius
     low, high, doubling = 0.0, need, True
     for _ in range(HALVINGS):
         t = high if doubling else 0.5 * (low + high)
-        square = 0.0
-        for j in range(3):
-            square += (between[j] + t * rates[j]) ** 2
-        if np.sqrt(square) + 0.5 * bend * t * t < need:
+        if _length(_plus(between, _times(t, rate))) + 0.5 * bend * t * t < need:
             low, high = t, (2.0 * t if doubling else high)
         else:
             high, doubling = t, False
@@ -181,8 +164,7 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed
         d[j] = offset[j] - m[j]
     points1, faces1, edges1, places1 = ones
     points2, faces2, edges2, places2 = twos
-    site, n, e = np.zeros(SITE), np.empty(3), np.empty(3)
-    x, y = np.empty(3), np.empty(3)
+    site, x, y = np.zeros(SITE), np.empty(3), np.empty(3)
     excess, others, apart, short, others_short = np.inf, np.inf, np.inf, 0.0, 0.0
     for i in range(len(places1) - 1):
         a, b = places1[i], places1[i + 1]
@@ -224,21 +206,12 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed
                 else:
                     others_short = max(others_short, time)
             elif touch and ours:
+                n = _entry(site, FIRST)
+                if site[KIND] != V1F2:
+                    n = _turned(R, 0, n)
                 if site[KIND] == E1E2:
-                    for j in range(3):
-                        e[j] = R[3 * j] * site[FIRST] + R[3 * j + 1] * site[FIRST + 1] + R[3 * j + 2] * site[FIRST + 2]
-                    length = 0.0
-                    for j in range(3):
-                        k, q = (j + 1) % 3, (j + 2) % 3
-                        n[j] = site[SIGN] * (e[k] * site[SECOND + q] - e[q] * site[SECOND + k])
-                        length += n[j] * n[j]
-                    for j in range(3):
-                        n[j] /= np.sqrt(length)
-                elif site[KIND] == F1V2:
-                    for j in range(3):
-                        n[j] = R[3 * j] * site[FIRST] + R[3 * j + 1] * site[FIRST + 1] + R[3 * j + 2] * site[FIRST + 2]
-                else:
-                    n[:] = site[FIRST:SECOND]
+                    n = _times(site[SIGN], _cross(n, _entry(site, SECOND)))
+                    n = _times(1.0 / _length(n), n)
                 apart = min(apart, _apart(way, R, m, d, n, one, two))
     found[0], found[1], found[3] = excess, others, others_short
     found[2] = short if excess < 0.0 else apart
