@@ -13,8 +13,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel
-from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
+from fcdm_opt.compiling import kernel, step
+from fcdm_opt.curve.kernels import (
+    E1E2,
+    F1V2,
+    V1F2,
+    _at,
+    _cross,
+    _dot,
+    _entry,
+    _length,
+    _minus,
+    _times,
+    _turned,
+    _turned_back,
+)
+from fcdm_opt.geometry.least_distance import nearest_points
 
 OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE = range(7)  # what is known of a cell, see `evidence.Reason`
 FEATURE = 16  # numbers of a feature
@@ -66,7 +80,7 @@ def _add_product(out, factor, x, y):
 
 
 @kernel
-def _turned(T, u, out):
+def _turn(T, u, out):
     """Set three enclosures to R u."""
     out[:] = 0.0
     for i in range(3):
@@ -75,7 +89,7 @@ def _turned(T, u, out):
 
 
 @kernel
-def _turned_back(T, u, out):
+def _turn_back(T, u, out):
     """Set three enclosures to R' u."""
     out[:] = 0.0
     for i in range(3):
@@ -100,21 +114,14 @@ def _product(x, y, out):
 
 
 @kernel
-def _cross(u, x, out):
-    out[0] = u[1] * x[2] - u[2] * x[1]
-    out[1] = u[2] * x[0] - u[0] * x[2]
-    out[2] = u[0] * x[1] - u[1] * x[0]
-
-
-@kernel
 def _normal(T, feature, out):
     """Set three enclosures to a feature's normal, of body 1 to body 2; of edges it is not of unit length."""
     kind = int(feature[KIND])
     if kind == F1V2:
-        _turned(T, feature[FIRST:SECOND], out)
+        _turn(T, feature[FIRST:SECOND], out)
     elif kind == E1E2:
         edge = np.zeros((3, T.shape[1]))
-        _turned(T, feature[FIRST:SECOND], edge)
+        _turn(T, feature[FIRST:SECOND], edge)
         out[:] = 0.0
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
@@ -137,13 +144,12 @@ def _height_1(T, feature, point, out):
         return
     turned = np.zeros((3, T.shape[1]))
     if kind == E1E2:  # n . R x = (R e_1 x e_2) . R x = e_2 . R (x x e_1)
-        moment = np.empty(3)
-        _cross(point, feature[FIRST:SECOND], moment)
-        _turned_back(T, feature[SECOND:ONE], turned)
+        moment = _cross(_entry(point, 0), _entry(feature, FIRST))
+        _turn_back(T, feature[SECOND:ONE], turned)
         for i in range(3):
             _add(out, feature[SIGN] * moment[i], turned[i])
     else:
-        _turned_back(T, feature[FIRST:SECOND], turned)
+        _turn_back(T, feature[FIRST:SECOND], turned)
         for i in range(3):
             _add(out, point[i], turned[i])
 
@@ -336,6 +342,31 @@ def _further(T, site, n, one, starts1, two, starts2, height, scales):
 # -------------------------------------------------------------------------------------- two polyhedra at fixed scales
 
 
+@step
+def _plus(u, x):
+    return u[0] + x[0], u[1] + x[1], u[2] + x[2]
+
+
+@step
+def _lowest(points, n):
+    """Return the point that is lowest along a direction, and its height."""
+    vertex, least = 0, np.inf
+    for v in range(len(points)):
+        height = _dot(n, _at(points, v))
+        if height < least:
+            vertex, least = v, height
+    return vertex, least
+
+
+@step
+def _set_site(site, kind, sign, vectors):
+    """Set a feature but for its parts: both directions and both points."""
+    site[KIND], site[SIGN] = kind, sign
+    for k in range(4):
+        for j in range(3):
+            site[FIRST + 3 * k + j] = vectors[k][j]
+
+
 @kernel
 def best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, edged, site):
     """Set `site` to the facet direction along which two polyhedra are furthest apart; return their separation there.
@@ -343,91 +374,44 @@ def best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edge
     Vertices, outward normals with levels, edges (origin, end, left and right face); body 1 turned by R, and away by d.
     Faces first; edge pairs whose Gauss arcs cross too where `edged`.
     """
-    best = -np.inf
-    n, own = np.empty(3), np.empty(3)
-    turned = np.empty((len(normals1), 3))
+    best, way, none = -np.inf, _entry(d, 0), (0.0, 0.0, 0.0)
     for i in range(len(normals1)):
-        for j in range(3):
-            turned[i, j] = R[3 * j] * normals1[i, 0] + R[3 * j + 1] * normals1[i, 1] + R[3 * j + 2] * normals1[i, 2]
-        n[:] = turned[i]
-        least, vertex = np.inf, 0
-        for v in range(len(two)):
-            h = n[0] * two[v, 0] + n[1] * two[v, 1] + n[2] * two[v, 2]
-            if h < least:
-                least, vertex = h, v
-        gap = n[0] * d[0] + n[1] * d[1] + n[2] * d[2] + least - levels1[i]
+        own = _at(normals1, i)
+        n = _turned(R, 0, own)
+        vertex, least = _lowest(two, n)
+        gap = _dot(n, way) + least - levels1[i]
         if gap > best:
             best = gap
-            site[KIND], site[SIGN] = F1V2, 1.0
-            site[FIRST:SECOND], site[TWO:PARTS] = normals1[i], two[vertex]
-            site[ONE:TWO] = levels1[i] * normals1[i]
+            _set_site(site, F1V2, 1.0, (own, none, _times(levels1[i], own), _at(two, vertex)))
     for i in range(len(normals2)):
-        for j in range(3):
-            n[j] = -normals2[i, j]
-        for j in range(3):
-            own[j] = R[j] * n[0] + R[3 + j] * n[1] + R[6 + j] * n[2]
-        most, vertex = -np.inf, 0
-        for v in range(len(one)):
-            h = own[0] * one[v, 0] + own[1] * one[v, 1] + own[2] * one[v, 2]
-            if h > most:
-                most, vertex = h, v
-        gap = n[0] * d[0] + n[1] * d[1] + n[2] * d[2] - levels2[i] - most
+        own = _at(normals2, i)
+        vertex, least = _lowest(one, _turned_back(R, 0, own))
+        gap = least - _dot(own, way) - levels2[i]
         if gap > best:
             best = gap
-            site[KIND], site[SIGN] = V1F2, 1.0
-            site[FIRST:SECOND], site[ONE:TWO] = n, one[vertex]
-            site[TWO:PARTS] = levels2[i] * normals2[i]
-    if not edged:
-        return best
-    across1, across2 = np.empty((len(edges1), len(normals2))), np.empty((len(edges2), len(normals1)))
-    directions = np.empty((len(edges1), 3))
-    for e in range(len(edges1)):
-        u = one[edges1[e, 1]] - one[edges1[e, 0]]
-        for j in range(3):
-            directions[e, j] = R[3 * j] * u[0] + R[3 * j + 1] * u[1] + R[3 * j + 2] * u[2]
-        for i in range(len(normals2)):
-            across1[e, i] = (
-                directions[e, 0] * normals2[i, 0]
-                + directions[e, 1] * normals2[i, 1]
-                + directions[e, 2] * normals2[i, 2]
-            )
-    for f in range(len(edges2)):
-        w = two[edges2[f, 1]] - two[edges2[f, 0]]
-        for i in range(len(normals1)):
-            across2[f, i] = w[0] * turned[i, 0] + w[1] * turned[i, 1] + w[2] * turned[i, 2]
-    for e in range(len(edges1)):
-        left, right = edges1[e, 2], edges1[e, 3]
-        u = directions[e]
+            _set_site(site, V1F2, 1.0, (_times(-1.0, own), none, _at(one, vertex), _times(levels2[i], own)))
+    for e in range(len(edges1) if edged else 0):
+        x = _at(one, edges1[e, 0])
+        edge = _minus(_at(one, edges1[e, 1]), x)
+        u = _turned(R, 0, edge)
+        left, right = _turned(R, 0, _at(normals1, edges1[e, 2])), _turned(R, 0, _at(normals1, edges1[e, 3]))
         for f in range(len(edges2)):
-            if not across2[f, left] * across2[f, right] < 0.0:
+            y = _at(two, edges2[f, 0])
+            w = _minus(_at(two, edges2[f, 1]), y)
+            if not _dot(w, left) * _dot(w, right) < 0.0:
                 continue
-            if not across1[e, edges2[f, 2]] * across1[e, edges2[f, 3]] < 0.0:
+            before, after = _at(normals2, edges2[f, 2]), _at(normals2, edges2[f, 3])
+            n = _cross(u, w)
+            if not _dot(u, before) * _dot(u, after) < 0.0 or not _length(n) > 0.0:
                 continue
-            w = two[edges2[f, 1]] - two[edges2[f, 0]]
-            _cross(u, w, n)
-            length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-            if length == 0.0:
-                continue
-            up = down = 0.0
-            for j in range(3):
-                up += n[j] * (turned[left, j] + turned[right, j])
-                down += n[j] * (normals2[edges2[f, 2], j] + normals2[edges2[f, 3], j])
-            if not up * down < 0.0:  # the arcs' circles cross on the far side
+            up = _dot(n, _plus(left, right))
+            if not up * _dot(n, _plus(before, after)) < 0.0:  # the arcs' circles cross on the far side
                 continue
             sign = 1.0 if up > 0.0 else -1.0
-            gap = 0.0
-            x, y = one[edges1[e, 0]], two[edges2[f, 0]]
-            for j in range(3):
-                moved = R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2]
-                gap += sign * n[j] * (d[j] + y[j] - moved)
-            gap /= length
+            gap = sign * _dot(n, _minus(_plus(way, y), _turned(R, 0, x))) / _length(n)
             if gap > best:
                 best = gap
-                v = one[edges1[e, 1]] - one[edges1[e, 0]]
-                site[KIND], site[SIGN] = E1E2, sign
-                site[FIRST:SECOND] = v / np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-                site[SECOND:ONE] = w / np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-                site[ONE:TWO], site[TWO:PARTS] = x, y
+                _set_site(site, E1E2, sign, (_times(1.0 / _length(edge), edge), _times(1.0 / _length(w), w), x, y))
     return best
 
 
@@ -465,8 +449,7 @@ def clipped(p, u, normals, levels, slack):
     """Return from where to where p + [0, 1] u is inside a polyhedron, within a slack; where nowhere, the end first."""
     low, high = 0.0, 1.0
     for i in range(len(normals)):
-        rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
-        room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2] + slack
+        rate, room = _dot(_at(normals, i), _entry(u, 0)), levels[i] - _dot(_at(normals, i), _entry(p, 0)) + slack
         if rate > 0.0:
             high = min(high, room / rate)
         elif rate < 0.0:
@@ -495,8 +478,7 @@ def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, mar
         for e in range(len(edges)):
             placed(R, d, body, points[edges[e, 0]], p)
             placed(R, d, body, points[edges[e, 1]], u)
-            for j in range(3):
-                u[j] -= p[j]
+            u -= p
             low, high = clipped(p, u, normals, levels, 0.0)
             if high <= low:
                 continue
@@ -506,10 +488,7 @@ def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, mar
                     continue
                 slack = np.inf
                 for i in range(len(normals)):
-                    room = levels[i]
-                    for j in range(3):
-                        room -= normals[i, j] * (p[j] + place * u[j])
-                    slack = min(slack, room)
+                    slack = min(slack, levels[i] - _dot(_at(normals, i), p) - place * _dot(_at(normals, i), u))
                 if slack > best:
                     best, best_body, best_edge, best_place, best_end = slack, body, e, place, end
     if best_edge < 0:
@@ -523,13 +502,13 @@ def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, mar
     turned = np.zeros((3, m))
     for i in range(len(normals)):
         if best_body == 0:  # n . (R x - d)
-            _turned_back(T, normals[i], turned)
+            _turn_back(T, normals[i], turned)
             _along(turned, start, excess[i])
             _along(turned, along, rates[i])
             for j in range(3):
                 _add(excess[i], -normals[i, j], T[9 + j])
         else:  # R n . (y + d)
-            _turned(T, normals[i], turned)
+            _turn(T, normals[i], turned)
             _product(turned, T[9:12], excess[i])
             for j in range(3):
                 _add(excess[i], start[j], turned[j])
@@ -598,11 +577,12 @@ def _holds(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, ma
     if count == 0:
         return False
     x /= count
-    if not _inside(x, normals1, levels1, -margin):
-        return False
+    for i in range(len(normals1)):
+        if _dot(_at(normals1, i), x) > levels1[i] - margin:
+            return False
     turned, excess = np.zeros((3, m)), np.zeros(m)
     for i in range(len(normals2)):
-        _turned_back(T, normals2[i], turned)
+        _turn_back(T, normals2[i], turned)
         _along(turned, x, excess)
         for j in range(3):
             _add(excess, -normals2[i, j], T[9 + j])
@@ -615,22 +595,12 @@ def _holds(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, ma
 
 
 @kernel
-def _inside(point, normals, levels, slack):
-    for i in range(len(normals)):
-        if normals[i, 0] * point[0] + normals[i, 1] * point[1] + normals[i, 2] * point[2] > levels[i] + slack:
-            return False
-    return True
-
-
-@kernel
 def placed(R, d, body, x, out):
     """Set `out` to a point in the axes of the other body: of body 1 in world axes about s_2, of body 2 as R'(y + d)."""
     if body == 0:
-        for j in range(3):
-            out[j] = R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2] - d[j]
+        out[0], out[1], out[2] = _minus(_turned(R, 0, x), d)
     else:
-        for j in range(3):
-            out[j] = R[j] * (x[0] + d[0]) + R[3 + j] * (x[1] + d[1]) + R[6 + j] * (x[2] + d[2])
+        out[0], out[1], out[2] = _turned_back(R, 0, _plus(x, d))
 
 
 @kernel
@@ -698,106 +668,43 @@ def tracked_sites(T, known, features, one, normals1, levels1, edges1, two, norma
 
 
 @kernel
-def _nearest_on_edges(p, u, q, w, x, y):
-    """Set x on p + [0, 1] u and y on q + [0, 1] w to points as near as the two segments come, or nearly."""
-    uu = uw = ww = ur = wr = 0.0
-    for j in range(3):
-        r = p[j] - q[j]
-        uu += u[j] * u[j]
-        uw += u[j] * w[j]
-        ww += w[j] * w[j]
-        ur += u[j] * r
-        wr += w[j] * r
-    determinant = uu * ww - uw * uw
-    s = 0.0
-    if determinant > 1e-14 * uu * ww:
-        s = min(max((uw * wr - ww * ur) / determinant, 0.0), 1.0)
-    t = min(max((uw * s + wr) / ww, 0.0), 1.0)
-    s = min(max((uw * t - ur) / uu, 0.0), 1.0)
-    for j in range(3):
-        x[j], y[j] = p[j] + s * u[j], q[j] + t * w[j]
+def set_nearest(R, d, one, two, x, y):
+    """Set x, about the moved seed in body 1's axes, and y, about s_2, to the nearest points of two polyhedra.
 
-
-@kernel
-def nearest_points(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, slack, x, y):
-    """Set x, about the moved seed in body 1's axes, and y, about s_2, to near points of two polyhedra; their distance.
-
-    No point of either is nearer to the other than these, where the two are apart by more than rounding.
+    Return their distance, 0 where the polyhedra overlap.
     """
-    best = np.inf
-    p, u, q, w, a, b = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for body in range(2):  # corners over faces of the other
-        points = one if body == 0 else two
-        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
-        for v in range(len(points)):
-            placed(R, d, body, points[v], p)
-            for i in range(len(normals)):
-                height = normals[i, 0] * p[0] + normals[i, 1] * p[1] + normals[i, 2] * p[2] - levels[i]
-                if height < 0.0 or height >= best:
-                    continue
-                for j in range(3):
-                    a[j] = p[j] - height * normals[i, j]
-                if _inside(a, normals, levels, slack):
-                    best = height
-                    if body == 0:
-                        x[:], y[:] = points[v], a
-                    else:
-                        x[:], y[:] = a, points[v]
-    for e in range(len(edges1)):
-        placed(R, d, 0, one[edges1[e, 0]], p)
-        placed(R, d, 0, one[edges1[e, 1]], u)
-        u -= p
-        for f in range(len(edges2)):
-            q[:] = two[edges2[f, 0]]
-            w[:] = two[edges2[f, 1]] - q
-            _nearest_on_edges(p, u, q, w, a, b)
-            way = 0.0
-            for j in range(3):
-                way += (a[j] - b[j]) ** 2
-            way = np.sqrt(way)
-            if way < best:
-                best = way
-                for j in range(3):
-                    x[j] = R[j] * (a[0] + d[0]) + R[3 + j] * (a[1] + d[1]) + R[6 + j] * (a[2] + d[2])
-                y[:] = b
-    return best
+    moved = np.empty((len(one), 3))
+    for v in range(len(one)):
+        placed(R, d, 0, one[v], moved[v])
+    way, shares = nearest_points(moved, two)
+    x[:], y[:] = 0.0, 0.0
+    for i in range(len(one)):
+        for j in range(len(two)):
+            if shares[i, j] > 0.0:
+                x += shares[i, j] * one[i]
+                y += shares[i, j] * two[j]
+    return _length(way)
 
 
 @kernel
-def near_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, need, margin, flags, witness):
+def near_cells(T, known, one, two, need, margin, flags, witness):
     """Tell, as flags, where two points of two polyhedra are nearer than `need` all over a cell.
 
     `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about s_2.
     """
     m = T.shape[2]
-    x, y, ways = np.empty(3), np.empty(3), np.zeros((3, m))
-    along, frame = np.zeros(m), np.empty((3, 3))
+    x, y, ways, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
     for cell in range(len(T)):
         if known[cell]:
             continue
         R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        least = nearest_points(
-            R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, x, y
-        )  # fmt: skip
-        if not 0.0 < least < need:
+        if not 0.0 < set_nearest(R, d, one, two, x, y) < need:
             continue
-        _turned(T[cell], x, ways)
+        _turn(T[cell], x, ways)
         for j in range(3):
             _add(ways[j], -1.0, T[cell, 9 + j])
             ways[j, 0] -= y[j]
-        # along the way between the points, and across it
-        frame[0] = ways[:, 0]
-        frame[0] /= np.sqrt(frame[0, 0] ** 2 + frame[0, 1] ** 2 + frame[0, 2] ** 2)
-        smallest = np.argmin(np.abs(frame[0]))
-        frame[1] = 0.0
-        frame[1, smallest] = 1.0
-        _cross(frame[0], frame[1], frame[2])
-        frame[2] /= np.sqrt(frame[2, 0] ** 2 + frame[2, 1] ** 2 + frame[2, 2] ** 2)
-        _cross(frame[2], frame[0], frame[1])
-        square = 0.0
-        for axis in range(3):
-            _along(ways, frame[axis], along)
-            square += max(_high(along), -_low(along)) ** 2
-        if np.sqrt(square) < need - margin:
+        _product(ways, ways, square)
+        if _high(square) < (need - margin) ** 2:
             flags[cell] = True
             witness[cell, 2:5], witness[cell, 5:8] = x, y

@@ -422,6 +422,7 @@ class Exclusion:
                 codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
             if task.needs[j] > 0 and not self.swollen:
                 flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
-                tests.near_cells(T, codes, *solids[0], *solids[1], float(task.needs[j]), self.margin, flags, rows)
+                near = solids[0][0], solids[1][0], float(task.needs[j])
+                tests.near_cells(T, codes, *near, self.margin, flags, rows)
                 rows[:, :2] = i, j
                 codes[flags], witness[flags, 0] = Reason.NEAR, rows[flags]

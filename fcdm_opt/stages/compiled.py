@@ -28,6 +28,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel
 from fcdm_opt.curve.kernels import E1E2, F1V2, facet_rows, pair_bounds
+from fcdm_opt.geometry.least_distance import nearest
 from fcdm_opt.motion import instructions as codes
 
 REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
@@ -324,121 +325,6 @@ def _norm(z):
     for m in range(len(z)):
         square += z[m] * z[m]
     return math.sqrt(square)
-
-
-@kernel
-def nearest(G, h, equal, count, x, duals):
-    """Fill x with the least vector that keeps G x >= h, or = h; tell if there is one. Dual method of Goldfarb, Idnani.
-
-    Rows must be of length about one. The active rows' orthonormal basis is made anew at each change: they are few.
-    """
-    k = len(x)
-    active = np.empty(k + 1, np.int64)
-    multipliers = np.zeros(k + 1)
-    basis, R = np.empty((k + 1, k)), np.zeros((k + 1, k + 1))
-    z, r, along = np.empty(k), np.empty(k + 1), np.empty(k + 1)
-    implied = np.zeros(count, np.bool_)
-    used = 0
-    x[:] = 0.0
-    duals[:count] = 0.0
-    for _ in range(20 * (k + count)):
-        worst, pick, flip = -1e-14, -1, 1.0
-        for c in range(count):
-            if implied[c]:
-                continue
-            value = -h[c]
-            for m in range(k):
-                value += G[c, m] * x[m]
-            held = False
-            for a in range(used):
-                held = held or active[a] == c
-            if held:
-                continue
-            if equal[c]:  # before all others
-                pick, flip = c, (-1.0 if value > 0.0 else 1.0)
-                worst = -abs(value)
-                break
-            if value < worst * (1.0 + abs(h[c])):
-                worst, pick, flip = value, c, 1.0
-        if pick < 0:
-            for a in range(used):
-                duals[active[a]] = multipliers[a]
-            return True
-        own, short = 0.0, worst
-        while True:
-            # modified Gram-Schmidt of the active rows, twice over the new one
-            for a in range(used):
-                for m in range(k):
-                    basis[a, m] = G[active[a], m]
-                for b in range(a):
-                    R[b, a] = 0.0
-                for _again in range(2):
-                    for b in range(a):
-                        product = 0.0
-                        for m in range(k):
-                            product += basis[b, m] * basis[a, m]
-                        R[b, a] += product
-                        for m in range(k):
-                            basis[a, m] -= product * basis[b, m]
-                length = 0.0
-                for m in range(k):
-                    length += basis[a, m] * basis[a, m]
-                length = math.sqrt(length)
-                R[a, a] = length
-                for m in range(k):
-                    basis[a, m] /= length
-            for m in range(k):
-                z[m] = flip * G[pick, m]
-            along[:] = 0.0
-            for _again in range(2):
-                for b in range(used):
-                    product = 0.0
-                    for m in range(k):
-                        product += basis[b, m] * z[m]
-                    along[b] += product
-                    for m in range(k):
-                        z[m] -= product * basis[b, m]
-            for a in range(used - 1, -1, -1):
-                total = along[a]
-                for b in range(a + 1, used):
-                    total -= R[a, b] * r[b]
-                r[a] = total / R[a, a]
-            square = 0.0
-            for m in range(k):
-                square += z[m] * z[m]
-            free = square > 1e-18
-            if not free and short > -1e-11:
-                implied[pick] = True  # follows from those before it
-                break
-            if equal[pick] and not free:
-                return False
-            ratio, drop = np.inf, -1
-            for a in range(used):
-                if not equal[active[a]] and r[a] > 1e-14 and multipliers[a] / r[a] < ratio:
-                    ratio, drop = multipliers[a] / r[a], a
-            full = -short / square if free else np.inf
-            t = min(ratio, full)
-            if not t < np.inf:
-                return False
-            if free:
-                for m in range(k):
-                    x[m] += t * z[m]
-            for a in range(used):
-                multipliers[a] -= t * r[a]
-            own += t
-            if free and full <= ratio:
-                active[used], multipliers[used] = pick, own
-                if flip < 0.0:  # an equality met from above: its row enters as it is
-                    multipliers[used] = -own
-                used += 1
-                break
-            for a in range(drop, used - 1):
-                active[a], multipliers[a] = active[a + 1], multipliers[a + 1]
-            used -= 1
-            short = -flip * h[pick]
-            for m in range(k):
-                short += flip * G[pick, m] * x[m]
-    return False
 
 
 @kernel

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel
 from fcdm_opt.curve.kernels import E1E2, F1V2
-from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, nearest_points, placed
+from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, placed, set_nearest
 
 HALVINGS = 40  # of the time for which two points stay near
 EAGER = 60  # steps at first that may be finest: near a contact they shrink fast, and prove more
@@ -200,7 +200,7 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed
             gap = best_site(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, True, site)
             miss = gap - need
             if need > 0.0 and 0.0 < gap < need:  # facets understate the distance of corners and edges
-                gap = nearest_points(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, slack, x, y)
+                gap = set_nearest(R, d, one, two, x, y)
                 miss = gap - need
             ours = c < partner or not touch
             if ours:
@@ -217,7 +217,7 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed
                         way, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2
                     )  # fmt: skip
                     if gap > -need:  # coming apart, they stay near
-                        nearest_points(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, slack, x, y)
+                        set_nearest(R, d, one, two, x, y)
                         time = max(time, _near(way, R, m, d, x, y, need))
                 if ours:
                     short = max(short, time)

@@ -21,6 +21,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, step
 from fcdm_opt.curve.kernels import _cross, _dot, _length, _minus, _times, _turned, _turned_back
+from fcdm_opt.geometry.least_distance import nearest, nearest_points
 
 FACE_1, FACE_2, EDGES, EDGES_BACK = range(4)  # directions along which parts may come apart
 SERIES = 0.1  # squares of angles below which series are used
@@ -28,9 +29,6 @@ NEWTON, CLOSE = 20, 1e-9  # steps to the best value of one of them, and how near
 FEW = 16  # directions of a pair that are all looked at closely
 HOPE = 0.5  # change of depth over a cell, relative to what turning moves points, below which a bound is tried
 PIECES = 3  # of an arc of directions
-STEPS = 80  # of the search for nearest points
-NEAREST = 1e-14  # its relative accuracy, of squares
-FLAT = 1e-12  # determinants relative to their size below which a simplex has lost a dimension
 PARALLEL = 1e-7  # sines below which edges give no direction
 ROUNDING = (
     256 * 2.0**-53
@@ -162,107 +160,26 @@ def _multiplier(level, g, G, low, high):
     return m
 
 
-@step
-def _side(p, levels, slopes, count, c, low, high):
-    """Return constraint p of n.(s, eta) >= b: of a level, or of the cell."""
-    if p < count:
-        g = _row(slopes, p)
-        return (1.0, -g[0], -g[1], -g[2]), levels[p] - _dot(g, c)
-    k, up = (p - count) // 2, (p - count) % 2
-    sign = -1.0 if up else 1.0
-    e = sign if k == 0 else 0.0, sign if k == 1 else 0.0, sign if k == 2 else 0.0
-    return (0.0, e[0], e[1], e[2]), -high[k] if up else low[k]
-
-
-@step
-def _dot4(u, x):
-    return u[0] * x[0] + u[1] * x[1] + u[2] * x[2] + u[3] * x[3]
-
-
 @kernel
-def _ascend(levels, slopes, count, c, low, high, enough, multipliers):
-    """Fill the multipliers of the least (s, eta) above all levels in the cell (dual active sets: Goldfarb, Idnani)."""
-    sides, gram, shares = np.empty((5, 4)), np.empty((5, 6)), np.zeros(5)
-    owners = np.empty(5, np.int64)
-    z, active = (0.0, 0.0, 0.0, 0.0), 0
-    for _ in range(STEPS):
-        worst, p = CLOSE * levels[0], -1
-        for k in range(count + 6):
-            n, b = _side(k, levels, slopes, count, c, low, high)
-            short = (b - _dot4(n, z)) / np.sqrt(_dot4(n, n))
-            if short > worst:
-                worst, p = short, k
-        if p < 0 or _dot4(z, z) >= enough * enough:
-            break
-        n, b = _side(p, levels, slopes, count, c, low, high)
-        own = 0.0
-        while True:
-            for i in range(active):  # r: what the active ones have of n
-                for j in range(active):
-                    gram[i, j] = _dot4(_four(sides, i), _four(sides, j))
-                gram[i, active] = _dot4(_four(sides, i), n)
-            solved = _eliminate(gram, active)
-            d = n
-            for i in range(active):
-                x, r = _four(sides, i), gram[i, active]
-                d = d[0] - r * x[0], d[1] - r * x[1], d[2] - r * x[2], d[3] - r * x[3]
-            length = _dot4(d, d)
-            step_back, out = _INF, -1
-            for i in range(active):
-                if gram[i, active] > 0.0 and shares[i] < step_back * gram[i, active]:
-                    step_back, out = shares[i] / gram[i, active], i
-            independent = solved and active < 4 and length > FLAT * _dot4(n, n)
-            full = (b - _dot4(n, z)) / length if independent else _INF
-            t = min(full, step_back)
-            if not t < _INF:
-                break
-            for i in range(active):
-                shares[i] -= t * gram[i, active]
-            own += t
-            if independent:
-                z = z[0] + t * d[0], z[1] + t * d[1], z[2] + t * d[2], z[3] + t * d[3]
-            if full <= step_back:
-                sides[active, 0], sides[active, 1], sides[active, 2], sides[active, 3] = n
-                shares[active], owners[active] = own, p
-                active += 1
-                break
-            active -= 1
-            for i in range(out, active):
-                shares[i], owners[i] = shares[i + 1], owners[i + 1]
-                for k in range(4):
-                    sides[i, k] = sides[i + 1, k]
-        if not t < _INF:
-            break
+def _share(levels, slopes, count, c, low, high, size, multipliers):
+    """Fill the multipliers of the least (s, eta) above all levels in the cell, as a least distance program."""
+    G, b, z = np.zeros((count + 6, 4)), np.empty(count + 6), np.empty(4)
+    duals = np.empty(count + 6)
     for v in range(count):
-        multipliers[v] = 0.0
-    for i in range(active):
-        if owners[i] < count:
-            multipliers[owners[i]] = max(shares[i], 0.0)
-
-
-@step
-def _four(rows, k):
-    return rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3]
-
-
-@kernel
-def _eliminate(gram, count):
-    """Solve a positive definite system in place, its last column the right side; tell if it is regular."""
-    for i in range(count):
-        if not gram[i, i] > 0.0:
-            return False
-        for k in range(count):
-            if k != i:
-                factor = gram[k, i] / gram[i, i]
-                for j in range(i, count + 1):
-                    gram[k, j] -= factor * gram[i, j]
-    for i in range(count):
-        gram[i, count] /= gram[i, i]
-    return True
+        g = _row(slopes, v)
+        steep = np.sqrt(1.0 + _dot(g, g))
+        G[v, 0], G[v, 1], G[v, 2], G[v, 3] = 1.0 / steep, -g[0] / steep, -g[1] / steep, -g[2] / steep
+        b[v] = (levels[v] - _dot(g, c)) / (steep * size)
+    for k in range(3):
+        G[count + k, 1 + k], b[count + k] = 1.0, low[k] / size
+        G[count + 3 + k, 1 + k], b[count + 3 + k] = -1.0, -high[k] / size
+    nearest(G, b, np.zeros(count + 6, np.bool_), count + 6, z, duals)
+    for v in range(count):
+        multipliers[v] = max(duals[v], 0.0) * size * G[v, 0]
 
 
 @kernel
-def least(levels, slopes, count, c, h, enough, multipliers):
+def least(levels, slopes, count, c, h, multipliers):
     """Return a lower bound of sqrt(max(0, l_v + g_v delta)^2 + |c + delta|^2), v the largest, over a cell, and where.
 
     The dual: for multipliers m >= 0, with S = sum m_v and G = sum m_v g_v, the least over s >= 0 and the cell of
@@ -274,9 +191,10 @@ def least(levels, slopes, count, c, h, enough, multipliers):
     top = 0.0
     for v in range(count):
         top = max(top, levels[v] - _spread(_row(slopes, v), h))
-    used = 0
+    used, peak = 0, 0.0
     for v in range(count):
         most = levels[v] + _spread(_row(slopes, v), h)
+        peak = max(peak, most)
         if most >= top and most > 0.0:
             levels[used], multipliers[used] = levels[v], 0.0
             slopes[used, 0], slopes[used, 1], slopes[used, 2] = slopes[v, 0], slopes[v, 1], slopes[v, 2]
@@ -286,7 +204,7 @@ def least(levels, slopes, count, c, h, enough, multipliers):
     if used == 1:
         multipliers[0] = _multiplier(levels[0] - _dot(_row(slopes, 0), c), _row(slopes, 0), (0.0, 0.0, 0.0), low, high)
     else:
-        _ascend(levels, slopes, used, c, low, high, enough, multipliers)
+        _share(levels, slopes, used, c, low, high, peak, multipliers)
     S, L, G = 0.0, 0.0, (0.0, 0.0, 0.0)
     for v in range(used):
         m = multipliers[v]
@@ -294,100 +212,6 @@ def least(levels, slopes, count, c, h, enough, multipliers):
     eta = _clipped(-G[0], low[0], high[0]), _clipped(-G[1], low[1], high[1]), _clipped(-G[2], low[2], high[2])
     value = L - 0.5 * S * S + 0.5 * _dot(eta, eta) + _dot(G, _minus(eta, c))
     return np.sqrt(2.0 * max(base, value)), eta
-
-
-# --------------------------------------------------------------------------------------------------- nearest points
-
-
-@kernel
-def _lightest(simplex, count, shares):
-    """Fill the shares of a simplex' points in the point of its affine hull nearest to zero; tell if it has them."""
-    z = _row(simplex, 0)
-    a = _minus(_row(simplex, 1), z)
-    b = _minus(_row(simplex, 2), z) if count > 2 else a
-    if count == 2:
-        square = _dot(a, a)
-        if not square > 0.0:
-            return False
-        shares[1] = -_dot(a, z) / square
-    elif count == 3:
-        n = _cross(a, b)
-        square = _dot(n, n)
-        if not square > FLAT * _dot(a, a) * _dot(b, b):
-            return False
-        shares[1], shares[2] = -_dot(_cross(z, b), n) / square, -_dot(_cross(a, z), n) / square
-    else:
-        d = _minus(_row(simplex, 3), z)
-        n = _cross(a, b)
-        volume = _dot(n, d)
-        if not volume * volume > FLAT * _dot(a, a) * _dot(b, b) * _dot(d, d):
-            return False
-        shares[1], shares[2] = -_dot(_cross(z, b), d) / volume, -_dot(_cross(a, z), d) / volume
-        shares[3] = -_dot(n, z) / volume
-    shares[0] = 1.0
-    for k in range(1, count):
-        shares[0] -= shares[k]
-    return True
-
-
-@kernel
-def nearest(points1, points2, pairs, simplex, weights, shares):
-    """Return the least of points2 - points1 and how many of `pairs` span it; zero where the hulls meet (Wolfe)."""
-    pairs[0, 0] = pairs[0, 1] = 0
-    x = _minus(_row(points2, 0), _row(points1, 0))
-    simplex[0, 0], simplex[0, 1], simplex[0, 2] = x
-    weights[0], count = 1.0, 1
-    for _ in range(STEPS):
-        i, j, ahead, behind = 0, 0, -_INF, _INF
-        for k in range(len(points1)):
-            value = _dot(x, _row(points1, k))
-            if value > ahead:
-                i, ahead = k, value
-        for k in range(len(points2)):
-            value = _dot(x, _row(points2, k))
-            if value < behind:
-                j, behind = k, value
-        square = _dot(x, x)
-        if square - (behind - ahead) <= NEAREST * square + ROUNDING * (abs(behind) + abs(ahead)):
-            break
-        known = False
-        for k in range(count):
-            known = known or (pairs[k, 0] == i and pairs[k, 1] == j)
-        if known:
-            break
-        z = _minus(_row(points2, j), _row(points1, i))
-        pairs[count, 0], pairs[count, 1], weights[count] = i, j, 0.0
-        simplex[count, 0], simplex[count, 1], simplex[count, 2] = z
-        count += 1
-        stuck = False
-        while count > 1:
-            if not _lightest(simplex, count, shares):
-                stuck = True
-                break
-            part, out = 1.0, -1
-            for k in range(count):
-                if shares[k] <= 0.0:
-                    ratio = weights[k] / (weights[k] - shares[k]) if weights[k] > 0.0 else 0.0
-                    if out < 0 or ratio < part:
-                        part, out = ratio, k
-            for k in range(count):
-                weights[k] += part * (shares[k] - weights[k])
-            if out < 0:
-                break
-            count -= 1
-            for k in range(out, count):
-                weights[k], pairs[k, 0], pairs[k, 1] = weights[k + 1], pairs[k + 1, 0], pairs[k + 1, 1]
-                for i in range(3):
-                    simplex[k, i] = simplex[k + 1, i]
-        if stuck:
-            count -= 1
-            break
-        if count == 4:
-            return (0.0, 0.0, 0.0), 4
-        x = (0.0, 0.0, 0.0)
-        for k in range(count):
-            x = _plus(x, _times(weights[k], _row(simplex, k)))
-    return x, count
 
 
 # ------------------------------------------------------------------------------------- directions that parts leave by
@@ -527,7 +351,7 @@ def _row3(values, k):
 
 
 @kernel
-def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, enough, scratch):
+def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, scratch):
     """Return a lower bound for two edges that may be parallel somewhere in a cell.
 
     Their direction lies on arc 2, so between some a and b that cut it into pieces: it is s a + t b with s, t >= 0, and
@@ -569,7 +393,7 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
         for n, over in ((a, over_a), (b, over_b)):
             value = _dot(n, _minus(x, p)) - half * turned1[v, 3] - spare
             _fill(levels, slopes, 0, value * over + more, _times(over, _turned(turn, 9, _cross(x, n))))
-            best = min(best, least(levels, slopes, 1, c, h, enough, shares)[0])
+            best = min(best, least(levels, slopes, 1, c, h, shares)[0])
     return best
 
 
@@ -578,25 +402,20 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
 
 @kernel
 def _gap_bound(
-    part1, part2, turned1, turn, x, pairs, count, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch
+    part1, part2, turned1, turn, x, spread, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch
 ):
     """Return a lower bound over a cell for a pair to touch, and where; x is the way between nearest points, in y.
 
     Along any direction n that may move with body 1, |y| >= separation / |M' n|. Taken are the n at the centre, fixed,
-    or attached to body 1, or kept across an edge of each.
+    or attached to body 1, or kept across an edge of each. `spread` are the shares of the points in x.
     """
     levels, slopes, shares = scratch
     points2, half = part2[0], 0.5 * radius * radius
     size = _length(x)
     n = _turned_back(inverse, 0, _times(1.0 / size, x))  # |M' n| = 1
     length = _length(n)
-    corners1 = corners2 = 1
-    i, j, u, w = pairs[0, 0], pairs[0, 0], pairs[0, 1], pairs[0, 1]
-    for k in range(1, count):
-        if pairs[k, 0] != i:
-            j, corners1 = pairs[k, 0], corners1 + 1
-        if pairs[k, 1] != u:
-            w, corners2 = pairs[k, 1], corners2 + 1
+    i, j, corners1 = _ends(spread)
+    u, w, corners2 = _ends(spread.T)
     best, where = -1.0, c
     near = _INF
     for k in range(len(points2)):
@@ -613,7 +432,7 @@ def _gap_bound(
             if _unlike(value, g, c, h, bound):
                 continue
             _fill(levels, slopes, 0, value, g)
-            found, here = least(levels, slopes, 1, c, h, enough, shares)
+            found, here = least(levels, slopes, 1, c, h, shares)
             if found < bound:
                 bound, at = found, here
         best, where = bound, at
@@ -632,7 +451,7 @@ def _gap_bound(
             if _unlike(value, g, c, h, bound):
                 continue
             _fill(levels, slopes, 0, value, g)
-            found, here = least(levels, slopes, 1, c, h, enough, shares)
+            found, here = least(levels, slopes, 1, c, h, shares)
             if found < bound:
                 bound, at = found, here
         if bound > best:
@@ -662,12 +481,25 @@ def _gap_bound(
                     if _unlike(value, g, c, h, bound):
                         continue
                     _fill(levels, slopes, 0, value, g)
-                    found, here = least(levels, slopes, 1, c, h, enough, shares)
+                    found, here = least(levels, slopes, 1, c, h, shares)
                     if found < bound:
                         bound, at = found, here
             if bound > best:
                 best, where = bound, at
     return best, where
+
+
+@step
+def _ends(spread):
+    """Return two points of a body that have shares, and how many there are."""
+    one, two, count = 0, 0, 0
+    for i in range(spread.shape[0]):
+        own = 0.0
+        for j in range(spread.shape[1]):
+            own += spread[i, j]
+        if own > 0.0:
+            one, two, count = (i if count == 0 else one), i, count + 1
+    return one, two, count
 
 
 @step
@@ -713,7 +545,7 @@ def _keep(best, eta, y):
 
 
 @kernel
-def least_gap(one, two, pairs, turn, inverse, room):
+def least_gap(one, two, pairs, turn, inverse):
     """Return the least way between the parts of some pairs and which pair has it; zero where any two meet."""
     best, x, which = _INF, (0.0, 0.0, 0.0), -1
     last, scaled1 = -1, np.empty((0, 3))
@@ -721,7 +553,7 @@ def least_gap(one, two, pairs, turn, inverse, room):
         if pairs[k, 0] != last:
             last = pairs[k, 0]
             scaled1 = _scaled(_turned_points(_part(one, last), turn), inverse)
-        way, _ = nearest(scaled1, _scaled(_part(two, pairs[k, 1])[0], inverse), *room)
+        way, _ = nearest_points(scaled1, _scaled(_part(two, pairs[k, 1])[0], inverse))
         length = _length(way)
         if length < best:
             best, x, which = length, way, k
@@ -729,11 +561,11 @@ def least_gap(one, two, pairs, turn, inverse, room):
 
 
 @kernel
-def _try_gap(one, two, pairs, kind, eta, inverse, room, turn, best):
+def _try_gap(one, two, pairs, kind, eta, inverse, turn, best):
     """Try the motion that closes the least gap at some angles; where parts overlap there, the ray to it meets one."""
     axes, vector, weights = kind
     set_turn(axes, vector, weights, eta, turn)
-    x, _ = least_gap(one, two, pairs, turn, inverse, room)
+    x, _ = least_gap(one, two, pairs, turn, inverse)
     if _length(x) > 0.0:
         return _keep(best, eta, x)
     if _length(eta) >= best[0]:
@@ -742,7 +574,7 @@ def _try_gap(one, two, pairs, kind, eta, inverse, room, turn, best):
     for _ in range(50):
         middle = 0.5 * (low + high)
         set_turn(axes, vector, weights, _times(middle, eta), turn)
-        y, _ = least_gap(one, two, pairs, turn, inverse, room)
+        y, _ = least_gap(one, two, pairs, turn, inverse)
         if _length(y) > 0.0:
             low, x = middle, y
         else:
@@ -795,11 +627,10 @@ def all_ways(one, two, pairs, width):
 def try_angles(one, two, touching, apart, kind, space, numbers, eta, ways, best):
     """Try the smallest translation at some angles."""
     metric, inverse, more, width = space[0], space[1], numbers[2], numbers[6]
-    room = np.empty((5, 2), np.int64), np.empty((5, 3)), np.empty(5), np.empty(5)
     turn = np.empty(18)
     angles = _row3(eta, 0)
     if len(touching):
-        _try_gap(one, two, touching, kind, angles, inverse, room, turn, best)
+        _try_gap(one, two, touching, kind, angles, inverse, turn, best)
         return
     part1, part2 = _part(one, apart[0, 0]), _part(two, apart[0, 1])
     set_turn(kind[0], kind[1], kind[2], angles, turn)
@@ -828,7 +659,6 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
         most2 = max(most2, two[4][k + 1, 0] - two[4][k, 0])
     scratch = np.empty(most + most2), np.empty((most + most2, 3)), np.empty(most + most2)
     levels, slopes, shares = scratch
-    room = np.empty((5, 2), np.int64), np.empty((5, 3)), np.empty(5), np.empty(5)
     turn, there = np.empty(18), np.empty(18)
     left, left_ways, count = np.empty((2 * len(nodes), 7)), np.empty((2 * len(nodes), 2), np.int64), 0
     made, used = np.empty(max(len(pool), 64), np.int64), 0
@@ -853,19 +683,19 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
                     last = touching[k, 0]
                     turned1 = _turned_points(part1, turn)
                     scaled1 = _scaled(turned1, inverse)
-                x, corners = nearest(scaled1, _scaled(part2[0], inverse), *room)
+                x, spread = nearest_points(scaled1, _scaled(part2[0], inverse))
                 found, where = base, c
                 if _length(x) > 0.0:
                     found, where = _gap_bound(
-                        part1, part2, turned1, turn, x, room[0], corners, metric, inverse, spectral, bent, pad, radius,
-                        c, h, cut, scratch,
+                        part1, part2, turned1, turn, x, spread, metric, inverse, spectral, bent, pad, radius, c, h, cut,
+                        scratch,
                     )  # fmt: skip
                 if found < lowest:
                     lowest, place = found, where
             bound = max(bound, lowest)
-            if plain and _try_gap(one, two, touching, kind, c, inverse, room, there, best):
+            if plain and _try_gap(one, two, touching, kind, c, inverse, there, best):
                 cut = (1.0 - gap) * best[0]
-            if plain and bound < cut and _try_gap(one, two, touching, kind, place, inverse, room, there, best):
+            if plain and bound < cut and _try_gap(one, two, touching, kind, place, inverse, there, best):
                 cut = (1.0 - gap) * best[0]
         # each of these pairs must come apart
         first, entry, end = used, ways[item, 0], ways[item, 1]
@@ -898,12 +728,10 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
                 terms = _direction_terms(
                     part1, part2, turned1, turn, way, metric, spectral, bent, more, pad, radius, h, levels, slopes
                 )
-                found, where = least(levels, slopes, terms, c, h, cut, shares)
+                found, where = least(levels, slopes, terms, c, h, shares)
                 if way[0] >= EDGES and found < cut:
-                    other = _bound_along_arc(
-                        part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, cut, scratch
-                    )
-                    found = max(found, other)
+                    arc = _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, scratch)
+                    found = max(found, arc)
                 if found < cut:
                     if used == len(made):
                         made = np.concatenate((made, np.empty(used, np.int64)))
@@ -913,7 +741,7 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
                     lowest, place, leave = found, where, way
             if more > 0.0 and shallow < radius * reach:
                 lowest = min(
-                    lowest, _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch, room)
+                    lowest, _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch)
                 )
             bound = max(bound, lowest)
             if plain:
@@ -944,22 +772,22 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
 
 
 @kernel
-def _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch, room):
+def _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch):
     """Return a lower bound over a cell for parts that are apart, but by less than they must be.
 
     Two points of them are at most |a + b| apart, a their way at the centre and b what turning adds: see `_stretch`.
     """
     levels, slopes, shares = scratch
-    x, count = nearest(_scaled(turned1, inverse), _scaled(part2[0], inverse), *room)
+    x, spread = nearest_points(_scaled(turned1, inverse), _scaled(part2[0], inverse))
     distance, g = _length(x), (0.0, 0.0, 0.0)
     level = more - distance - radius * reach
     if distance > 0.0:
         n = _turned_back(inverse, 0, _times(1.0 / distance, x))
         point = (0.0, 0.0, 0.0)
-        for k in range(count):
-            point = _plus(point, _times(room[2][k], _row(turned1, room[0][k, 0])))
+        for k in range(len(turned1)):
+            point = _plus(point, _times(spread[k].sum(), _row(turned1, k)))
         finer = more - distance - 0.5 * radius * radius * reach - (radius * reach) ** 2 / (2.0 * distance)
         if finer > level:
             level, g = finer, _turned(turn, 9, _cross(point, n))
     _fill(levels, slopes, 0, level, g)
-    return least(levels, slopes, 1, c, h, _INF, shares)[0]
+    return least(levels, slopes, 1, c, h, shares)[0]

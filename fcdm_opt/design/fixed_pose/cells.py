@@ -166,7 +166,7 @@ class Search:
             lines.rows,
             lines.first,
             lines.pairs,
-            T,
+            np.ascontiguousarray(T.T),
             worst.active,
             worst.low,
             worst.high,

@@ -1,0 +1,158 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, no-check-untyped-defs
+"""Compiled: least distance programs, by active sets, and the nearest points of two hulls as one of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fcdm_opt.compiling import kernel
+
+
+@kernel
+def nearest(G, h, equal, count, x, duals):
+    """Fill x with the least vector that keeps G x >= h, or = h; tell if there is one. Dual method of Goldfarb, Idnani.
+
+    Rows must be of length about one. The active rows' orthonormal basis is made anew at each change: they are few.
+    """
+    k = len(x)
+    active = np.empty(k + 1, np.int64)
+    multipliers = np.zeros(k + 1)
+    basis, R = np.empty((k + 1, k)), np.zeros((k + 1, k + 1))
+    z, r, along = np.empty(k), np.empty(k + 1), np.empty(k + 1)
+    implied = np.zeros(count, np.bool_)
+    used = 0
+    x[:] = 0.0
+    duals[:count] = 0.0
+    for _ in range(20 * (k + count)):
+        worst, pick, flip = -1e-14, -1, 1.0
+        for c in range(count):
+            if implied[c]:
+                continue
+            value = -h[c]
+            for m in range(k):
+                value += G[c, m] * x[m]
+            held = False
+            for a in range(used):
+                held = held or active[a] == c
+            if held:
+                continue
+            if equal[c]:  # before all others
+                pick, flip = c, (-1.0 if value > 0.0 else 1.0)
+                worst = -abs(value)
+                break
+            if value < worst * (1.0 + abs(h[c])):
+                worst, pick, flip = value, c, 1.0
+        if pick < 0:
+            for a in range(used):
+                duals[active[a]] = multipliers[a]
+            return True
+        own, short = 0.0, worst
+        while True:
+            # modified Gram-Schmidt of the active rows, twice over the new one
+            for a in range(used):
+                for m in range(k):
+                    basis[a, m] = G[active[a], m]
+                for b in range(a):
+                    R[b, a] = 0.0
+                for _again in range(2):
+                    for b in range(a):
+                        product = 0.0
+                        for m in range(k):
+                            product += basis[b, m] * basis[a, m]
+                        R[b, a] += product
+                        for m in range(k):
+                            basis[a, m] -= product * basis[b, m]
+                length = 0.0
+                for m in range(k):
+                    length += basis[a, m] * basis[a, m]
+                length = math.sqrt(length)
+                R[a, a] = length
+                for m in range(k):
+                    basis[a, m] /= length
+            for m in range(k):
+                z[m] = flip * G[pick, m]
+            along[:] = 0.0
+            for _again in range(2):
+                for b in range(used):
+                    product = 0.0
+                    for m in range(k):
+                        product += basis[b, m] * z[m]
+                    along[b] += product
+                    for m in range(k):
+                        z[m] -= product * basis[b, m]
+            for a in range(used - 1, -1, -1):
+                total = along[a]
+                for b in range(a + 1, used):
+                    total -= R[a, b] * r[b]
+                r[a] = total / R[a, a]
+            square = 0.0
+            for m in range(k):
+                square += z[m] * z[m]
+            free = square > 1e-18
+            if not free and short > -1e-11:
+                implied[pick] = True  # follows from those before it
+                break
+            if equal[pick] and not free:
+                return False
+            ratio, drop = np.inf, -1
+            for a in range(used):
+                if not equal[active[a]] and r[a] > 1e-14 and multipliers[a] / r[a] < ratio:
+                    ratio, drop = multipliers[a] / r[a], a
+            full = -short / square if free else np.inf
+            t = min(ratio, full)
+            if not t < np.inf:
+                return False
+            if free:
+                for m in range(k):
+                    x[m] += t * z[m]
+            for a in range(used):
+                multipliers[a] -= t * r[a]
+            own += t
+            if free and full <= ratio:
+                active[used], multipliers[used] = pick, own
+                if flip < 0.0:  # an equality met from above: its row enters as it is
+                    multipliers[used] = -own
+                used += 1
+                break
+            for a in range(drop, used - 1):
+                active[a], multipliers[a] = active[a + 1], multipliers[a + 1]
+            used -= 1
+            short = -flip * h[pick]
+            for m in range(k):
+                short += flip * G[pick, m] * x[m]
+    return False
+
+
+@kernel
+def nearest_points(points1, points2):
+    """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of each, (n1, n2).
+
+    Zero where they meet. With z the differences of points, it is x / |x|^2 of the least x with z . x >= 1; the
+    multipliers, scaled, are the shares of the points.
+    """
+    n1, n2, least = len(points1), len(points2), math.inf
+    G, h, x, shares = np.empty((n1 * n2, 3)), np.empty(n1 * n2), np.zeros(3), np.zeros((n1, n2))
+    for i in range(n1):
+        for j in range(n2):
+            square = 0.0
+            for m in range(3):
+                x[m] = points2[j, m] - points1[i, m]
+                square += x[m] * x[m]
+            h[i * n2 + j] = math.sqrt(square)
+            least = min(least, h[i * n2 + j])
+            for m in range(3):
+                G[i * n2 + j, m] = x[m] / h[i * n2 + j]
+    if not least > 0.0:
+        return (0.0, 0.0, 0.0), shares
+    for c in range(n1 * n2):
+        h[c] = least / h[c]
+    duals = np.empty(n1 * n2)
+    if not nearest(G, h, np.zeros(n1 * n2, np.bool_), n1 * n2, x, duals):
+        return (0.0, 0.0, 0.0), shares
+    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    for c in range(n1 * n2):
+        shares[c // n2, c % n2] = max(duals[c], 0.0) * h[c] / square
+    over = least / square
+    return (over * x[0], over * x[1], over * x[2]), shares
