@@ -15,6 +15,7 @@ def nearest(G, h, equal, count, x, duals):
     """Fill x with the least vector that keeps G x >= h, or = h; tell if there is one. Dual method of Goldfarb, Idnani.
 
     Rows must be of length about one. The active rows' orthonormal basis is made anew at each change: they are few.
+    `duals` are the rows' shares in x; where there is none, the shares in which rows add up to what cannot be.
     """
     k = len(x)
     active = np.empty(k + 1, np.int64)
@@ -103,6 +104,9 @@ def nearest(G, h, equal, count, x, duals):
             full = -short / square if free else np.inf
             t = min(ratio, full)
             if not t < np.inf:
+                duals[pick] = 1.0
+                for a in range(used):
+                    duals[active[a]] = -r[a]
                 return False
             if free:
                 for m in range(k):
@@ -129,10 +133,10 @@ def nearest(G, h, equal, count, x, duals):
 def nearest_points(points1, points2):
     """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of each, (n1, n2).
 
-    Zero where they meet. With z the differences of points, it is x / |x|^2 of the least x with z . x >= 1; the
-    multipliers, scaled, are the shares of the points.
+    Zero where they meet, with shares of a point of both. With z the differences of points, it is x / |x|^2 of the least
+    x with z . x >= 1; the multipliers, scaled, are the shares of the points.
     """
-    n1, n2, least = len(points1), len(points2), math.inf
+    n1, n2, least, closest = len(points1), len(points2), math.inf, (0, 0)
     G, h, x, shares = np.empty((n1 * n2, 3)), np.empty(n1 * n2), np.zeros(3), np.zeros((n1, n2))
     for i in range(n1):
         for j in range(n2):
@@ -141,18 +145,24 @@ def nearest_points(points1, points2):
                 x[m] = points2[j, m] - points1[i, m]
                 square += x[m] * x[m]
             h[i * n2 + j] = math.sqrt(square)
-            least = min(least, h[i * n2 + j])
+            if h[i * n2 + j] < least:
+                least, closest = h[i * n2 + j], (i, j)
             for m in range(3):
                 G[i * n2 + j, m] = x[m] / h[i * n2 + j]
     if not least > 0.0:
+        shares[closest] = 1.0
         return (0.0, 0.0, 0.0), shares
     for c in range(n1 * n2):
         h[c] = least / h[c]
-    duals = np.empty(n1 * n2)
-    if not nearest(G, h, np.zeros(n1 * n2, np.bool_), n1 * n2, x, duals):
-        return (0.0, 0.0, 0.0), shares
-    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    duals = np.zeros(n1 * n2)
+    apart = nearest(G, h, np.zeros(n1 * n2, np.bool_), n1 * n2, x, duals)
     for c in range(n1 * n2):
-        shares[c // n2, c % n2] = max(duals[c], 0.0) * h[c] / square
-    over = least / square
+        shares[c // n2, c % n2] = max(duals[c], 0.0) * h[c]
+    total = shares.sum()
+    if total > 0.0:
+        shares /= total
+    else:
+        shares[closest] = 1.0
+    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    over = least / square if apart else 0.0
     return (over * x[0], over * x[1], over * x[2]), shares

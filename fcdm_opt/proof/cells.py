@@ -169,36 +169,50 @@ def _line(T, feature, n, a, b, c):
 
 
 @kernel
-def goal_cells(T, known, features, target, signs, margin, codes, witness):
+def _set_lines(T, features, target, lines):
+    """Set the contact line (a, b, c) of each feature, and its gap at the target pair."""
+    n = np.zeros((3, T.shape[1]))
+    for k in range(len(features)):
+        a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
+        _line(T, features[k], n, a, b, c)
+        gap[:] = c
+        _add(gap, -target[0], a)
+        _add(gap, -target[1], b)
+
+
+@kernel
+def _set_crossing(lines, determinant, excess):
+    """Set the determinant D of two lines, and D times how far beyond the target pair they cross.
+
+    With the gaps g, g' there, D (rho_1 - rho_t1) is g b' - g' b, and so on.
+    """
+    determinant[:], excess[:] = 0.0, 0.0
+    for k in range(2):
+        sign = 1.0 - 2.0 * k
+        _add_product(determinant, sign, lines[k, 0], lines[1 - k, 1])
+        _add_product(excess[0], sign, lines[k, 3], lines[1 - k, 1])
+        _add_product(excess[1], sign, lines[k, 0], lines[1 - k, 3])
+
+
+@kernel
+def goal_cells(T, features, target, signs, margin, codes, witness):
     """Tell where the tracked contact cannot be where the goal wants it.
 
-    With `signs` it is to lie beyond the target pair: for lines with the gaps g, g' there, the determinant D times
-    rho_1 - rho_t1 is g b' - g' b, and so on. Without (zeros) every line is to pass through the target pair.
+    With `signs` it is to lie beyond the target pair. Without (zeros) every line is to pass through the target pair.
     """
     m = T.shape[2]
-    n, lines = np.zeros((3, m)), np.zeros((len(features), 4, m))
+    lines, determinant, excess = np.zeros((len(features), 4, m)), np.zeros(m), np.zeros((2, m))
     for cell in range(len(T)):
-        if known[cell]:
+        if codes[cell]:
             continue
-        for k in range(len(features)):
-            a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
-            _line(T[cell], features[k], n, a, b, c)
-            gap[:] = c
-            _add(gap, -target[0], a)
-            _add(gap, -target[1], b)
+        _set_lines(T[cell], features, target, lines)
         if signs[0] == 0.0:
             for k in range(len(features)):
                 if _low(lines[k, 3]) > margin or _high(lines[k, 3]) < -margin:
                     codes[cell], witness[cell, 0] = SHORT, k
                     break
             continue
-        determinant, excess = np.zeros(m), np.zeros((2, m))
-        _add_product(determinant, 1.0, lines[0, 0], lines[1, 1])
-        _add_product(determinant, -1.0, lines[0, 1], lines[1, 0])
-        _add_product(excess[0], 1.0, lines[0, 3], lines[1, 1])
-        _add_product(excess[0], -1.0, lines[1, 3], lines[0, 1])
-        _add_product(excess[1], 1.0, lines[0, 0], lines[1, 3])
-        _add_product(excess[1], -1.0, lines[1, 0], lines[0, 3])
+        _set_crossing(lines, determinant, excess)
         side = 1.0 if _low(determinant) > 0.0 else -1.0 if _high(determinant) < 0.0 else 0.0
         if side == 0.0:  # the lines may be parallel: the scales tend to infinity, but not both in the ways asked for
             steep = np.sqrt((lines[0, 0, 0] ** 2 + lines[0, 1, 0] ** 2) * (lines[1, 0, 0] ** 2 + lines[1, 1, 0] ** 2))
@@ -226,7 +240,7 @@ def _opposed(x, y, sign, margin):
 
 
 @kernel
-def support_cells(T, known, features, one, starts1, two, starts2, least, margin, codes, witness):
+def support_cells(T, features, one, starts1, two, starts2, least, margin, codes, witness):
     """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`.
 
     `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`.
@@ -234,7 +248,7 @@ def support_cells(T, known, features, one, starts1, two, starts2, least, margin,
     m = T.shape[2]
     n, level, height, along = np.zeros((3, m)), np.zeros(m), np.zeros(m), np.empty(3)
     for cell in range(len(T)):
-        if known[cell]:
+        if codes[cell]:
             continue
         R = T[cell, :9, 0]
         for k in range(len(features)):
@@ -275,68 +289,56 @@ def support_cells(T, known, features, one, starts1, two, starts2, least, margin,
 
 
 @kernel
-def left_cells(T, known, features, target, sites, one, starts1, two, starts2, margin, codes, witness):
+def left_cells(
+    T, features, target, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, codes, witness
+):
     """Tell where another direction keeps the tracked part pair apart at the tracked scale pair.
 
-    `sites`: one feature a cell, see the module; the pair is that of both tracked features.
+    The direction is the one along which the polyhedra, given at scale 1 about the seeds, are furthest apart at the
+    tracked scales of the cell's centre.
     """
     m = T.shape[2]
-    n, lines, other = np.zeros((3, m)), np.zeros((2, 4, m)), np.zeros((3, m))
-    height = np.zeros(m)
+    lines, determinant, excess = np.zeros((2, 4, m)), np.zeros(m), np.zeros((2, m))
+    n, site, other, rest, height = np.zeros((3, m)), np.zeros(FEATURE), np.zeros((3, m)), np.zeros(m), np.zeros(m)
+    site[PARTS:] = features[0, PARTS:]
     for cell in range(len(T)):
-        if known[cell] or np.isnan(sites[cell, 0]):
+        if codes[cell]:
             continue
-        for k in range(2):
-            a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
-            _line(T[cell], features[k], n, a, b, c)
-            gap[:] = c
-            _add(gap, -target[0], a)
-            _add(gap, -target[1], b)
-        determinant, excess = np.zeros(m), np.zeros((2, m))
-        _add_product(determinant, 1.0, lines[0, 0], lines[1, 1])
-        _add_product(determinant, -1.0, lines[0, 1], lines[1, 0])
-        least = max(_low(determinant), -_high(determinant))
-        if not least > 0.0:
+        _set_lines(T[cell], features, target, lines)
+        _set_crossing(lines, determinant, excess)
+        least, most = max(_low(determinant), -_high(determinant)), max(_high(determinant), -_low(determinant))
+        x, y = target[0] + excess[0, 0] / determinant[0], target[1] + excess[1, 0] / determinant[0]
+        if not (least > 0.0 and x > 0.0 and y > 0.0):
             continue
-        side = 1.0 if determinant[0] > 0 else -1.0
-        _add_product(excess[0], side, lines[0, 3], lines[1, 1])
-        _add_product(excess[0], -side, lines[1, 3], lines[0, 1])
-        _add_product(excess[1], side, lines[0, 0], lines[1, 3])
-        _add_product(excess[1], -side, lines[1, 0], lines[0, 3])
+        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
+        first, second = (x * one, normals1, x * levels1, edges1), (y * two, normals2, y * levels2, edges2)
+        if not best_site(R, d, *first, *second, True, site) > 0.0:
+            continue
+        site[ONE:TWO] /= x
+        site[TWO:PARTS] /= y
         # |D| times the gap that is left at the tracked pair, along the site's direction
-        site = sites[cell]
+        side = 1.0 if determinant[0] > 0 else -1.0
         _line(T[cell], site, n, other[0], other[1], other[2])
-        gap, rest = other[2], np.zeros(m)
+        gap, rest[:] = other[2], 0.0
         _add(gap, -target[0], other[0])
         _add(gap, -target[1], other[1])
         _add_product(rest, side, determinant, gap)
-        _add_product(rest, -1.0, excess[0], other[0])
-        _add_product(rest, -1.0, excess[1], other[1])
         # vertices that reach further than the site's own, where it is a facet no more
-        most = max(_high(determinant), -_low(determinant))
-        scales = (target[0] + max(_high(excess[0]), 0.0) / least, target[1] + max(_high(excess[1]), 0.0) / least)
-        further = _further(T[cell], site, n, one, starts1, two, starts2, height, scales)
+        further = 0.0
+        for body in range(2):
+            _add_product(rest, -side, excess[body], other[body])
+            reach, points = 0.0, one if body == 0 else two
+            for v in range(len(points)):
+                if body == 0:
+                    _height_1(T[cell], site, points[v] - site[ONE:TWO], height)
+                else:
+                    _along(n, site[TWO:PARTS] - points[v], height)
+                reach = max(reach, _high(height))
+            beyond = max(_high(excess[body]) if side > 0.0 else -_low(excess[body]), 0.0)
+            further += reach * (target[body] + beyond / least)
         if _low(rest) - most * further > margin * most:
             codes[cell] = LEFT
             witness[cell] = site
-
-
-@kernel
-def _further(T, site, n, one, starts1, two, starts2, height, scales):
-    """Return how much further than its own points other vertices reach along a site's direction, at most."""
-    total = 0.0
-    for body in range(2):
-        part = int(site[PARTS + body])
-        points, starts = (one, starts1) if body == 0 else (two, starts2)
-        most = 0.0
-        for v in range(starts[part], starts[part + 1]):
-            if body == 0:
-                _height_1(T, site, points[v] - site[ONE:TWO], height)
-            else:
-                _along(n, site[TWO:PARTS] - points[v], height)
-            most = max(most, _high(height))
-        total += most * scales[body]
-    return total
 
 
 # -------------------------------------------------------------------------------------- two polyhedra at fixed scales
@@ -629,41 +631,6 @@ def meet_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2,
                 flags[cell] = _holds(T[cell], *own, *other, margin, witness[cell])
 
 
-@kernel
-def tracked_sites(T, known, features, one, normals1, levels1, edges1, two, normals2, levels2, edges2, sites):
-    """Set for each cell the direction in which the tracked pair is furthest apart at the tracked scales of its centre.
-
-    The polyhedra are given at scale 1 about the seeds.
-    """
-    m = T.shape[2]
-    n, a, b, c = np.zeros((3, m)), np.zeros(m), np.zeros(m), np.zeros(m)
-    for cell in range(len(T)):
-        sites[cell, 0] = np.nan
-        if known[cell]:
-            continue
-        _line(T[cell], features[0], n, a, b, c)
-        a0, b0, c0 = a[0], b[0], c[0]
-        _line(T[cell], features[1], n, a, b, c)
-        determinant = a0 * b[0] - b0 * a[0]
-        if determinant == 0.0:
-            continue
-        rho1, rho2 = (c0 * b[0] - b0 * c[0]) / determinant, (a0 * c[0] - c0 * a[0]) / determinant
-        if not (rho1 > 0.0 and rho2 > 0.0):
-            continue
-        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        gap = best_site(
-            R, d, rho1 * one, normals1, rho1 * levels1, edges1, rho2 * two, normals2, rho2 * levels2, edges2, True,
-            sites[cell],
-        )  # fmt: skip
-        if not gap > 0.0:
-            sites[cell, 0] = np.nan
-            continue
-        for j in range(3):
-            sites[cell, ONE + j] /= rho1
-            sites[cell, TWO + j] /= rho2
-        sites[cell, PARTS], sites[cell, PARTS + 1] = features[0, PARTS], features[0, PARTS + 1]
-
-
 # --------------------------------------------------------------------------------------------------------- distances
 
 
@@ -671,7 +638,7 @@ def tracked_sites(T, known, features, one, normals1, levels1, edges1, two, norma
 def set_nearest(R, d, one, two, x, y):
     """Set x, about the moved seed in body 1's axes, and y, about s_2, to the nearest points of two polyhedra.
 
-    Return their distance, 0 where the polyhedra overlap.
+    Return their distance; where the polyhedra overlap, 0 for a point of both.
     """
     moved = np.empty((len(one), 3))
     for v in range(len(one)):
@@ -698,7 +665,7 @@ def near_cells(T, known, one, two, need, margin, flags, witness):
         if known[cell]:
             continue
         R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        if not 0.0 < set_nearest(R, d, one, two, x, y) < need:
+        if not set_nearest(R, d, one, two, x, y) < need:
             continue
         _turn(T[cell], x, ways)
         for j in range(3):

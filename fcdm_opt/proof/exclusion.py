@@ -379,20 +379,13 @@ class Exclusion:
         task = self.task
         own, margin = self.features[: len(task.tracked)], DEFAULT.cut * task.size
         one, starts1, two, starts2 = self.drawn
-        lost = np.zeros_like(codes)
         least = LEAST_SCALE * task.target
-        tests.support_cells(T, codes, own, one, starts1, two, starts2, least, margin, lost, witness)
-        codes[:] = np.where(codes == Reason.OPEN, lost, codes)
+        tests.support_cells(T, own, one, starts1, two, starts2, least, margin, codes, witness)
         beyond = task.goal == "beyond"
         lines = self.features if task.goal == "seat" else self.lines
-        signs = task.signs if beyond else np.zeros(2)
-        tests.goal_cells(T, codes, lines, task.target, signs, self.margin, codes, witness)
+        tests.goal_cells(T, lines, task.target, task.signs if beyond else np.zeros(2), self.margin, codes, witness)
         if len(own) == 2 and len(task.movable.parts) == len(task.static.parts) == 1:
-            sites = np.empty((len(T), tests.FEATURE))
-            tests.tracked_sites(T, codes, self.lines, *self.pair, sites)
-            tests.left_cells(
-                T, codes, self.lines, task.target, sites, one, starts1, two, starts2, margin, codes, witness
-            )
+            tests.left_cells(T, self.lines, task.target, *self.pair, margin, codes, witness)
 
     @cached_property
     def pair(self) -> tuple[Array | Ints, ...]:
