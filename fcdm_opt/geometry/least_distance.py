@@ -7,7 +7,10 @@ import math
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel
+from fcdm_opt.compiling import kernel, step
+
+ROOM = 64  # pairs of points that may come to hold the nearest ones
+NEAR = 1e-14  # relative: of a distance that is known
 
 
 @kernel
@@ -129,40 +132,52 @@ def nearest(G, h, equal, count, x, duals):
     return False
 
 
+@step
+def _lowest(points, n):
+    """Return the point that is lowest along a direction, and its height."""
+    vertex, least = 0, math.inf
+    for v in range(len(points)):
+        height = n[0] * points[v, 0] + n[1] * points[v, 1] + n[2] * points[v, 2]
+        if height < least:
+            vertex, least = v, height
+    return vertex, least
+
+
 @kernel
 def nearest_points(points1, points2):
     """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of each, (n1, n2).
 
     Zero where they meet, with shares of a point of both. With z the differences of points, it is x / |x|^2 of the least
-    x with z . x >= 1; the multipliers, scaled, are the shares of the points.
+    x with z . x >= 1; the multipliers, scaled, are the shares of the points. Rows enter as they are violated.
     """
-    n1, n2, least, closest = len(points1), len(points2), math.inf, (0, 0)
-    G, h, x, shares = np.empty((n1 * n2, 3)), np.empty(n1 * n2), np.zeros(3), np.zeros((n1, n2))
-    for i in range(n1):
-        for j in range(n2):
-            square = 0.0
-            for m in range(3):
-                x[m] = points2[j, m] - points1[i, m]
-                square += x[m] * x[m]
-            h[i * n2 + j] = math.sqrt(square)
-            if h[i * n2 + j] < least:
-                least, closest = h[i * n2 + j], (i, j)
-            for m in range(3):
-                G[i * n2 + j, m] = x[m] / h[i * n2 + j]
-    if not least > 0.0:
-        shares[closest] = 1.0
-        return (0.0, 0.0, 0.0), shares
-    for c in range(n1 * n2):
-        h[c] = least / h[c]
-    duals = np.zeros(n1 * n2)
-    apart = nearest(G, h, np.zeros(n1 * n2, np.bool_), n1 * n2, x, duals)
-    for c in range(n1 * n2):
-        shares[c // n2, c % n2] = max(duals[c], 0.0) * h[c]
+    G, h, x, duals, equal = np.empty((ROOM, 3)), np.empty(ROOM), np.zeros(3), np.zeros(ROOM), np.zeros(ROOM, np.bool_)
+    pairs, shares = np.empty((ROOM, 2), np.int64), np.zeros((len(points1), len(points2)))
+    i, j, unit, apart, known = 0, 0, 0.0, True, False
+    for count in range(ROOM):
+        length = 0.0
+        for m in range(3):
+            G[count, m] = points2[j, m] - points1[i, m]
+            length += G[count, m] ** 2
+        length = math.sqrt(length)
+        if not length > 0.0:
+            shares[i, j] = 1.0
+            return (0.0, 0.0, 0.0), shares
+        unit = length if count == 0 else unit
+        G[count] /= length
+        h[count], pairs[count, 0], pairs[count, 1] = unit / length, i, j
+        apart = nearest(G, h, equal, count + 1, x, duals)
+        i, ahead = _lowest(points1, (-x[0], -x[1], -x[2]))
+        j, behind = _lowest(points2, (x[0], x[1], x[2]))
+        for c in range(count + 1):
+            known = known or (pairs[c, 0] == i and pairs[c, 1] == j)
+        if not apart or known or ahead + behind >= unit * (1.0 - NEAR):
+            break
+    for c in range(count + 1):
+        shares[pairs[c, 0], pairs[c, 1]] = max(duals[c], 0.0) * h[c]
     total = shares.sum()
     if total > 0.0:
         shares /= total
     else:
-        shares[closest] = 1.0
-    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-    over = least / square if apart else 0.0
+        shares[i, j] = 1.0
+    over = unit / (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) if apart else 0.0
     return (over * x[0], over * x[1], over * x[2]), shares

@@ -28,7 +28,7 @@ from fcdm_opt.curve.kernels import (
     _turned,
     _turned_back,
 )
-from fcdm_opt.geometry.least_distance import nearest_points
+from fcdm_opt.geometry.least_distance import _lowest, nearest_points
 
 OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE = range(7)  # what is known of a cell, see `evidence.Reason`
 FEATURE = 16  # numbers of a feature
@@ -347,17 +347,6 @@ def left_cells(
 @step
 def _plus(u, x):
     return u[0] + x[0], u[1] + x[1], u[2] + x[2]
-
-
-@step
-def _lowest(points, n):
-    """Return the point that is lowest along a direction, and its height."""
-    vertex, least = 0, np.inf
-    for v in range(len(points)):
-        height = _dot(n, _at(points, v))
-        if height < least:
-            vertex, least = v, height
-    return vertex, least
 
 
 @step
