@@ -289,9 +289,7 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
 
 
 @kernel
-def left_cells(
-    T, features, target, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, codes, witness
-):
+def left_cells(T, features, target, first, second, margin, codes, witness):
     """Tell where another direction keeps the tracked part pair apart at the tracked scale pair.
 
     The direction is the one along which the polyhedra, given at scale 1 about the seeds, are furthest apart at the
@@ -311,8 +309,11 @@ def left_cells(
         if not (least > 0.0 and x > 0.0 and y > 0.0):
             continue
         R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        first, second = (x * one, normals1, x * levels1, edges1), (y * two, normals2, y * levels2, edges2)
-        if not best_site(R, d, *first, *second, True, site) > 0.0:
+        one, two = (
+            (x * first[0], first[1], x * first[2], first[3]),
+            (y * second[0], second[1], y * second[2], second[3]),
+        )
+        if not best_site(R, d, one, two, True, site) > 0.0:
             continue
         site[ONE:TWO] /= x
         site[TWO:PARTS] /= y
@@ -327,7 +328,7 @@ def left_cells(
         further = 0.0
         for body in range(2):
             _add_product(rest, -side, excess[body], other[body])
-            reach, points = 0.0, one if body == 0 else two
+            reach, points = 0.0, first[0] if body == 0 else second[0]
             for v in range(len(points)):
                 if body == 0:
                     _height_1(T[cell], site, points[v] - site[ONE:TWO], height)
@@ -359,12 +360,13 @@ def _set_site(site, kind, sign, vectors):
 
 
 @kernel
-def best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, edged, site):
+def best_site(R, d, first, second, edged, site):
     """Set `site` to the facet direction along which two polyhedra are furthest apart; return their separation there.
 
-    Vertices, outward normals with levels, edges (origin, end, left and right face); body 1 turned by R, and away by d.
-    Faces first; edge pairs whose Gauss arcs cross too where `edged`.
+    Each is (vertices, outward normals, their levels, edges as origin, end, left and right face); the first is turned by
+    R, and away by d. Faces first; edge pairs whose Gauss arcs cross too where `edged`.
     """
+    (one, normals1, levels1, edges1), (two, normals2, levels2, edges2) = first, second
     best, way, none = -np.inf, _entry(d, 0), (0.0, 0.0, 0.0)
     for i in range(len(normals1)):
         own = _at(normals1, i)
@@ -453,49 +455,13 @@ def clipped(p, u, normals, levels, slack):
 
 
 @kernel
-def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness):
-    """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other.
-
-    The point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
-    `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that.
-    """
-    m = T.shape[1]
-    R, d = T[:9, 0], T[9:12, 0]
-    best, best_body, best_edge, best_place, best_end = margin, 0, -1, 0.0, 0
-    p, u = np.empty(3), np.empty(3)
-    for body in range(2):
-        points, edges = (one, edges1) if body == 0 else (two, edges2)
-        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
-        for e in range(len(edges)):
-            placed(R, d, body, points[edges[e, 0]], p)
-            placed(R, d, body, points[edges[e, 1]], u)
-            u -= p
-            low, high = clipped(p, u, normals, levels, 0.0)
-            if high <= low:
-                continue
-            for end in range(3):  # the ends of what is inside, and its middle
-                place = low if end == 0 else high if end == 1 else (low + high) / 2.0
-                if (end == 0 and low > 0.0) or (end == 1 and high < 1.0):
-                    continue
-                slack = np.inf
-                for i in range(len(normals)):
-                    slack = min(slack, levels[i] - _dot(_at(normals, i), p) - place * _dot(_at(normals, i), u))
-                if slack > best:
-                    best, best_body, best_edge, best_place, best_end = slack, body, e, place, end
-    if best_edge < 0:
-        return False
-    points, edges = (one, edges1) if best_body == 0 else (two, edges2)
-    normals, levels = (normals2, levels2) if best_body == 0 else (normals1, levels1)
-    start, along = points[edges[best_edge, 0]], points[edges[best_edge, 1]] - points[edges[best_edge, 0]]
-    place = np.zeros(m)
-    place[0] = best_place
-    excess, rates = np.zeros((len(normals), m)), np.zeros((len(normals), m))
-    turned = np.zeros((3, m))
+def _set_excess(T, body, start, along, normals, levels, excess, rates):
+    """Set how far a point start + place along of a body is beyond each face of the other: excess + place rates."""
+    turned = np.zeros((3, T.shape[1]))
     for i in range(len(normals)):
-        if best_body == 0:  # n . (R x - d)
+        if body == 0:  # n . (R x - d)
             _turn_back(T, normals[i], turned)
             _along(turned, start, excess[i])
-            _along(turned, along, rates[i])
             for j in range(3):
                 _add(excess[i], -normals[i, j], T[9 + j])
         else:  # R n . (y + d)
@@ -503,85 +469,99 @@ def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, mar
             _product(turned, T[9:12], excess[i])
             for j in range(3):
                 _add(excess[i], start[j], turned[j])
-            _along(turned, along, rates[i])
+        _along(turned, along, rates[i])
         excess[i, 0] -= levels[i]
-    if best_end == 2:
-        for sense in range(2):  # each end of what is inside moves as the face that cuts it
-            edge_place, face = (0.0, -1) if sense == 0 else (1.0, -1)
-            for i in range(len(normals)):
-                rate = rates[i, 0]
-                cut = -excess[i, 0] / rate if rate != 0.0 else 0.0
-                if (sense == 0 and rate < 0.0 and cut > edge_place) or (sense == 1 and rate > 0.0 and cut < edge_place):
-                    edge_place, face = cut, i
-            if face >= 0:
-                for j in range(1, m - 1):
-                    slope = excess[face, j] + edge_place * rates[face, j]
-                    place[j] -= 0.5 * slope / rates[face, 0]
-    spread = best_place
-    least = best_place
-    for j in range(1, m - 1):
-        spread += abs(place[j])
-        least -= abs(place[j])
-    if least < 0.0 or spread > 1.0:  # the point would leave its edge: hold it
-        for j in range(1, m - 1):
-            place[j] = 0.0
-    for i in range(len(normals)):
+
+
+@kernel
+def _moving(excess, rates, place):
+    """Let a place on an edge move with the middle of what is inside, each end of which moves as the face that cuts it.
+
+    It is held where it would leave its edge.
+    """
+    m = len(place)
+    for sense in range(2):
+        edge_place, face = float(sense), -1
+        for i in range(len(excess)):
+            rate = rates[i, 0]
+            cut = -excess[i, 0] / rate if rate != 0.0 else 0.0
+            if (sense == 0 and rate < 0.0 and cut > edge_place) or (sense == 1 and rate > 0.0 and cut < edge_place):
+                edge_place, face = cut, i
+        if face >= 0:
+            for j in range(1, m - 1):
+                place[j] -= 0.5 * (excess[face, j] + edge_place * rates[face, j]) / rates[face, 0]
+    if _low(place) < 0.0 or _high(place) > 1.0:
+        place[1:] = 0.0
+
+
+@kernel
+def _stays(excess, rates, place, margin):
+    """Tell whether a point stays inside all faces."""
+    for i in range(len(excess)):
         _add_product(excess[i], 1.0, place, rates[i])
         if not _high(excess[i]) < -margin:
             return False
-    witness[2], witness[3] = best_body + 1, best_edge
-    for j in range(m - 1):
-        witness[4 + j] = place[j]
     return True
 
 
 @kernel
-def _holds(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness):
-    """Tell whether a point between what is inside of the edges, which moves with body 1, stays inside the other.
+def meets(T, one, two, margin, witness):
+    """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other.
 
-    Aligned boxes overlap so: all that their edges share lies on faces.
+    The point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
+    `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that.
+    Or a point between what is inside of the edges moves with body 1, 3 in place of the body, and stays inside the
+    other: aligned boxes overlap so, as all that their edges share lies on faces.
     """
-    m = T.shape[1]
-    R, d = T[:9, 0], T[9:12, 0]
-    p, u, x = np.empty(3), np.empty(3), np.zeros(3)
-    count = 0
+    m, R, d, solids = T.shape[1], T[:9, 0], T[9:12, 0], (one, two)
+    best, best_body, best_edge, best_place, best_end = margin, 0, -1, 0.0, 0
+    p, u, x, count = np.empty(3), np.empty(3), np.zeros(3), 0
     for body in range(2):
-        points, edges = (one, edges1) if body == 0 else (two, edges2)
-        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
+        points, _, _, edges = solids[body]
+        _, normals, levels, _ = solids[1 - body]
         for e in range(len(edges)):
-            placed(R, d, body, points[edges[e, 0]], p)
-            placed(R, d, body, points[edges[e, 1]], u)
+            start, end = points[edges[e, 0]], points[edges[e, 1]]
+            placed(R, d, body, start, p)
+            placed(R, d, body, end, u)
             u -= p
             low, high = clipped(p, u, normals, levels, margin)
             if high < low:
                 continue
-            count += 1
-            start, end = points[edges[e, 0]], points[edges[e, 1]]
-            for j in range(3):
-                u[j] = start[j] + 0.5 * (low + high) * (end[j] - start[j])
-            if body == 1:
-                for j in range(3):
-                    p[j] = R[j] * (u[0] + d[0]) + R[3 + j] * (u[1] + d[1]) + R[6 + j] * (u[2] + d[2])
-                x += p
-            else:
-                x += u
+            middle, count = 0.5 * (low + high), count + 1
+            x += p + middle * u if body == 1 else start + middle * (end - start)
+            for sort in range(3):  # the ends of what is inside, and its middle
+                place = low if sort == 0 else high if sort == 1 else middle
+                if (sort == 0 and low > 0.0) or (sort == 1 and high < 1.0):
+                    continue
+                slack = np.inf
+                for i in range(len(normals)):
+                    slack = min(slack, levels[i] - _dot(_at(normals, i), p) - place * _dot(_at(normals, i), u))
+                if slack > best:
+                    best, best_body, best_edge, best_place, best_end = slack, body, e, place, sort
+    place = np.zeros(m)
+    if best_edge >= 0:
+        points, _, _, edges = solids[best_body]
+        _, normals, levels, _ = solids[1 - best_body]
+        start, end = points[edges[best_edge, 0]], points[edges[best_edge, 1]]
+        excess, rates = np.zeros((len(normals), m)), np.zeros((len(normals), m))
+        _set_excess(T, best_body, start, end - start, normals, levels, excess, rates)
+        place[0] = best_place
+        if best_end == 2:
+            _moving(excess, rates, place)
+        if _stays(excess, rates, place, margin):
+            witness[2], witness[3], witness[4 : 3 + m] = best_body + 1, best_edge, place[: m - 1]
+            return True
     if count == 0:
         return False
     x /= count
-    for i in range(len(normals1)):
-        if _dot(_at(normals1, i), x) > levels1[i] - margin:
+    for i in range(len(one[1])):
+        if _dot(_at(one[1], i), x) > one[2][i] - margin:
             return False
-    turned, excess = np.zeros((3, m)), np.zeros(m)
-    for i in range(len(normals2)):
-        _turn_back(T, normals2[i], turned)
-        _along(turned, x, excess)
-        for j in range(3):
-            _add(excess, -normals2[i, j], T[9 + j])
-        excess[0] -= levels2[i]
-        if not _high(excess) < -margin:
-            return False
-    witness[2], witness[3] = 3.0, 0.0
-    witness[4:7] = x
+    excess, rates = np.zeros((len(two[1]), m)), np.zeros((len(two[1]), m))
+    _set_excess(T, 0, x, np.zeros(3), two[1], two[2], excess, rates)
+    if not _stays(excess, rates, np.zeros(m), margin):
+        return False
+    witness[2], witness[3], witness[4:7] = 3.0, 0.0, x
     return True
 
 
@@ -595,7 +575,7 @@ def placed(R, d, body, x, out):
 
 
 @kernel
-def apart_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, flags, sites):
+def apart_cells(T, known, one, two, margin, flags, sites):
     """Tell, as flags, where two polyhedra stay apart, by which site."""
     n, height = np.zeros((3, T.shape[2])), np.zeros(T.shape[2])
     for cell in range(len(T)):
@@ -603,21 +583,17 @@ def apart_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2
             continue
         R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
         for edged in (False, True):
-            gap = best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, edged, sites[cell])
-            if gap > margin and apart(T[cell], sites[cell], one, two, margin, n, height):
+            gap = best_site(R, d, one, two, edged, sites[cell])
+            if gap > margin and apart(T[cell], sites[cell], one[0], two[0], margin, n, height):
                 flags[cell] = True
                 break
 
 
 @kernel
-def meet_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, flags, witness):
+def meet_cells(T, known, one, two, margin, flags, witness):
     """Tell, as flags, where two polyhedra overlap all over a cell."""
     for cell in range(len(T)):
-        if not known[cell]:
-            own, other = (one, normals1, levels1, edges1), (two, normals2, levels2, edges2)
-            flags[cell] = meets(T[cell], *own, *other, margin, witness[cell])
-            if not flags[cell]:
-                flags[cell] = _holds(T[cell], *own, *other, margin, witness[cell])
+        flags[cell] = not known[cell] and meets(T[cell], one, two, margin, witness[cell])
 
 
 # --------------------------------------------------------------------------------------------------------- distances

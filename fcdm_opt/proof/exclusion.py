@@ -20,11 +20,15 @@ from fcdm_opt.motion.motions import Rotation, Screw, Translation
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Reason
 from fcdm_opt.proof import cells as tests
-from fcdm_opt.proof.enclosure import Enclosure
+from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
 from fcdm_opt.tolerances import DEFAULT
 
 BETWEEN = (0.25, 0.5, 0.75)  # of two faces, the directions in which their edge is moved out
 LEAST_SCALE = 1e-3  # of the target pair: tracked scales below are taken as these
+
+
+Solid = tuple[Array, Array, Array, Ints]
+"""Vertices, face normals, their levels and edges, as a compiled test takes them."""
 
 
 class Cells:
@@ -86,7 +90,7 @@ class Polyhedron:
         return cls(np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges))
 
     @property
-    def arrays(self) -> tuple[Array, Array, Array, Ints]:
+    def arrays(self) -> Solid:
         """What a compiled test takes."""
         return self.vertices, self.normals, self.levels, self.edges
 
@@ -208,17 +212,7 @@ class Exclusion:
     def poses(self, cells: Cells) -> Array:
         """Return the enclosures of the relative pose over each cell, (n, 12, k + 2)."""
         q: list[Any] = [y * (1.0 / w) for y, w in zip(cells.coordinates(), self.task.weights.tolist(), strict=True)]
-        with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and passes no test
-            matrix = self.motion.composed(q, (0.0, 0.0, 0.0), tuple(self.offset.tolist()))
-        entries = [matrix[i][j] for i in range(3) for j in range(3)]
-        entries += [self.offset[i] - matrix[i][3] for i in range(3)]
-        T = np.zeros((len(cells.faces), 12, len(q) + 2))
-        for place, entry in enumerate(entries):
-            if isinstance(entry, Enclosure):
-                T[:, place] = entry.data
-            else:
-                T[:, place, 0] = entry
-        return T
+        return enclosed_pose(self.motion, q, self.offset)
 
     @cached_property
     def closing(self) -> list[int]:
@@ -388,11 +382,11 @@ class Exclusion:
             tests.left_cells(T, self.lines, task.target, *self.pair, margin, codes, witness)
 
     @cached_property
-    def pair(self) -> tuple[Array | Ints, ...]:
+    def pair(self) -> tuple[Solid, Solid]:
         """The two parts of convex bodies at scale 1, about their seeds."""
         bodies = (self.task.movable, self.task.static)
         one, two = (Polyhedron.of(body.parts[0], body.parts[0].vertices - body.seed).arrays for body in bodies)
-        return (*one, *two)
+        return one, two
 
     def _pairs(self, T: Array, codes: Ints, witness: Array) -> None:
         task, partners = self.task, len(self.task.static.parts)
@@ -402,7 +396,7 @@ class Exclusion:
             for row, (i, j) in enumerate(product(range(len(self.movable)), range(partners))):
                 flags = np.zeros(len(T), dtype=bool)
                 solids = self.movable[i].arrays, self.opponents[j].arrays
-                tests.apart_cells(T, ~all_apart, *solids[0], *solids[1], self.margin, flags, sites[:, row])
+                tests.apart_cells(T, ~all_apart, *solids, self.margin, flags, sites[:, row])
                 sites[:, row, tests.PARTS :] = i, j
                 all_apart &= flags
             codes[all_apart], witness[all_apart] = Reason.APART, sites[all_apart]
@@ -410,7 +404,7 @@ class Exclusion:
             if np.isfinite(self.needs[j]):
                 flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
                 solids = self.movable[i].arrays, self.opponents[j].arrays
-                tests.meet_cells(T, codes, *solids[0], *solids[1], self.margin, flags, rows)
+                tests.meet_cells(T, codes, *solids, self.margin, flags, rows)
                 rows[:, :2] = i, j
                 codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
             if task.needs[j] > 0 and not self.swollen:

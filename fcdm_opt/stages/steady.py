@@ -197,7 +197,8 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed
             two, normals2 = points2[a2[0] : b2[0]], faces2[a2[1] : b2[1], :3].copy()
             levels2 = faces2[a2[1] : b2[1], 3].copy()
             own2 = edges2[a2[2] : b2[2]]
-            gap = best_site(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, True, site)
+            first, second = (one, normals1, levels1, own1), (two, normals2, levels2, own2)
+            gap = best_site(R, d, first, second, True, site)
             miss = gap - need
             if need > 0.0 and 0.0 < gap < need:  # facets understate the distance of corners and edges
                 gap = set_nearest(R, d, one, two, x, y)

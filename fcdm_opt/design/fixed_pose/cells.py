@@ -16,7 +16,7 @@ from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.local_search import Found
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.proof.enclosure import Enclosure
+from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
 
 BATCH = 64  # cells looked at together
 NEGLIGIBLE = 1e-9  # shares of a mixture that are left out
@@ -230,19 +230,7 @@ def least_amount(weights: Array, low: Array, high: Array) -> float:
 
 def enclosures(worst: Worst, low: Array, high: Array) -> Array:
     """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
-    n, k = low.shape
-    problem = worst.problem
+    problem, k = worst.problem, low.shape[1]
     offset = problem.static.seed - problem.movable.seed
     q = [Enclosure.variable((low[:, j] + high[:, j]) / 2.0, (high[:, j] - low[:, j]) / 2.0, j, k) for j in range(k)]
-    motion = problem.motion.seen_from(problem.movable.seed)
-    with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and bounds nothing
-        matrix = motion.composed(q, (0.0, 0.0, 0.0), tuple(offset.tolist()))
-    entries = [matrix[i][j] for i in range(3) for j in range(3)]
-    entries += [float(offset[i]) - matrix[i][3] for i in range(3)]
-    T = np.zeros((n, 12, k + 2))
-    for place, entry in enumerate(entries):
-        if isinstance(entry, Enclosure):
-            T[:, place] = entry.data
-        else:
-            T[:, place, 0] = entry
-    return T
+    return enclosed_pose(problem.motion.seen_from(problem.movable.seed), q, offset)
