@@ -246,7 +246,7 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
     `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`.
     """
     m = T.shape[2]
-    n, level, height, along = np.zeros((3, m)), np.zeros(m), np.zeros(m), np.empty(3)
+    n, level, height = np.zeros((3, m)), np.zeros(m), np.zeros(m)
     for cell in range(len(T)):
         if codes[cell]:
             continue
@@ -254,25 +254,17 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
         for k in range(len(features)):
             feature = features[k]
             _normal(T[cell], feature, n)
-            # the vertex that is furthest beyond at the centre
-            for i in range(3):
-                along[i] = R[i] * n[0, 0] + R[3 + i] * n[1, 0] + R[6 + i] * n[2, 0]
+            way = -n[0, 0], -n[1, 0], -n[2, 0]
             for body in range(2):
-                part = int(feature[PARTS + body])
                 points, starts = (one, starts1) if body == 0 else (two, starts2)
+                part = int(feature[PARTS + body])
                 first, last = starts[part], starts[part + 1]
-                sign = 1.0 if body == 0 else -1.0
-                own = ONE if body == 0 else TWO
-                best, vertex = 0.0, -1
-                for v in range(first, last):
-                    excess = 0.0
-                    for i in range(3):
-                        w = along[i] if body == 0 else n[i, 0]
-                        excess += sign * w * (points[v, i] - feature[own + i])
-                    if excess > best:
-                        best, vertex = excess, v
-                if vertex < 0:
+                # the vertex that is furthest beyond at the centre
+                own = _turned_back(R, 0, way) if body == 0 else _times(-1.0, way)
+                vertex, lowest = _lowest(points[first:last], own)
+                if not lowest < _dot(own, _entry(feature, ONE if body == 0 else TWO)):
                     continue
+                vertex += first
                 if body == 0:
                     _height_1(T[cell], feature, feature[ONE:TWO], level)
                     _height_1(T[cell], feature, points[vertex], height)
@@ -328,13 +320,7 @@ def left_cells(T, features, target, first, second, margin, codes, witness):
         further = 0.0
         for body in range(2):
             _add_product(rest, -side, excess[body], other[body])
-            reach, points = 0.0, first[0] if body == 0 else second[0]
-            for v in range(len(points)):
-                if body == 0:
-                    _height_1(T[cell], site, points[v] - site[ONE:TWO], height)
-                else:
-                    _along(n, site[TWO:PARTS] - points[v], height)
-                reach = max(reach, _high(height))
+            reach = _reach(T[cell], site, n, body, first[0] if body == 0 else second[0], np.inf, height)
             beyond = max(_high(excess[body]) if side > 0.0 else -_low(excess[body]), 0.0)
             further += reach * (target[body] + beyond / least)
         if _low(rest) - most * further > margin * most:
@@ -409,32 +395,37 @@ def best_site(R, d, first, second, edged, site):
 
 
 @kernel
+def _reach(T, site, n, body, points, room, height):
+    """Return how much further than its own point vertices of a body reach along a site's direction; of `room` enough.
+
+    `n` is the direction over the cell, `height` is overwritten.
+    """
+    reach = 0.0
+    for v in range(len(points)):
+        if body == 0:
+            _height_1(T, site, points[v] - site[ONE:TWO], height)
+        else:
+            _along(n, site[TWO:PARTS] - points[v], height)
+        reach = max(reach, _high(height))
+        if reach >= room:
+            break
+    return reach
+
+
+@kernel
 def apart(T, site, one, two, margin, n, height):
     """Tell whether a site's direction keeps two polyhedra apart over a whole cell."""
-    m = T.shape[1]
+    gap = np.zeros(T.shape[1])
     _normal(T, site, n)
-    level, gap = np.zeros(m), np.zeros(m)
-    _height_1(T, site, site[ONE:TWO], level)
     _product(n, T[9:12], gap)
-    _add(gap, -1.0, level)
+    _height_1(T, site, site[ONE:TWO], height)
+    _add(gap, -1.0, height)
     _along(n, site[TWO:PARTS], height)
     _add(gap, 1.0, height)
-    most = _low(gap) - margin
-    if not most > 0.0:
-        return False
-    further = 0.0
-    for v in range(len(one)):
-        _height_1(T, site, one[v] - site[ONE:TWO], height)
-        further = max(further, _high(height))
-        if not most - further > 0.0:
-            return False
-    beyond = 0.0
-    for v in range(len(two)):
-        _along(n, site[TWO:PARTS] - two[v], height)
-        beyond = max(beyond, _high(height))
-        if not most - further - beyond > 0.0:
-            return False
-    return True
+    room = _low(gap) - margin
+    for body in range(2):
+        room -= _reach(T, site, n, body, one if body == 0 else two, room, height) if room > 0.0 else 0.0
+    return room > 0.0
 
 
 @kernel

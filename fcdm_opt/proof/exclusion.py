@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -74,25 +73,10 @@ class Cells:
         return np.asarray(self.stretch.mean(axis=1)[:, None] * v)
 
 
-@dataclass(frozen=True, eq=False)
-class Polyhedron:
-    """A convex polyhedron as the tests take it: vertices about an origin, face normals and levels, edges."""
-
-    vertices: Array
-    normals: Array
-    levels: Array
-    edges: Ints
-
-    @classmethod
-    def of(cls, part: ConvexPart, vertices: Array) -> Polyhedron:
-        """Return a part whose vertices have been scaled and shifted."""
-        levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
-        return cls(np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges))
-
-    @property
-    def arrays(self) -> Solid:
-        """What a compiled test takes."""
-        return self.vertices, self.normals, self.levels, self.edges
+def _solid(part: ConvexPart, vertices: Array) -> Solid:
+    """Return a part whose vertices have been scaled and shifted."""
+    levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
+    return np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges)
 
 
 def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
@@ -181,13 +165,13 @@ class Exclusion:
         return row
 
     @cached_property
-    def movable(self) -> list[Polyhedron]:
+    def movable(self) -> list[Solid]:
         """The movable parts at the scale made."""
         task = self.task
-        return [Polyhedron.of(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
+        return [_solid(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
 
     @cached_property
-    def opponents(self) -> list[Polyhedron]:
+    def opponents(self) -> list[Solid]:
         """The opponents as placed, about s_2."""
         made = []
         for own in self.task.opponents:
@@ -196,7 +180,7 @@ class Exclusion:
             if self.swollen and own.need > 0.0:
                 part = _swollen(part, placed, own.need)
                 placed = part.vertices
-            made.append(Polyhedron.of(part, placed))
+            made.append(_solid(part, placed))
         return made
 
     @cached_property
@@ -250,7 +234,7 @@ class Exclusion:
         shifts = np.array([step.direction for step in steps if isinstance(step, Translation)])
         if seeded and task.must_touch and len(shifts):
             least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
-            away = sum(max(np.linalg.norm(solid.vertices, axis=1).max() for solid in own) for own in self._partners)
+            away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in self._partners)
             if least > DEFAULT.nominal:
                 reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
                 for k, step in enumerate(steps):
@@ -302,7 +286,7 @@ class Exclusion:
         return np.array(turns[0].centre if centre is None else centre), np.array(turns[0].direction)
 
     @property
-    def _partners(self) -> tuple[list[Polyhedron], list[Polyhedron]]:
+    def _partners(self) -> tuple[list[Solid], list[Solid]]:
         return self.movable, self.opponents[: len(self.task.static.parts)]
 
     def amounts(self, cells: Cells, T: Array) -> Array:
@@ -316,7 +300,7 @@ class Exclusion:
                 (amount,) = interpreted(task.amount_kind.function, q)
             return np.asarray(amount.low if isinstance(amount, Enclosure) else np.full(len(T), amount))
         # displacement of each vertex, (n, v, 3, k + 2): linear in the pose
-        points = np.concatenate([solid.vertices for solid in self.movable])
+        points = np.concatenate([solid[0] for solid in self.movable])
         turned = np.einsum("vj,nijm->nvim", points, T[:, :9].reshape(len(T), 3, 3, -1))
         turned[..., -1] = np.einsum("vj,nij->nvi", np.abs(points), T[:, :9, -1].reshape(len(T), 3, 3))
         turned[..., 0] += self.offset - points[:, :]
@@ -385,7 +369,7 @@ class Exclusion:
     def pair(self) -> tuple[Solid, Solid]:
         """The two parts of convex bodies at scale 1, about their seeds."""
         bodies = (self.task.movable, self.task.static)
-        one, two = (Polyhedron.of(body.parts[0], body.parts[0].vertices - body.seed).arrays for body in bodies)
+        one, two = (_solid(body.parts[0], body.parts[0].vertices - body.seed) for body in bodies)
         return one, two
 
     def _pairs(self, T: Array, codes: Ints, witness: Array) -> None:
@@ -395,7 +379,7 @@ class Exclusion:
             sites = np.zeros((len(T), self.rows, WITNESS))
             for row, (i, j) in enumerate(product(range(len(self.movable)), range(partners))):
                 flags = np.zeros(len(T), dtype=bool)
-                solids = self.movable[i].arrays, self.opponents[j].arrays
+                solids = self.movable[i], self.opponents[j]
                 tests.apart_cells(T, ~all_apart, *solids, self.margin, flags, sites[:, row])
                 sites[:, row, tests.PARTS :] = i, j
                 all_apart &= flags
@@ -403,7 +387,7 @@ class Exclusion:
         for i, j in product(range(len(self.movable)), range(len(self.opponents))):
             if np.isfinite(self.needs[j]):
                 flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
-                solids = self.movable[i].arrays, self.opponents[j].arrays
+                solids = self.movable[i], self.opponents[j]
                 tests.meet_cells(T, codes, *solids, self.margin, flags, rows)
                 rows[:, :2] = i, j
                 codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from heapq import heapify, heappop, heappush
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.design.fixed_pose import gaps as kernels
-from fcdm_opt.design.fixed_pose.local_search import Found
+from fcdm_opt.design.fixed_pose.local_search import Found, found_at
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
@@ -24,20 +25,10 @@ RAW = 0.05  # of how far a parameter moves points, besides what it costs the bou
 MUCH = 1e-3  # relative gain at a cell's centre from which on a search for the best pose near it is worth its time
 
 
-@dataclass(frozen=True, eq=False)
-class Witnesses:
-    """A mixture that proves a bound of a cell.
+class Witnesses(NamedTuple):
+    """A mixture that proves a bound of a cell: kinds and shares (w,), part pairs and sizes (w, 2), directions.
 
-    Attributes
-    ----------
-    kinds : (w,) ints
-        See `gaps.cell_bound`.
-    shares : (w,) array
-    parts : (w, 2) ints
-        Part pair whose gap falls short of the window; -1 where all gaps exceed it.
-    sizes : (w, 2) array
-    ways : tuple of arrays
-        (0, 3), or a direction for each part pair, i * parts 2 + j.
+    For kinds and directions see `gaps.cell_bound`; the part pair is -1, -1 where all gaps exceed the window.
     """
 
     kinds: Ints
@@ -207,10 +198,9 @@ class Search:
 
     def _try(self, q: Array) -> None:
         """Take a cell's centre as the best pose if it is, and improve it."""
-        off, amount = self.worst.off(q), self.worst.amount(q)
-        found = Found(q, off, amount)
+        found = found_at(self.worst, q)
         if self._beats(found):
-            much = self.value - (amount if self.amounts else off.value) > MUCH * abs(self.value)
+            much = self.value - (found.amount if self.amounts else found.off.value) > MUCH * abs(self.value)
             self.best = found
             if much:
                 improved = self.improve(q)

@@ -23,7 +23,7 @@ from fcdm_opt.curve.kernels import (
     _turned_back,
     facet_rows,
 )
-from fcdm_opt.geometry.least_distance import _lowest, nearest
+from fcdm_opt.geometry.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 
 SHIFTED, TRACKED, DIRECTED = range(3)  # kinds of witnesses, see `cell_bound`
@@ -344,23 +344,13 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, S, sizes, low, hig
 
 @kernel
 def _set_far_way(pose, one, two, x, y, way):
-    """Write a direction along which two parts are far apart: of axes, cube diagonals, and between their middles."""
-    best, middle = -_INF, (one[:, 0].mean(), one[:, 1].mean(), one[:, 2].mean())
-    between = _way(pose, x, middle)
-    for code in range(27):
-        n = float(code // 9 - 1), float(code // 3 % 3 - 1), float(code % 3 - 1)
-        if code == 13:
-            n = between[0] + y * two[:, 0].mean(), between[1] + y * two[:, 1].mean(), between[2] + y * two[:, 2].mean()
-        elif abs(n[0]) + abs(n[1]) + abs(n[2]) == 2.0:
-            continue
-        if not _length(n) > 0.0:
-            continue
-        n = _times(1.0 / _length(n), n)
-        back = _turned_back(pose, 0, _times(-1.0, n))
-        gap = _dot(n, _entry(pose, 9)) + y * _lowest(two, n)[1] + x * _lowest(one, back)[1]
-        if gap > best:
-            best = gap
-            way[0], way[1], way[2] = n
+    """Write the direction along which two parts are furthest apart, any where they are not."""
+    moved = np.empty_like(one)
+    for v in range(len(one)):
+        moved[v, 0], moved[v, 1], moved[v, 2] = _times(-1.0, _way(pose, x, _at(one, v)))
+    between = nearest_points(moved, y * two)[0]
+    n = _times(1.0 / _length(between), between) if _length(between) > 0.0 else (1.0, 0.0, 0.0)
+    way[0], way[1], way[2] = n
 
 
 @kernel

@@ -9,17 +9,17 @@ kinds of witnesses, see `gaps.cell_bound`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.cells import Search
+from fcdm_opt.design.fixed_pose.cells import Search, Witnesses
 from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
 from fcdm_opt.proof.mean_value import Boxes, PosesOfPieces
@@ -31,7 +31,7 @@ ROUNDS = 1.0 + 2.0**-40  # of sums of floats, relative
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PoseEvidence:
+class PoseEvidence(Plain):
     """Cells of poses and why each holds no better pose.
 
     Attributes
@@ -61,37 +61,31 @@ class PoseEvidence:
     @classmethod
     def of(cls, search: Search) -> PoseEvidence:
         """Return what a search leaves behind."""
-        axes, first, kinds, shares, parts, sizes, ways = [], [0], [], [], [], [], []
-        stack = [0]
+        axes, first, stack = [], [0], [0]
+        made = [Witnesses(np.empty(0), np.empty(0), np.empty((0, 2)), np.empty((0, 2)), ())]
         while stack:
             node = search.nodes[stack.pop()]
             axes.append(node.axis)
             if node.children is not None:
                 stack += [node.children[1], node.children[0]]
                 continue
-            own = node.witnesses
-            if own is not None:
-                kinds += own.kinds.tolist()
-                shares += own.shares.tolist()
-                parts += own.parts.tolist()
-                sizes += own.sizes.tolist()
-                ways += list(own.ways)
-            first.append(len(kinds))
+            if node.witnesses is not None:
+                made.append(node.witnesses)
+            first.append(first[-1] + (0 if node.witnesses is None else len(node.witnesses.kinds)))
+        *mixtures, ways = zip(*made, strict=True)
+        kinds, shares, parts, sizes = map(np.concatenate, mixtures)
+        each = [own for several in ways for own in several]
         return cls(
             limits=frozen(search.limits),
             axes=frozen(axes, np.int64),
             first=frozen(first, np.int64),
             kinds=frozen(kinds, np.int64),
             shares=frozen(shares),
-            parts=frozen(np.reshape(parts, (-1, 2)), np.int64),
-            sizes=frozen(np.reshape(sizes, (-1, 2))),
-            way_first=frozen(np.cumsum([0, *(len(own) for own in ways)]), np.int64),
-            ways=frozen(np.concatenate([np.empty((0, 3)), *ways])),
+            parts=frozen(parts, np.int64),
+            sizes=frozen(sizes),
+            way_first=frozen(np.cumsum([0, *map(len, each)]), np.int64),
+            ways=frozen(np.concatenate([np.empty((0, 3)), *each])),
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {item.name: getattr(self, item.name).tolist() for item in fields(self)}
 
     def leaves(self) -> tuple[Array, Array]:
         """Return the lower and upper ends of the last cells, (m, k) each; raises ValueError where axes are none."""
