@@ -30,7 +30,7 @@ from fcdm_opt.curve.kernels import (
 )
 from fcdm_opt.geometry.least_distance import _lowest, nearest_points
 
-OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE = range(7)  # what is known of a cell, see `evidence.Reason`
+OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # what is known of a cell, see `evidence.Reason`
 FEATURE = 16  # numbers of a feature
 KIND, SIGN, FIRST, SECOND, ONE, TWO, PARTS = 0, 1, 2, 5, 8, 11, 14  # places in it
 
@@ -581,10 +581,11 @@ def apart_cells(T, known, one, two, margin, flags, sites):
 
 
 @kernel
-def meet_cells(T, known, one, two, margin, flags, witness):
-    """Tell, as flags, where two polyhedra overlap all over a cell."""
+def meet_cells(T, pair, one, two, margin, codes, witness):
+    """Tell where two polyhedra, a part and an opponent by number, overlap all over a cell."""
     for cell in range(len(T)):
-        flags[cell] = not known[cell] and meets(T[cell], one, two, margin, witness[cell])
+        if codes[cell] == OPEN and meets(T[cell], one, two, margin, witness[cell]):
+            codes[cell], witness[cell, 0], witness[cell, 1] = MEETS, pair[0], pair[1]
 
 
 # --------------------------------------------------------------------------------------------------------- distances
@@ -610,15 +611,15 @@ def set_nearest(R, d, one, two, x, y):
 
 
 @kernel
-def near_cells(T, known, one, two, need, margin, flags, witness):
-    """Tell, as flags, where two points of two polyhedra are nearer than `need` all over a cell.
+def near_cells(T, pair, one, two, need, margin, codes, witness):
+    """Tell where two points of two polyhedra are nearer than `need` all over a cell.
 
     `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about s_2.
     """
     m = T.shape[2]
     x, y, ways, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
     for cell in range(len(T)):
-        if known[cell]:
+        if codes[cell] != OPEN:
             continue
         R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
         if not set_nearest(R, d, one, two, x, y) < need:
@@ -629,5 +630,5 @@ def near_cells(T, known, one, two, need, margin, flags, witness):
             ways[j, 0] -= y[j]
         _product(ways, ways, square)
         if _high(square) < (need - margin) ** 2:
-            flags[cell] = True
+            codes[cell], witness[cell, 0], witness[cell, 1] = NEAR, pair[0], pair[1]
             witness[cell, 2:5], witness[cell, 5:8] = x, y

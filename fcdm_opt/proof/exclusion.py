@@ -385,15 +385,8 @@ class Exclusion:
                 all_apart &= flags
             codes[all_apart], witness[all_apart] = Reason.APART, sites[all_apart]
         for i, j in product(range(len(self.movable)), range(len(self.opponents))):
+            one, two, need = self.movable[i], self.opponents[j], float(task.needs[j])
             if np.isfinite(self.needs[j]):
-                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
-                solids = self.movable[i], self.opponents[j]
-                tests.meet_cells(T, codes, *solids, self.margin, flags, rows)
-                rows[:, :2] = i, j
-                codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
-            if task.needs[j] > 0 and not self.swollen:
-                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
-                near = solids[0][0], solids[1][0], float(task.needs[j])
-                tests.near_cells(T, codes, *near, self.margin, flags, rows)
-                rows[:, :2] = i, j
-                codes[flags], witness[flags, 0] = Reason.NEAR, rows[flags]
+                tests.meet_cells(T, (i, j), one, two, self.margin, codes, witness[:, 0])
+            if need > 0 and not self.swollen:
+                tests.near_cells(T, (i, j), one[0], two[0], need, self.margin, codes, witness[:, 0])
