@@ -30,7 +30,7 @@ from fcdm_opt.curve.kernels import (
 )
 from fcdm_opt.geometry.least_distance import _lowest, nearest_points
 
-OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # what is known of a cell, see `evidence.Reason`
+OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # as `evidence.Reason`
 FEATURE = 16  # numbers of a feature
 KIND, SIGN, FIRST, SECOND, ONE, TWO, PARTS = 0, 1, 2, 5, 8, 11, 14  # places in it
 
