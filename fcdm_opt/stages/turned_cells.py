@@ -3,10 +3,10 @@
 A cell is a box of the scaled angles eta = w theta, centre c and half-widths h, three of each, unused ones zero. A
 `turn` is, flat, the rotation R at the centre, row by row, then the rows omega_k: dR/d eta_k x = omega_k x (R x).
 A body is a tuple (points, normals, edges, ends, places): points of body 1 at the scale made about the moved seed at
-rest, of body 2 the offset to them from there; normals (n, level, error, 1 / |M' n|) point from body 1 to body 2, the
-level is the support; edges are unit vectors, then the middle of the arc of normals and how far its ends are from it;
-ends are a point, the face on the left, the one on the right; places are the first rows of each part. M takes
-translations y, in which the amount is a length, to the world's.
+rest, of body 2 the offset to them from there; normals, and how far they may be wrong, point from body 1 to body 2;
+edges are unit vectors, then the middle of the arc of normals and how far its ends are from it; ends are a point, the
+face on the left, the one on the right; places are the first rows of each part. M takes translations y, in which the
+amount is a length, to the world's.
 
 What bounds rest on. Along a segment of angles delta, R is a product of rotations about fixed axes each at a constant
 rate, or the exponential of A + s B, with skew A and B. Either way the second derivative of R x is at most r^2 |x|, r
@@ -215,15 +215,15 @@ def _cannot_cross(part1, part2, turn, way, radius):
     E, F = _turned(turn, 0, _row(part1[2], i)), _row(part2[2], j)
     before, after = part2[3][j, 1], part2[3][j, 2]
     error = radius + ROUNDING
-    if sign * _dot(_row(part2[1], after), E) < -error - part2[1][after, 4]:
+    if sign * _dot(_row(part2[1], after), E) < -error - part2[1][after, 3]:
         return True
-    if sign * _dot(_row(part2[1], before), E) > error + part2[1][before, 4]:
+    if sign * _dot(_row(part2[1], before), E) > error + part2[1][before, 3]:
         return True
     own = _turned_back(turn, 0, F)
     before, after = part1[3][i, 1], part1[3][i, 2]
-    if sign * _dot(_row(part1[1], before), own) < -error - part1[1][before, 4]:
+    if sign * _dot(_row(part1[1], before), own) < -error - part1[1][before, 3]:
         return True
-    return sign * _dot(_row(part1[1], after), own) > error + part1[1][after, 4]
+    return sign * _dot(_row(part1[1], after), own) > error + part1[1][after, 3]
 
 
 @step
@@ -306,9 +306,9 @@ def _direction_terms(part1, part2, turned1, turn, way, metric, spectral, bent, m
     n, error = along[1], 0.0
     v, w = 0, 0
     if kind == FACE_1:
-        v, error = _lowest(turned1, _times(-1.0, n))[0], part1[1][i, 4]
+        v, error = _lowest(turned1, _times(-1.0, n))[0], part1[1][i, 3]
     elif kind == FACE_2:
-        w, error = _lowest(points2, n)[0], part2[1][j, 4]
+        w, error = _lowest(points2, n)[0], part2[1][j, 3]
     else:
         v, w = part1[3][i, 0], part2[3][j, 0]
     D, gD, eD = _size(kind, along, turn, metric, spectral, bent, radius)
@@ -351,7 +351,7 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
     _, i, j = way
     half = 0.5 * radius * radius
     E, A, B = _turned(turn, 0, _row(part1[2], i)), part1[3][i, 1], part1[3][i, 2]
-    error = radius + ROUNDING + part1[1][A, 4] + part1[1][B, 4]
+    error = radius + ROUNDING + part1[1][A, 3] + part1[1][B, 3]
     inside = _cross(E, _turned(turn, 0, _row(part1[1], A))), _cross(_turned(turn, 0, _row(part1[1], B)), E)
     C, D = part2[3][j, 1], part2[3][j, 2]
     first, last = _row(part2[1], C), _row(part2[1], D)
@@ -365,7 +365,7 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
             first = _plus(first, _times(f / (f - g), _minus(last, first)))
         elif g < 0.0:
             last = _plus(last, _times(g / (g - f), _minus(first, last)))
-    spare = pad * (1.0 + (part2[1][C, 4] + part2[1][D, 4]) / ROUNDING)
+    spare = pad * (1.0 + (part2[1][C, 3] + part2[1][D, 3]) / ROUNDING)
     p, best = _row(part2[0], part2[3][j, 0]), _INF
     for piece in range(PIECES):
         a = _plus(first, _times(piece / PIECES, _minus(last, first)))

@@ -136,10 +136,10 @@ class _TurnSearch:
         if not exact:  # the least way to a distance is along no face's normal: |y| is at least the length over the norm
             metric, even = spectral * np.eye(3), True
         self.metric, offset = metric, task.pose(task.rest)[9:]
-        self.one = rays.together([_tables(part, float(task.target[0]), None, metric) for part in task.movable.parts])
+        self.one = rays.together([_tables(part, float(task.target[0]), None) for part in task.movable.parts])
         self.two = rays.together(
             [
-                _tables(own.part, own.scale, offset + own.part.seed - task.static.seed, metric)
+                _tables(own.part, own.scale, offset + own.part.seed - task.static.seed)
                 for own in task.opponents[: len(task.static.parts)]
             ]
         )
@@ -247,17 +247,14 @@ class _TurnSearch:
         return q
 
 
-def _tables(part: ConvexPart, scale: float, offset: Array | None, metric: Array) -> tuple[Array, Array, Array, Ints]:
+def _tables(part: ConvexPart, scale: float, offset: Array | None) -> tuple[Array, Array, Array, Ints]:
     """Return points, normals, edges and ends of a part of body 1 or, with its offset, of body 2 (`turned_cells`)."""
     reals, ints = part.packed
     n, f = int(ints[0]), int(ints[1])
     points, outward, errors = scale * reals[:n, :3], reals[n : n + f, :3], reals[n : n + f, 3]
-    if offset is None:
-        normals, levels = outward, (outward @ points.T).max(axis=1)
-    else:
+    normals = outward
+    if offset is not None:
         points, normals = points + offset, -outward
-        levels = (normals @ points.T).min(axis=1)
-    over = 1.0 / np.linalg.norm(normals @ metric, axis=1)
     along = points[part.edges[:, 1]] - points[part.edges[:, 0]]
     along /= np.linalg.norm(along, axis=1)[:, None]
     sides = normals[part.edges[:, 2:]]
@@ -265,5 +262,5 @@ def _tables(part: ConvexPart, scale: float, offset: Array | None, metric: Array)
     middles /= np.linalg.norm(middles, axis=1)[:, None]
     chords = np.linalg.norm(sides - middles[:, None], axis=2).max(axis=1)
     chords += 2.0 * errors[part.edges[:, 2:]].max(axis=1) + turned_cells.ROUNDING
-    table = np.column_stack([normals, levels, errors, over])
-    return points, table, np.column_stack([along, middles, chords]), part.edges[:, [0, 2, 3]]
+    table = np.column_stack([along, middles, chords])
+    return points, np.column_stack([normals, errors]), table, part.edges[:, [0, 2, 3]]
