@@ -62,7 +62,7 @@ class PoseEvidence(Plain):
     def of(cls, search: Search) -> PoseEvidence:
         """Return what a search leaves behind."""
         axes, first, stack = [], [0], [0]
-        made = [Witnesses(np.empty(0), np.empty(0), np.empty((0, 2)), np.empty((0, 2)), ())]
+        made = [Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), np.empty((0, 2)), ())]
         while stack:
             node = search.nodes[stack.pop()]
             axes.append(node.axis)
