@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.curve.kernels import _cross, _dot, _length, _minus, _times, _turned, _turned_back
+from fcdm_opt.curve.kernels import _at, _cross, _dot, _entry, _length, _minus, _times, _turned, _turned_back
 from fcdm_opt.geometry.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.proof.cells import _plus
 from fcdm_opt.stages.compiled import _place
@@ -36,11 +36,6 @@ ROUNDING = (
 )  # of the lengths that enter: no value is the sum of more than 64 products, each rounded thrice
 NONE = 0.0, 0.0, 0.0
 _INF = np.inf
-
-
-@step
-def _row(rows, k):
-    return rows[k, 0], rows[k, 1], rows[k, 2]
 
 
 @step
@@ -139,7 +134,7 @@ def _share(levels, slopes, count, c, low, high, size, multipliers):
     G, b, z = np.zeros((count + 6, 4)), np.empty(count + 6), np.empty(4)
     duals = np.empty(count + 6)
     for v in range(count):
-        g = _row(slopes, v)
+        g = _at(slopes, v)
         steep = np.sqrt(1.0 + _dot(g, g))
         G[v, 0], G[v, 1], G[v, 2], G[v, 3] = 1.0 / steep, -g[0] / steep, -g[1] / steep, -g[2] / steep
         b[v] = (levels[v] - _dot(g, c)) / (steep * size)
@@ -163,10 +158,10 @@ def least(levels, slopes, count, c, h, multipliers):
     base = 0.5 * _dot(eta, eta)
     top = 0.0
     for v in range(count):
-        top = max(top, levels[v] - _spread(_row(slopes, v), h))
+        top = max(top, levels[v] - _spread(_at(slopes, v), h))
     used, peak = 0, 0.0
     for v in range(count):
-        most = levels[v] + _spread(_row(slopes, v), h)
+        most = levels[v] + _spread(_at(slopes, v), h)
         peak = max(peak, most)
         if most >= top and most > 0.0:
             levels[used], multipliers[used] = levels[v], 0.0
@@ -175,13 +170,13 @@ def least(levels, slopes, count, c, h, multipliers):
     if used == 0:
         return np.sqrt(2.0 * base), eta
     if used == 1:
-        multipliers[0] = _multiplier(levels[0] - _dot(_row(slopes, 0), c), _row(slopes, 0), (0.0, 0.0, 0.0), low, high)
+        multipliers[0] = _multiplier(levels[0] - _dot(_at(slopes, 0), c), _at(slopes, 0), (0.0, 0.0, 0.0), low, high)
     else:
         _share(levels, slopes, used, c, low, high, peak, multipliers)
     S, L, G = 0.0, 0.0, (0.0, 0.0, 0.0)
     for v in range(used):
         m = multipliers[v]
-        S, L, G = S + m, L + m * levels[v], _plus(G, _times(m, _row(slopes, v)))
+        S, L, G = S + m, L + m * levels[v], _plus(G, _times(m, _at(slopes, v)))
     eta = _clipped(-G[0], low[0], high[0]), _clipped(-G[1], low[1], high[1]), _clipped(-G[2], low[2], high[2])
     value = L - 0.5 * S * S + 0.5 * _dot(eta, eta) + _dot(G, _minus(eta, c))
     return np.sqrt(2.0 * max(base, value)), eta
@@ -212,18 +207,18 @@ def _cannot_cross(part1, part2, turn, way, radius):
     apart = _minus(_turned(turn, 0, (x, y, z)), (part2[2][j, 3], part2[2][j, 4], part2[2][j, 5]))
     if _length(apart) > part1[2][i, 6] + part2[2][j, 6] + radius:
         return True
-    E, F = _turned(turn, 0, _row(part1[2], i)), _row(part2[2], j)
+    E, F = _turned(turn, 0, _at(part1[2], i)), _at(part2[2], j)
     before, after = part2[3][j, 1], part2[3][j, 2]
     error = radius + ROUNDING
-    if sign * _dot(_row(part2[1], after), E) < -error - part2[1][after, 3]:
+    if sign * _dot(_at(part2[1], after), E) < -error - part2[1][after, 3]:
         return True
-    if sign * _dot(_row(part2[1], before), E) > error + part2[1][before, 3]:
+    if sign * _dot(_at(part2[1], before), E) > error + part2[1][before, 3]:
         return True
     own = _turned_back(turn, 0, F)
     before, after = part1[3][i, 1], part1[3][i, 2]
-    if sign * _dot(_row(part1[1], before), own) < -error - part1[1][before, 3]:
+    if sign * _dot(_at(part1[1], before), own) < -error - part1[1][before, 3]:
         return True
-    return sign * _dot(_row(part1[1], after), own) > error + part1[1][after, 3]
+    return sign * _dot(_at(part1[1], after), own) > error + part1[1][after, 3]
 
 
 @step
@@ -231,10 +226,10 @@ def _direction(part1, part2, turn, way):
     """Return (sign, n, E, F): a direction at the centre, not of unit length, of edges sign E x F."""
     kind, i, j = way
     if kind == FACE_1:
-        return 0.0, _turned(turn, 0, _row(part1[1], i)), NONE, NONE
+        return 0.0, _turned(turn, 0, _at(part1[1], i)), NONE, NONE
     if kind == FACE_2:
-        return 0.0, _row(part2[1], j), NONE, NONE
-    sign, E, F = 1.0 if kind == EDGES else -1.0, _turned(turn, 0, _row(part1[2], i)), _row(part2[2], j)
+        return 0.0, _at(part2[1], j), NONE, NONE
+    sign, E, F = 1.0 if kind == EDGES else -1.0, _turned(turn, 0, _at(part1[2], i)), _at(part2[2], j)
     return sign, _times(sign, _cross(E, F)), E, F
 
 
@@ -269,12 +264,12 @@ def _size(kind, along, turn, metric, spectral, bent, radius):
     if kind == FACE_2 or (kind == FACE_1 and not bent):
         return _length(_turned_back(metric, 0, n)), NONE, 0.0
     if kind == FACE_1:
-        a, b, c = _cross(_row3(turn, 9), n), _cross(_row3(turn, 12), n), _cross(_row3(turn, 15), n)
+        a, b, c = _cross(_entry(turn, 9), n), _cross(_entry(turn, 12), n), _cross(_entry(turn, 15), n)
         length = _length(n)
     else:
-        a = _times(sign, _cross(_cross(_row3(turn, 9), E), F))
-        b = _times(sign, _cross(_cross(_row3(turn, 12), E), F))
-        c = _times(sign, _cross(_cross(_row3(turn, 15), E), F))
+        a = _times(sign, _cross(_cross(_entry(turn, 9), E), F))
+        b = _times(sign, _cross(_cross(_entry(turn, 12), E), F))
+        c = _times(sign, _cross(_cross(_entry(turn, 15), E), F))
         length = 1.0
     return _stretch(metric, n, a, b, c, 0.5 * radius * radius * length, spectral, radius * length)
 
@@ -318,19 +313,14 @@ def _direction_terms(part1, part2, turned1, turn, way, metric, spectral, bent, m
     for k in range(len(turned1) + len(points2)):
         if (kind == FACE_1 and k < len(turned1)) or (kind == FACE_2 and k >= len(turned1)):
             continue
-        x = _row(turned1, k if k < len(turned1) else v)
-        p = _row(points2, w if k < len(turned1) else k - len(turned1))
+        x = _at(turned1, k if k < len(turned1) else v)
+        p = _at(points2, w if k < len(turned1) else k - len(turned1))
         value1, g1, error1 = _height_1(kind, along, turn, half, x)
         value2, g2, error2 = _height_2(kind, along, turn, half, p)
         value, g = _quotient(value1 - value2 - error1 - error2 - spare, _minus(g1, g2), D, gD, eD, h)
         _fill(levels, slopes, count, value + more, g)
         count += 1
     return count
-
-
-@step
-def _row3(values, k):
-    return values[k], values[k + 1], values[k + 2]
 
 
 @step
@@ -350,11 +340,11 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
     levels, slopes, shares = scratch
     _, i, j = way
     half = 0.5 * radius * radius
-    E, A, B = _turned(turn, 0, _row(part1[2], i)), part1[3][i, 1], part1[3][i, 2]
+    E, A, B = _turned(turn, 0, _at(part1[2], i)), part1[3][i, 1], part1[3][i, 2]
     error = radius + ROUNDING + part1[1][A, 3] + part1[1][B, 3]
-    inside = _cross(E, _turned(turn, 0, _row(part1[1], A))), _cross(_turned(turn, 0, _row(part1[1], B)), E)
+    inside = _cross(E, _turned(turn, 0, _at(part1[1], A))), _cross(_turned(turn, 0, _at(part1[1], B)), E)
     C, D = part2[3][j, 1], part2[3][j, 2]
-    first, last = _row(part2[1], C), _row(part2[1], D)
+    first, last = _at(part2[1], C), _at(part2[1], D)
     if max(_dot(first, E), _dot(last, E)) < -error or min(_dot(first, E), _dot(last, E)) > error:
         return _INF
     for side in inside:
@@ -366,20 +356,20 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
         elif g < 0.0:
             last = _plus(last, _times(g / (g - f), _minus(first, last)))
     spare = pad * (1.0 + (part2[1][C, 3] + part2[1][D, 3]) / ROUNDING)
-    p, best = _row(part2[0], part2[3][j, 0]), _INF
+    p, best = _at(part2[0], part2[3][j, 0]), _INF
     for piece in range(PIECES):
         a = _plus(first, _times(piece / PIECES, _minus(last, first)))
         b = _plus(first, _times((piece + 1) / PIECES, _minus(last, first)))
         over_a, over_b = 1.0 / _length(_turned_back(metric, 0, a)), 1.0 / _length(_turned_back(metric, 0, b))
         v, ahead = 0, -_INF
         for k in range(len(turned1)):
-            x = _minus(_row(turned1, k), p)
+            x = _minus(_at(turned1, k), p)
             value = min(_dot(a, x) * over_a, _dot(b, x) * over_b)
             if value > ahead:
                 v, ahead = k, value
-        x = _row(turned1, v)
+        x = _at(turned1, v)
         for n, over in ((a, over_a), (b, over_b)):
-            value = _dot(n, _minus(x, p)) - half * turned1[v, 3] - spare
+            value = _dot(n, _minus(x, p)) - half * _length(x) - spare
             _fill(levels, slopes, 0, value * over + more, _times(over, _turned(turn, 9, _cross(x, n))))
             best = min(best, least(levels, slopes, 1, c, h, shares)[0])
     return best
@@ -411,7 +401,7 @@ def _gap_bound(
             continue
         along = 0.0, n, NONE, NONE
         if kind == EDGES:
-            E, F = _minus(_row(turned1, j), _row(turned1, i)), _minus(_row(points2, w), _row(points2, u))
+            E, F = _minus(_at(turned1, j), _at(turned1, i)), _minus(_at(points2, w), _at(points2, u))
             E, F = _times(1.0 / _length(E), E), _times(1.0 / _length(F), F)
             sign = 1.0 if _dot(_cross(E, F), n) > 0.0 else -1.0
             along = sign, _times(sign, _cross(E, F)), E, F
@@ -422,11 +412,11 @@ def _gap_bound(
         for k in range(len(turned1)):
             if kind == FACE_1 and k != far:
                 continue
-            value1, g1, error1 = _height_1(kind, along, turn, half, _row(turned1, k))
+            value1, g1, error1 = _height_1(kind, along, turn, half, _at(turned1, k))
             for other in range(len(points2)):
                 if kind == FACE_2 and other != near:
                     continue
-                value2, g2, error2 = _height_2(kind, along, turn, half, _row(points2, other))
+                value2, g2, error2 = _height_2(kind, along, turn, half, _at(points2, other))
                 value, g = _quotient(value2 - value1 - error1 - error2 - spare, _minus(g2, g1), D, gD, eD, h)
                 if _unlike(value, g, c, h, bound):
                     continue
@@ -463,22 +453,11 @@ def _unlike(value, g, c, h, bound):
 
 
 @kernel
-def _turned_points(part, turn):
-    """Return the points of a part of body 1 turned, and their lengths, (n, 4)."""
-    points = part[0]
-    found = np.empty((len(points), 4))
-    for k in range(len(points)):
-        x = _turned(turn, 0, _row(points, k))
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = x[0], x[1], x[2], _length(x)
-    return found
-
-
-@kernel
-def _scaled(points, inverse):
-    """Return points in the coordinates in which the amount is a length, (n, 3)."""
+def _mapped(points, M):
+    """Return points times a matrix, the first nine numbers of M: turned, or where the amount is a length, (n, 3)."""
     found = np.empty((len(points), 3))
     for k in range(len(points)):
-        found[k, 0], found[k, 1], found[k, 2] = _turned(inverse, 0, _row(points, k))
+        found[k, 0], found[k, 1], found[k, 2] = _turned(M, 0, _at(points, k))
     return found
 
 
@@ -500,8 +479,8 @@ def least_gap(one, two, pairs, turn, inverse):
     for k in range(len(pairs)):
         if pairs[k, 0] != last:
             last = pairs[k, 0]
-            scaled1 = _scaled(_turned_points(_part(one, last), turn), inverse)
-        way, _ = nearest_points(scaled1, _scaled(_part(two, pairs[k, 1])[0], inverse))
+            scaled1 = _mapped(_mapped(_part(one, last)[0], turn), inverse)
+        way, _ = nearest_points(scaled1, _mapped(_part(two, pairs[k, 1])[0], inverse))
         if _length(way) < best:
             best, x = _length(way), way
     return x
@@ -531,7 +510,7 @@ def _try_depth(part1, part2, way, kind, eta, metric, more, best):
     """Try the motion that goes back along a direction at some angles."""
     turn = np.empty(18)
     set_turn(kind, eta, turn)
-    depth, n, size = exact_depth(part1, part2, _turned_points(part1, turn), turn, way, metric)
+    depth, n, size = exact_depth(part1, part2, _mapped(part1[0], turn), turn, way, metric)
     if depth + more < _INF:
         _keep(best, eta, _times(-max(depth + more, 0.0) / size, _turned_back(metric, 0, n)))
 
@@ -553,7 +532,7 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
     made, used = np.empty((max(len(pool), 64), 4), np.int64), 0
     for item in range(len(nodes)):
         cut = (1.0 - gap) * best[0]
-        bound, c, h = nodes[item, 0], _row3(nodes[item], 1), _row3(nodes[item], 4)
+        bound, c, h = nodes[item, 0], _entry(nodes[item], 1), _entry(nodes[item], 4)
         if bound >= cut:
             continue
         set_turn(kind, c, turn)
@@ -565,14 +544,14 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
         # one of these pairs must touch
         if len(touching) and bound < cut:
             lowest, place, last = _INF, c, -1
-            turned1, scaled1 = np.empty((0, 4)), np.empty((0, 3))
+            turned1, scaled1 = np.empty((0, 3)), np.empty((0, 3))
             for k in range(len(touching)):
                 part1, part2 = _part(one, touching[k, 0]), _part(two, touching[k, 1])
                 if touching[k, 0] != last:
                     last = touching[k, 0]
-                    turned1 = _turned_points(part1, turn)
-                    scaled1 = _scaled(turned1, inverse)
-                x, spread = nearest_points(scaled1, _scaled(part2[0], inverse))
+                    turned1 = _mapped(part1[0], turn)
+                    scaled1 = _mapped(turned1, inverse)
+                x, spread = nearest_points(scaled1, _mapped(part2[0], inverse))
                 found, where = base, c
                 if _length(x) > 0.0:
                     found, where = _gap_bound(
@@ -593,7 +572,7 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
             if bound >= cut:
                 break
             part1, part2 = _part(one, apart[k, 0]), _part(two, apart[k, 1])
-            turned1 = _turned_points(part1, turn)
+            turned1 = _mapped(part1[0], turn)
             lowest, place, leave, shallow, out = _INF, c, (FACE_1, 0, 0), _INF, (FACE_1, 0, 0)
             while entry < end:
                 way = _ints(pool, entry)
@@ -662,14 +641,14 @@ def _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h,
     Two points of them are at most |a + b| apart, a their way at the centre and b what turning adds: see `_stretch`.
     """
     levels, slopes, shares = scratch
-    x, spread = nearest_points(_scaled(turned1, inverse), _scaled(part2[0], inverse))
+    x, spread = nearest_points(_mapped(turned1, inverse), _mapped(part2[0], inverse))
     distance, g = _length(x), (0.0, 0.0, 0.0)
     level = more - distance - radius * reach
     if distance > 0.0:
         n = _turned_back(inverse, 0, _times(1.0 / distance, x))
         point = (0.0, 0.0, 0.0)
         for k in range(len(turned1)):
-            point = _plus(point, _times(spread[k].sum(), _row(turned1, k)))
+            point = _plus(point, _times(spread[k].sum(), _at(turned1, k)))
         finer = more - distance - 0.5 * radius * radius * reach - (radius * reach) ** 2 / (2.0 * distance)
         if finer > level:
             level, g = finer, _turned(turn, 9, _cross(point, n))
