@@ -8,6 +8,7 @@ sides            the sides of polygons, the edges that they run along, and what 
 polygons         planar polygons: cut by planes, what they hold, in one plane, in triangles
 corners          corners of a hull that are none, within rounding
 hull             face loops and edges of one convex part
+least_distance   compiled: least distance programs, the nearest points of two hulls
 elements         the body's own vertices, edges and faces, for labels
 surface          the true faces and edges of a solid, and what lies on them
 union            the true faces and edges of a union of convex parts

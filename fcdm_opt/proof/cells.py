@@ -13,10 +13,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel
-from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
+from fcdm_opt.compiling import kernel, step
+from fcdm_opt.curve.kernels import (
+    E1E2,
+    F1V2,
+    V1F2,
+    _at,
+    _cross,
+    _dot,
+    _entry,
+    _length,
+    _minus,
+    _times,
+    _turned,
+    _turned_back,
+)
+from fcdm_opt.geometry.least_distance import _lowest, nearest_points
 
-OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE = range(7)  # what is known of a cell, see `evidence.Reason`
+OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # as `evidence.Reason`
 FEATURE = 16  # numbers of a feature
 KIND, SIGN, FIRST, SECOND, ONE, TWO, PARTS = 0, 1, 2, 5, 8, 11, 14  # places in it
 
@@ -66,7 +80,7 @@ def _add_product(out, factor, x, y):
 
 
 @kernel
-def _turned(T, u, out):
+def _turn(T, u, out):
     """Set three enclosures to R u."""
     out[:] = 0.0
     for i in range(3):
@@ -75,7 +89,7 @@ def _turned(T, u, out):
 
 
 @kernel
-def _turned_back(T, u, out):
+def _turn_back(T, u, out):
     """Set three enclosures to R' u."""
     out[:] = 0.0
     for i in range(3):
@@ -100,21 +114,14 @@ def _product(x, y, out):
 
 
 @kernel
-def _cross(u, x, out):
-    out[0] = u[1] * x[2] - u[2] * x[1]
-    out[1] = u[2] * x[0] - u[0] * x[2]
-    out[2] = u[0] * x[1] - u[1] * x[0]
-
-
-@kernel
 def _normal(T, feature, out):
     """Set three enclosures to a feature's normal, of body 1 to body 2; of edges it is not of unit length."""
     kind = int(feature[KIND])
     if kind == F1V2:
-        _turned(T, feature[FIRST:SECOND], out)
+        _turn(T, feature[FIRST:SECOND], out)
     elif kind == E1E2:
         edge = np.zeros((3, T.shape[1]))
-        _turned(T, feature[FIRST:SECOND], edge)
+        _turn(T, feature[FIRST:SECOND], edge)
         out[:] = 0.0
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
@@ -137,13 +144,12 @@ def _height_1(T, feature, point, out):
         return
     turned = np.zeros((3, T.shape[1]))
     if kind == E1E2:  # n . R x = (R e_1 x e_2) . R x = e_2 . R (x x e_1)
-        moment = np.empty(3)
-        _cross(point, feature[FIRST:SECOND], moment)
-        _turned_back(T, feature[SECOND:ONE], turned)
+        moment = _cross(_entry(point, 0), _entry(feature, FIRST))
+        _turn_back(T, feature[SECOND:ONE], turned)
         for i in range(3):
             _add(out, feature[SIGN] * moment[i], turned[i])
     else:
-        _turned_back(T, feature[FIRST:SECOND], turned)
+        _turn_back(T, feature[FIRST:SECOND], turned)
         for i in range(3):
             _add(out, point[i], turned[i])
 
@@ -163,36 +169,50 @@ def _line(T, feature, n, a, b, c):
 
 
 @kernel
-def goal_cells(T, known, features, target, signs, margin, codes, witness):
+def _set_lines(T, features, target, lines):
+    """Set the contact line (a, b, c) of each feature, and its gap at the target pair."""
+    n = np.zeros((3, T.shape[1]))
+    for k in range(len(features)):
+        a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
+        _line(T, features[k], n, a, b, c)
+        gap[:] = c
+        _add(gap, -target[0], a)
+        _add(gap, -target[1], b)
+
+
+@kernel
+def _set_crossing(lines, determinant, excess):
+    """Set the determinant D of two lines, and D times how far beyond the target pair they cross.
+
+    With the gaps g, g' there, D (rho_1 - rho_t1) is g b' - g' b, and so on.
+    """
+    determinant[:], excess[:] = 0.0, 0.0
+    for k in range(2):
+        sign = 1.0 - 2.0 * k
+        _add_product(determinant, sign, lines[k, 0], lines[1 - k, 1])
+        _add_product(excess[0], sign, lines[k, 3], lines[1 - k, 1])
+        _add_product(excess[1], sign, lines[k, 0], lines[1 - k, 3])
+
+
+@kernel
+def goal_cells(T, features, target, signs, margin, codes, witness):
     """Tell where the tracked contact cannot be where the goal wants it.
 
-    With `signs` it is to lie beyond the target pair: for lines with the gaps g, g' there, the determinant D times
-    rho_1 - rho_t1 is g b' - g' b, and so on. Without (zeros) every line is to pass through the target pair.
+    With `signs` it is to lie beyond the target pair. Without (zeros) every line is to pass through the target pair.
     """
     m = T.shape[2]
-    n, lines = np.zeros((3, m)), np.zeros((len(features), 4, m))
+    lines, determinant, excess = np.zeros((len(features), 4, m)), np.zeros(m), np.zeros((2, m))
     for cell in range(len(T)):
-        if known[cell]:
+        if codes[cell]:
             continue
-        for k in range(len(features)):
-            a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
-            _line(T[cell], features[k], n, a, b, c)
-            gap[:] = c
-            _add(gap, -target[0], a)
-            _add(gap, -target[1], b)
+        _set_lines(T[cell], features, target, lines)
         if signs[0] == 0.0:
             for k in range(len(features)):
                 if _low(lines[k, 3]) > margin or _high(lines[k, 3]) < -margin:
                     codes[cell], witness[cell, 0] = SHORT, k
                     break
             continue
-        determinant, excess = np.zeros(m), np.zeros((2, m))
-        _add_product(determinant, 1.0, lines[0, 0], lines[1, 1])
-        _add_product(determinant, -1.0, lines[0, 1], lines[1, 0])
-        _add_product(excess[0], 1.0, lines[0, 3], lines[1, 1])
-        _add_product(excess[0], -1.0, lines[1, 3], lines[0, 1])
-        _add_product(excess[1], 1.0, lines[0, 0], lines[1, 3])
-        _add_product(excess[1], -1.0, lines[1, 0], lines[0, 3])
+        _set_crossing(lines, determinant, excess)
         side = 1.0 if _low(determinant) > 0.0 else -1.0 if _high(determinant) < 0.0 else 0.0
         if side == 0.0:  # the lines may be parallel: the scales tend to infinity, but not both in the ways asked for
             steep = np.sqrt((lines[0, 0, 0] ** 2 + lines[0, 1, 0] ** 2) * (lines[1, 0, 0] ** 2 + lines[1, 1, 0] ** 2))
@@ -220,39 +240,31 @@ def _opposed(x, y, sign, margin):
 
 
 @kernel
-def support_cells(T, known, features, one, starts1, two, starts2, least, margin, codes, witness):
+def support_cells(T, features, one, starts1, two, starts2, least, margin, codes, witness):
     """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`.
 
     `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`.
     """
     m = T.shape[2]
-    n, level, height, along = np.zeros((3, m)), np.zeros(m), np.zeros(m), np.empty(3)
+    n, level, height = np.zeros((3, m)), np.zeros(m), np.zeros(m)
     for cell in range(len(T)):
-        if known[cell]:
+        if codes[cell]:
             continue
         R = T[cell, :9, 0]
         for k in range(len(features)):
             feature = features[k]
             _normal(T[cell], feature, n)
-            # the vertex that is furthest beyond at the centre
-            for i in range(3):
-                along[i] = R[i] * n[0, 0] + R[3 + i] * n[1, 0] + R[6 + i] * n[2, 0]
+            way = -n[0, 0], -n[1, 0], -n[2, 0]
             for body in range(2):
-                part = int(feature[PARTS + body])
                 points, starts = (one, starts1) if body == 0 else (two, starts2)
+                part = int(feature[PARTS + body])
                 first, last = starts[part], starts[part + 1]
-                sign = 1.0 if body == 0 else -1.0
-                own = ONE if body == 0 else TWO
-                best, vertex = 0.0, -1
-                for v in range(first, last):
-                    excess = 0.0
-                    for i in range(3):
-                        w = along[i] if body == 0 else n[i, 0]
-                        excess += sign * w * (points[v, i] - feature[own + i])
-                    if excess > best:
-                        best, vertex = excess, v
-                if vertex < 0:
+                # the vertex that is furthest beyond at the centre
+                own = _turned_back(R, 0, way) if body == 0 else _times(-1.0, way)
+                vertex, lowest = _lowest(points[first:last], own)
+                if not lowest < _dot(own, _entry(feature, ONE if body == 0 else TWO)):
                     continue
+                vertex += first
                 if body == 0:
                     _height_1(T[cell], feature, feature[ONE:TWO], level)
                     _height_1(T[cell], feature, points[vertex], height)
@@ -269,195 +281,151 @@ def support_cells(T, known, features, one, starts1, two, starts2, least, margin,
 
 
 @kernel
-def left_cells(T, known, features, target, sites, one, starts1, two, starts2, margin, codes, witness):
+def left_cells(T, features, target, first, second, margin, codes, witness):
     """Tell where another direction keeps the tracked part pair apart at the tracked scale pair.
 
-    `sites`: one feature a cell, see the module; the pair is that of both tracked features.
+    The direction is the one along which the polyhedra, given at scale 1 about the seeds, are furthest apart at the
+    tracked scales of the cell's centre.
     """
     m = T.shape[2]
-    n, lines, other = np.zeros((3, m)), np.zeros((2, 4, m)), np.zeros((3, m))
-    height = np.zeros(m)
+    lines, determinant, excess = np.zeros((2, 4, m)), np.zeros(m), np.zeros((2, m))
+    n, site, other, rest, height = np.zeros((3, m)), np.zeros(FEATURE), np.zeros((3, m)), np.zeros(m), np.zeros(m)
+    site[PARTS:] = features[0, PARTS:]
     for cell in range(len(T)):
-        if known[cell] or np.isnan(sites[cell, 0]):
+        if codes[cell]:
             continue
-        for k in range(2):
-            a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
-            _line(T[cell], features[k], n, a, b, c)
-            gap[:] = c
-            _add(gap, -target[0], a)
-            _add(gap, -target[1], b)
-        determinant, excess = np.zeros(m), np.zeros((2, m))
-        _add_product(determinant, 1.0, lines[0, 0], lines[1, 1])
-        _add_product(determinant, -1.0, lines[0, 1], lines[1, 0])
-        least = max(_low(determinant), -_high(determinant))
-        if not least > 0.0:
+        _set_lines(T[cell], features, target, lines)
+        _set_crossing(lines, determinant, excess)
+        least, most = max(_low(determinant), -_high(determinant)), max(_high(determinant), -_low(determinant))
+        x, y = target[0] + excess[0, 0] / determinant[0], target[1] + excess[1, 0] / determinant[0]
+        if not (least > 0.0 and x > 0.0 and y > 0.0):
             continue
-        side = 1.0 if determinant[0] > 0 else -1.0
-        _add_product(excess[0], side, lines[0, 3], lines[1, 1])
-        _add_product(excess[0], -side, lines[1, 3], lines[0, 1])
-        _add_product(excess[1], side, lines[0, 0], lines[1, 3])
-        _add_product(excess[1], -side, lines[1, 0], lines[0, 3])
+        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
+        one, two = (
+            (x * first[0], first[1], x * first[2], first[3]),
+            (y * second[0], second[1], y * second[2], second[3]),
+        )
+        if not best_site(R, d, one, two, True, site) > 0.0:
+            continue
+        site[ONE:TWO] /= x
+        site[TWO:PARTS] /= y
         # |D| times the gap that is left at the tracked pair, along the site's direction
-        site = sites[cell]
+        side = 1.0 if determinant[0] > 0 else -1.0
         _line(T[cell], site, n, other[0], other[1], other[2])
-        gap, rest = other[2], np.zeros(m)
+        gap, rest[:] = other[2], 0.0
         _add(gap, -target[0], other[0])
         _add(gap, -target[1], other[1])
         _add_product(rest, side, determinant, gap)
-        _add_product(rest, -1.0, excess[0], other[0])
-        _add_product(rest, -1.0, excess[1], other[1])
         # vertices that reach further than the site's own, where it is a facet no more
-        most = max(_high(determinant), -_low(determinant))
-        scales = (target[0] + max(_high(excess[0]), 0.0) / least, target[1] + max(_high(excess[1]), 0.0) / least)
-        further = _further(T[cell], site, n, one, starts1, two, starts2, height, scales)
+        further = 0.0
+        for body in range(2):
+            _add_product(rest, -side, excess[body], other[body])
+            reach = _reach(T[cell], site, n, body, first[0] if body == 0 else second[0], np.inf, height)
+            beyond = max(_high(excess[body]) if side > 0.0 else -_low(excess[body]), 0.0)
+            further += reach * (target[body] + beyond / least)
         if _low(rest) - most * further > margin * most:
             codes[cell] = LEFT
             witness[cell] = site
 
 
-@kernel
-def _further(T, site, n, one, starts1, two, starts2, height, scales):
-    """Return how much further than its own points other vertices reach along a site's direction, at most."""
-    total = 0.0
-    for body in range(2):
-        part = int(site[PARTS + body])
-        points, starts = (one, starts1) if body == 0 else (two, starts2)
-        most = 0.0
-        for v in range(starts[part], starts[part + 1]):
-            if body == 0:
-                _height_1(T, site, points[v] - site[ONE:TWO], height)
-            else:
-                _along(n, site[TWO:PARTS] - points[v], height)
-            most = max(most, _high(height))
-        total += most * scales[body]
-    return total
-
-
 # -------------------------------------------------------------------------------------- two polyhedra at fixed scales
 
 
+@step
+def _plus(u, x):
+    return u[0] + x[0], u[1] + x[1], u[2] + x[2]
+
+
+@step
+def _set_site(site, kind, sign, vectors):
+    """Set a feature but for its parts: both directions and both points."""
+    site[KIND], site[SIGN] = kind, sign
+    for k in range(4):
+        for j in range(3):
+            site[FIRST + 3 * k + j] = vectors[k][j]
+
+
 @kernel
-def best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, edged, site):
+def best_site(R, d, first, second, edged, site):
     """Set `site` to the facet direction along which two polyhedra are furthest apart; return their separation there.
 
-    Vertices, outward normals with levels, edges (origin, end, left and right face); body 1 turned by R, and away by d.
-    Faces first; edge pairs whose Gauss arcs cross too where `edged`.
+    Each is (vertices, outward normals, their levels, edges as origin, end, left and right face); the first is turned by
+    R, and away by d. Faces first; edge pairs whose Gauss arcs cross too where `edged`.
     """
-    best = -np.inf
-    n, own = np.empty(3), np.empty(3)
-    turned = np.empty((len(normals1), 3))
+    (one, normals1, levels1, edges1), (two, normals2, levels2, edges2) = first, second
+    best, way, none = -np.inf, _entry(d, 0), (0.0, 0.0, 0.0)
     for i in range(len(normals1)):
-        for j in range(3):
-            turned[i, j] = R[3 * j] * normals1[i, 0] + R[3 * j + 1] * normals1[i, 1] + R[3 * j + 2] * normals1[i, 2]
-        n[:] = turned[i]
-        least, vertex = np.inf, 0
-        for v in range(len(two)):
-            h = n[0] * two[v, 0] + n[1] * two[v, 1] + n[2] * two[v, 2]
-            if h < least:
-                least, vertex = h, v
-        gap = n[0] * d[0] + n[1] * d[1] + n[2] * d[2] + least - levels1[i]
+        own = _at(normals1, i)
+        n = _turned(R, 0, own)
+        vertex, least = _lowest(two, n)
+        gap = _dot(n, way) + least - levels1[i]
         if gap > best:
             best = gap
-            site[KIND], site[SIGN] = F1V2, 1.0
-            site[FIRST:SECOND], site[TWO:PARTS] = normals1[i], two[vertex]
-            site[ONE:TWO] = levels1[i] * normals1[i]
+            _set_site(site, F1V2, 1.0, (own, none, _times(levels1[i], own), _at(two, vertex)))
     for i in range(len(normals2)):
-        for j in range(3):
-            n[j] = -normals2[i, j]
-        for j in range(3):
-            own[j] = R[j] * n[0] + R[3 + j] * n[1] + R[6 + j] * n[2]
-        most, vertex = -np.inf, 0
-        for v in range(len(one)):
-            h = own[0] * one[v, 0] + own[1] * one[v, 1] + own[2] * one[v, 2]
-            if h > most:
-                most, vertex = h, v
-        gap = n[0] * d[0] + n[1] * d[1] + n[2] * d[2] - levels2[i] - most
+        own = _at(normals2, i)
+        vertex, least = _lowest(one, _turned_back(R, 0, own))
+        gap = least - _dot(own, way) - levels2[i]
         if gap > best:
             best = gap
-            site[KIND], site[SIGN] = V1F2, 1.0
-            site[FIRST:SECOND], site[ONE:TWO] = n, one[vertex]
-            site[TWO:PARTS] = levels2[i] * normals2[i]
-    if not edged:
-        return best
-    across1, across2 = np.empty((len(edges1), len(normals2))), np.empty((len(edges2), len(normals1)))
-    directions = np.empty((len(edges1), 3))
-    for e in range(len(edges1)):
-        u = one[edges1[e, 1]] - one[edges1[e, 0]]
-        for j in range(3):
-            directions[e, j] = R[3 * j] * u[0] + R[3 * j + 1] * u[1] + R[3 * j + 2] * u[2]
-        for i in range(len(normals2)):
-            across1[e, i] = (
-                directions[e, 0] * normals2[i, 0]
-                + directions[e, 1] * normals2[i, 1]
-                + directions[e, 2] * normals2[i, 2]
-            )
-    for f in range(len(edges2)):
-        w = two[edges2[f, 1]] - two[edges2[f, 0]]
-        for i in range(len(normals1)):
-            across2[f, i] = w[0] * turned[i, 0] + w[1] * turned[i, 1] + w[2] * turned[i, 2]
-    for e in range(len(edges1)):
-        left, right = edges1[e, 2], edges1[e, 3]
-        u = directions[e]
+            _set_site(site, V1F2, 1.0, (_times(-1.0, own), none, _at(one, vertex), _times(levels2[i], own)))
+    for e in range(len(edges1) if edged else 0):
+        x = _at(one, edges1[e, 0])
+        edge = _minus(_at(one, edges1[e, 1]), x)
+        u = _turned(R, 0, edge)
+        left, right = _turned(R, 0, _at(normals1, edges1[e, 2])), _turned(R, 0, _at(normals1, edges1[e, 3]))
         for f in range(len(edges2)):
-            if not across2[f, left] * across2[f, right] < 0.0:
+            y = _at(two, edges2[f, 0])
+            w = _minus(_at(two, edges2[f, 1]), y)
+            if not _dot(w, left) * _dot(w, right) < 0.0:
                 continue
-            if not across1[e, edges2[f, 2]] * across1[e, edges2[f, 3]] < 0.0:
+            before, after = _at(normals2, edges2[f, 2]), _at(normals2, edges2[f, 3])
+            n = _cross(u, w)
+            if not _dot(u, before) * _dot(u, after) < 0.0 or not _length(n) > 0.0:
                 continue
-            w = two[edges2[f, 1]] - two[edges2[f, 0]]
-            _cross(u, w, n)
-            length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-            if length == 0.0:
-                continue
-            up = down = 0.0
-            for j in range(3):
-                up += n[j] * (turned[left, j] + turned[right, j])
-                down += n[j] * (normals2[edges2[f, 2], j] + normals2[edges2[f, 3], j])
-            if not up * down < 0.0:  # the arcs' circles cross on the far side
+            up = _dot(n, _plus(left, right))
+            if not up * _dot(n, _plus(before, after)) < 0.0:  # the arcs' circles cross on the far side
                 continue
             sign = 1.0 if up > 0.0 else -1.0
-            gap = 0.0
-            x, y = one[edges1[e, 0]], two[edges2[f, 0]]
-            for j in range(3):
-                moved = R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2]
-                gap += sign * n[j] * (d[j] + y[j] - moved)
-            gap /= length
+            gap = sign * _dot(n, _minus(_plus(way, y), _turned(R, 0, x))) / _length(n)
             if gap > best:
                 best = gap
-                v = one[edges1[e, 1]] - one[edges1[e, 0]]
-                site[KIND], site[SIGN] = E1E2, sign
-                site[FIRST:SECOND] = v / np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-                site[SECOND:ONE] = w / np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-                site[ONE:TWO], site[TWO:PARTS] = x, y
+                _set_site(site, E1E2, sign, (_times(1.0 / _length(edge), edge), _times(1.0 / _length(w), w), x, y))
     return best
+
+
+@kernel
+def _reach(T, site, n, body, points, room, height):
+    """Return how much further than its own point vertices of a body reach along a site's direction; of `room` enough.
+
+    `n` is the direction over the cell, `height` is overwritten.
+    """
+    reach = 0.0
+    for v in range(len(points)):
+        if body == 0:
+            _height_1(T, site, points[v] - site[ONE:TWO], height)
+        else:
+            _along(n, site[TWO:PARTS] - points[v], height)
+        reach = max(reach, _high(height))
+        if reach >= room:
+            break
+    return reach
 
 
 @kernel
 def apart(T, site, one, two, margin, n, height):
     """Tell whether a site's direction keeps two polyhedra apart over a whole cell."""
-    m = T.shape[1]
+    gap = np.zeros(T.shape[1])
     _normal(T, site, n)
-    level, gap = np.zeros(m), np.zeros(m)
-    _height_1(T, site, site[ONE:TWO], level)
     _product(n, T[9:12], gap)
-    _add(gap, -1.0, level)
+    _height_1(T, site, site[ONE:TWO], height)
+    _add(gap, -1.0, height)
     _along(n, site[TWO:PARTS], height)
     _add(gap, 1.0, height)
-    most = _low(gap) - margin
-    if not most > 0.0:
-        return False
-    further = 0.0
-    for v in range(len(one)):
-        _height_1(T, site, one[v] - site[ONE:TWO], height)
-        further = max(further, _high(height))
-        if not most - further > 0.0:
-            return False
-    beyond = 0.0
-    for v in range(len(two)):
-        _along(n, site[TWO:PARTS] - two[v], height)
-        beyond = max(beyond, _high(height))
-        if not most - further - beyond > 0.0:
-            return False
-    return True
+    room = _low(gap) - margin
+    for body in range(2):
+        room -= _reach(T, site, n, body, one if body == 0 else two, room, height) if room > 0.0 else 0.0
+    return room > 0.0
 
 
 @kernel
@@ -465,8 +433,7 @@ def clipped(p, u, normals, levels, slack):
     """Return from where to where p + [0, 1] u is inside a polyhedron, within a slack; where nowhere, the end first."""
     low, high = 0.0, 1.0
     for i in range(len(normals)):
-        rate = normals[i, 0] * u[0] + normals[i, 1] * u[1] + normals[i, 2] * u[2]
-        room = levels[i] - normals[i, 0] * p[0] - normals[i, 1] * p[1] - normals[i, 2] * p[2] + slack
+        rate, room = _dot(_at(normals, i), _entry(u, 0)), levels[i] - _dot(_at(normals, i), _entry(p, 0)) + slack
         if rate > 0.0:
             high = min(high, room / rate)
         elif rate < 0.0:
@@ -479,146 +446,113 @@ def clipped(p, u, normals, levels, slack):
 
 
 @kernel
-def meets(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness):
+def _set_excess(T, body, start, along, normals, levels, excess, rates):
+    """Set how far a point start + place along of a body is beyond each face of the other: excess + place rates."""
+    turned = np.zeros((3, T.shape[1]))
+    for i in range(len(normals)):
+        if body == 0:  # n . (R x - d)
+            _turn_back(T, normals[i], turned)
+            _along(turned, start, excess[i])
+            for j in range(3):
+                _add(excess[i], -normals[i, j], T[9 + j])
+        else:  # R n . (y + d)
+            _turn(T, normals[i], turned)
+            _product(turned, T[9:12], excess[i])
+            for j in range(3):
+                _add(excess[i], start[j], turned[j])
+        _along(turned, along, rates[i])
+        excess[i, 0] -= levels[i]
+
+
+@kernel
+def _moving(excess, rates, place):
+    """Let a place on an edge move with the middle of what is inside, each end of which moves as the face that cuts it.
+
+    It is held where it would leave its edge.
+    """
+    m = len(place)
+    for sense in range(2):
+        edge_place, face = float(sense), -1
+        for i in range(len(excess)):
+            rate = rates[i, 0]
+            cut = -excess[i, 0] / rate if rate != 0.0 else 0.0
+            if (sense == 0 and rate < 0.0 and cut > edge_place) or (sense == 1 and rate > 0.0 and cut < edge_place):
+                edge_place, face = cut, i
+        if face >= 0:
+            for j in range(1, m - 1):
+                place[j] -= 0.5 * (excess[face, j] + edge_place * rates[face, j]) / rates[face, 0]
+    if _low(place) < 0.0 or _high(place) > 1.0:
+        place[1:] = 0.0
+
+
+@kernel
+def _stays(excess, rates, place, margin):
+    """Tell whether a point stays inside all faces."""
+    for i in range(len(excess)):
+        _add_product(excess[i], 1.0, place, rates[i])
+        if not _high(excess[i]) < -margin:
+            return False
+    return True
+
+
+@kernel
+def meets(T, one, two, margin, witness):
     """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other.
 
     The point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
     `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that.
+    Or a point between what is inside of the edges moves with body 1, 3 in place of the body, and stays inside the
+    other: aligned boxes overlap so, as all that their edges share lies on faces.
     """
-    m = T.shape[1]
-    R, d = T[:9, 0], T[9:12, 0]
+    m, R, d, solids = T.shape[1], T[:9, 0], T[9:12, 0], (one, two)
     best, best_body, best_edge, best_place, best_end = margin, 0, -1, 0.0, 0
-    p, u = np.empty(3), np.empty(3)
+    p, u, x, count = np.empty(3), np.empty(3), np.zeros(3), 0
     for body in range(2):
-        points, edges = (one, edges1) if body == 0 else (two, edges2)
-        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
+        points, _, _, edges = solids[body]
+        _, normals, levels, _ = solids[1 - body]
         for e in range(len(edges)):
-            placed(R, d, body, points[edges[e, 0]], p)
-            placed(R, d, body, points[edges[e, 1]], u)
-            for j in range(3):
-                u[j] -= p[j]
-            low, high = clipped(p, u, normals, levels, 0.0)
-            if high <= low:
-                continue
-            for end in range(3):  # the ends of what is inside, and its middle
-                place = low if end == 0 else high if end == 1 else (low + high) / 2.0
-                if (end == 0 and low > 0.0) or (end == 1 and high < 1.0):
-                    continue
-                slack = np.inf
-                for i in range(len(normals)):
-                    room = levels[i]
-                    for j in range(3):
-                        room -= normals[i, j] * (p[j] + place * u[j])
-                    slack = min(slack, room)
-                if slack > best:
-                    best, best_body, best_edge, best_place, best_end = slack, body, e, place, end
-    if best_edge < 0:
-        return False
-    points, edges = (one, edges1) if best_body == 0 else (two, edges2)
-    normals, levels = (normals2, levels2) if best_body == 0 else (normals1, levels1)
-    start, along = points[edges[best_edge, 0]], points[edges[best_edge, 1]] - points[edges[best_edge, 0]]
-    place = np.zeros(m)
-    place[0] = best_place
-    excess, rates = np.zeros((len(normals), m)), np.zeros((len(normals), m))
-    turned = np.zeros((3, m))
-    for i in range(len(normals)):
-        if best_body == 0:  # n . (R x - d)
-            _turned_back(T, normals[i], turned)
-            _along(turned, start, excess[i])
-            _along(turned, along, rates[i])
-            for j in range(3):
-                _add(excess[i], -normals[i, j], T[9 + j])
-        else:  # R n . (y + d)
-            _turned(T, normals[i], turned)
-            _product(turned, T[9:12], excess[i])
-            for j in range(3):
-                _add(excess[i], start[j], turned[j])
-            _along(turned, along, rates[i])
-        excess[i, 0] -= levels[i]
-    if best_end == 2:
-        for sense in range(2):  # each end of what is inside moves as the face that cuts it
-            edge_place, face = (0.0, -1) if sense == 0 else (1.0, -1)
-            for i in range(len(normals)):
-                rate = rates[i, 0]
-                cut = -excess[i, 0] / rate if rate != 0.0 else 0.0
-                if (sense == 0 and rate < 0.0 and cut > edge_place) or (sense == 1 and rate > 0.0 and cut < edge_place):
-                    edge_place, face = cut, i
-            if face >= 0:
-                for j in range(1, m - 1):
-                    slope = excess[face, j] + edge_place * rates[face, j]
-                    place[j] -= 0.5 * slope / rates[face, 0]
-    spread = best_place
-    least = best_place
-    for j in range(1, m - 1):
-        spread += abs(place[j])
-        least -= abs(place[j])
-    if least < 0.0 or spread > 1.0:  # the point would leave its edge: hold it
-        for j in range(1, m - 1):
-            place[j] = 0.0
-    for i in range(len(normals)):
-        _add_product(excess[i], 1.0, place, rates[i])
-        if not _high(excess[i]) < -margin:
-            return False
-    witness[2], witness[3] = best_body + 1, best_edge
-    for j in range(m - 1):
-        witness[4 + j] = place[j]
-    return True
-
-
-@kernel
-def _holds(T, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, witness):
-    """Tell whether a point between what is inside of the edges, which moves with body 1, stays inside the other.
-
-    Aligned boxes overlap so: all that their edges share lies on faces.
-    """
-    m = T.shape[1]
-    R, d = T[:9, 0], T[9:12, 0]
-    p, u, x = np.empty(3), np.empty(3), np.zeros(3)
-    count = 0
-    for body in range(2):
-        points, edges = (one, edges1) if body == 0 else (two, edges2)
-        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
-        for e in range(len(edges)):
-            placed(R, d, body, points[edges[e, 0]], p)
-            placed(R, d, body, points[edges[e, 1]], u)
+            start, end = points[edges[e, 0]], points[edges[e, 1]]
+            placed(R, d, body, start, p)
+            placed(R, d, body, end, u)
             u -= p
             low, high = clipped(p, u, normals, levels, margin)
             if high < low:
                 continue
-            count += 1
-            start, end = points[edges[e, 0]], points[edges[e, 1]]
-            for j in range(3):
-                u[j] = start[j] + 0.5 * (low + high) * (end[j] - start[j])
-            if body == 1:
-                for j in range(3):
-                    p[j] = R[j] * (u[0] + d[0]) + R[3 + j] * (u[1] + d[1]) + R[6 + j] * (u[2] + d[2])
-                x += p
-            else:
-                x += u
+            middle, count = 0.5 * (low + high), count + 1
+            x += p + middle * u if body == 1 else start + middle * (end - start)
+            for sort in range(3):  # the ends of what is inside, and its middle
+                place = low if sort == 0 else high if sort == 1 else middle
+                if (sort == 0 and low > 0.0) or (sort == 1 and high < 1.0):
+                    continue
+                slack = np.inf
+                for i in range(len(normals)):
+                    slack = min(slack, levels[i] - _dot(_at(normals, i), p) - place * _dot(_at(normals, i), u))
+                if slack > best:
+                    best, best_body, best_edge, best_place, best_end = slack, body, e, place, sort
+    place = np.zeros(m)
+    if best_edge >= 0:
+        points, _, _, edges = solids[best_body]
+        _, normals, levels, _ = solids[1 - best_body]
+        start, end = points[edges[best_edge, 0]], points[edges[best_edge, 1]]
+        excess, rates = np.zeros((len(normals), m)), np.zeros((len(normals), m))
+        _set_excess(T, best_body, start, end - start, normals, levels, excess, rates)
+        place[0] = best_place
+        if best_end == 2:
+            _moving(excess, rates, place)
+        if _stays(excess, rates, place, margin):
+            witness[2], witness[3], witness[4 : 3 + m] = best_body + 1, best_edge, place[: m - 1]
+            return True
     if count == 0:
         return False
     x /= count
-    if not _inside(x, normals1, levels1, -margin):
+    for i in range(len(one[1])):
+        if _dot(_at(one[1], i), x) > one[2][i] - margin:
+            return False
+    excess, rates = np.zeros((len(two[1]), m)), np.zeros((len(two[1]), m))
+    _set_excess(T, 0, x, np.zeros(3), two[1], two[2], excess, rates)
+    if not _stays(excess, rates, np.zeros(m), margin):
         return False
-    turned, excess = np.zeros((3, m)), np.zeros(m)
-    for i in range(len(normals2)):
-        _turned_back(T, normals2[i], turned)
-        _along(turned, x, excess)
-        for j in range(3):
-            _add(excess, -normals2[i, j], T[9 + j])
-        excess[0] -= levels2[i]
-        if not _high(excess) < -margin:
-            return False
-    witness[2], witness[3] = 3.0, 0.0
-    witness[4:7] = x
-    return True
-
-
-@kernel
-def _inside(point, normals, levels, slack):
-    for i in range(len(normals)):
-        if normals[i, 0] * point[0] + normals[i, 1] * point[1] + normals[i, 2] * point[2] > levels[i] + slack:
-            return False
+    witness[2], witness[3], witness[4:7] = 3.0, 0.0, x
     return True
 
 
@@ -626,15 +560,13 @@ def _inside(point, normals, levels, slack):
 def placed(R, d, body, x, out):
     """Set `out` to a point in the axes of the other body: of body 1 in world axes about s_2, of body 2 as R'(y + d)."""
     if body == 0:
-        for j in range(3):
-            out[j] = R[3 * j] * x[0] + R[3 * j + 1] * x[1] + R[3 * j + 2] * x[2] - d[j]
+        out[0], out[1], out[2] = _minus(_turned(R, 0, x), d)
     else:
-        for j in range(3):
-            out[j] = R[j] * (x[0] + d[0]) + R[3 + j] * (x[1] + d[1]) + R[6 + j] * (x[2] + d[2])
+        out[0], out[1], out[2] = _turned_back(R, 0, _plus(x, d))
 
 
 @kernel
-def apart_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, flags, sites):
+def apart_cells(T, known, one, two, margin, flags, sites):
     """Tell, as flags, where two polyhedra stay apart, by which site."""
     n, height = np.zeros((3, T.shape[2])), np.zeros(T.shape[2])
     for cell in range(len(T)):
@@ -642,162 +574,61 @@ def apart_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2
             continue
         R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
         for edged in (False, True):
-            gap = best_site(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, edged, sites[cell])
-            if gap > margin and apart(T[cell], sites[cell], one, two, margin, n, height):
+            gap = best_site(R, d, one, two, edged, sites[cell])
+            if gap > margin and apart(T[cell], sites[cell], one[0], two[0], margin, n, height):
                 flags[cell] = True
                 break
 
 
 @kernel
-def meet_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, flags, witness):
-    """Tell, as flags, where two polyhedra overlap all over a cell."""
+def meet_cells(T, pair, one, two, margin, codes, witness):
+    """Tell where two polyhedra, a part and an opponent by number, overlap all over a cell."""
     for cell in range(len(T)):
-        if not known[cell]:
-            own, other = (one, normals1, levels1, edges1), (two, normals2, levels2, edges2)
-            flags[cell] = meets(T[cell], *own, *other, margin, witness[cell])
-            if not flags[cell]:
-                flags[cell] = _holds(T[cell], *own, *other, margin, witness[cell])
-
-
-@kernel
-def tracked_sites(T, known, features, one, normals1, levels1, edges1, two, normals2, levels2, edges2, sites):
-    """Set for each cell the direction in which the tracked pair is furthest apart at the tracked scales of its centre.
-
-    The polyhedra are given at scale 1 about the seeds.
-    """
-    m = T.shape[2]
-    n, a, b, c = np.zeros((3, m)), np.zeros(m), np.zeros(m), np.zeros(m)
-    for cell in range(len(T)):
-        sites[cell, 0] = np.nan
-        if known[cell]:
-            continue
-        _line(T[cell], features[0], n, a, b, c)
-        a0, b0, c0 = a[0], b[0], c[0]
-        _line(T[cell], features[1], n, a, b, c)
-        determinant = a0 * b[0] - b0 * a[0]
-        if determinant == 0.0:
-            continue
-        rho1, rho2 = (c0 * b[0] - b0 * c[0]) / determinant, (a0 * c[0] - c0 * a[0]) / determinant
-        if not (rho1 > 0.0 and rho2 > 0.0):
-            continue
-        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        gap = best_site(
-            R, d, rho1 * one, normals1, rho1 * levels1, edges1, rho2 * two, normals2, rho2 * levels2, edges2, True,
-            sites[cell],
-        )  # fmt: skip
-        if not gap > 0.0:
-            sites[cell, 0] = np.nan
-            continue
-        for j in range(3):
-            sites[cell, ONE + j] /= rho1
-            sites[cell, TWO + j] /= rho2
-        sites[cell, PARTS], sites[cell, PARTS + 1] = features[0, PARTS], features[0, PARTS + 1]
+        if codes[cell] == OPEN and meets(T[cell], one, two, margin, witness[cell]):
+            codes[cell], witness[cell, 0], witness[cell, 1] = MEETS, pair[0], pair[1]
 
 
 # --------------------------------------------------------------------------------------------------------- distances
 
 
 @kernel
-def _nearest_on_edges(p, u, q, w, x, y):
-    """Set x on p + [0, 1] u and y on q + [0, 1] w to points as near as the two segments come, or nearly."""
-    uu = uw = ww = ur = wr = 0.0
-    for j in range(3):
-        r = p[j] - q[j]
-        uu += u[j] * u[j]
-        uw += u[j] * w[j]
-        ww += w[j] * w[j]
-        ur += u[j] * r
-        wr += w[j] * r
-    determinant = uu * ww - uw * uw
-    s = 0.0
-    if determinant > 1e-14 * uu * ww:
-        s = min(max((uw * wr - ww * ur) / determinant, 0.0), 1.0)
-    t = min(max((uw * s + wr) / ww, 0.0), 1.0)
-    s = min(max((uw * t - ur) / uu, 0.0), 1.0)
-    for j in range(3):
-        x[j], y[j] = p[j] + s * u[j], q[j] + t * w[j]
+def set_nearest(R, d, one, two, x, y):
+    """Set x, about the moved seed in body 1's axes, and y, about s_2, to the nearest points of two polyhedra.
 
-
-@kernel
-def nearest_points(R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, slack, x, y):
-    """Set x, about the moved seed in body 1's axes, and y, about s_2, to near points of two polyhedra; their distance.
-
-    No point of either is nearer to the other than these, where the two are apart by more than rounding.
+    Return their distance; where the polyhedra overlap, 0 for a point of both.
     """
-    best = np.inf
-    p, u, q, w, a, b = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for body in range(2):  # corners over faces of the other
-        points = one if body == 0 else two
-        normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
-        for v in range(len(points)):
-            placed(R, d, body, points[v], p)
-            for i in range(len(normals)):
-                height = normals[i, 0] * p[0] + normals[i, 1] * p[1] + normals[i, 2] * p[2] - levels[i]
-                if height < 0.0 or height >= best:
-                    continue
-                for j in range(3):
-                    a[j] = p[j] - height * normals[i, j]
-                if _inside(a, normals, levels, slack):
-                    best = height
-                    if body == 0:
-                        x[:], y[:] = points[v], a
-                    else:
-                        x[:], y[:] = a, points[v]
-    for e in range(len(edges1)):
-        placed(R, d, 0, one[edges1[e, 0]], p)
-        placed(R, d, 0, one[edges1[e, 1]], u)
-        u -= p
-        for f in range(len(edges2)):
-            q[:] = two[edges2[f, 0]]
-            w[:] = two[edges2[f, 1]] - q
-            _nearest_on_edges(p, u, q, w, a, b)
-            way = 0.0
-            for j in range(3):
-                way += (a[j] - b[j]) ** 2
-            way = np.sqrt(way)
-            if way < best:
-                best = way
-                for j in range(3):
-                    x[j] = R[j] * (a[0] + d[0]) + R[3 + j] * (a[1] + d[1]) + R[6 + j] * (a[2] + d[2])
-                y[:] = b
-    return best
+    moved = np.empty((len(one), 3))
+    for v in range(len(one)):
+        placed(R, d, 0, one[v], moved[v])
+    way, shares = nearest_points(moved, two)
+    x[:], y[:] = 0.0, 0.0
+    for i in range(len(one)):
+        for j in range(len(two)):
+            if shares[i, j] > 0.0:
+                x += shares[i, j] * one[i]
+                y += shares[i, j] * two[j]
+    return _length(way)
 
 
 @kernel
-def near_cells(T, known, one, normals1, levels1, edges1, two, normals2, levels2, edges2, need, margin, flags, witness):
-    """Tell, as flags, where two points of two polyhedra are nearer than `need` all over a cell.
+def near_cells(T, pair, one, two, need, margin, codes, witness):
+    """Tell where two points of two polyhedra are nearer than `need` all over a cell.
 
     `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about s_2.
     """
     m = T.shape[2]
-    x, y, ways = np.empty(3), np.empty(3), np.zeros((3, m))
-    along, frame = np.zeros(m), np.empty((3, 3))
+    x, y, ways, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
     for cell in range(len(T)):
-        if known[cell]:
+        if codes[cell] != OPEN:
             continue
         R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        least = nearest_points(
-            R, d, one, normals1, levels1, edges1, two, normals2, levels2, edges2, margin, x, y
-        )  # fmt: skip
-        if not 0.0 < least < need:
+        if not set_nearest(R, d, one, two, x, y) < need:
             continue
-        _turned(T[cell], x, ways)
+        _turn(T[cell], x, ways)
         for j in range(3):
             _add(ways[j], -1.0, T[cell, 9 + j])
             ways[j, 0] -= y[j]
-        # along the way between the points, and across it
-        frame[0] = ways[:, 0]
-        frame[0] /= np.sqrt(frame[0, 0] ** 2 + frame[0, 1] ** 2 + frame[0, 2] ** 2)
-        smallest = np.argmin(np.abs(frame[0]))
-        frame[1] = 0.0
-        frame[1, smallest] = 1.0
-        _cross(frame[0], frame[1], frame[2])
-        frame[2] /= np.sqrt(frame[2, 0] ** 2 + frame[2, 1] ** 2 + frame[2, 2] ** 2)
-        _cross(frame[2], frame[0], frame[1])
-        square = 0.0
-        for axis in range(3):
-            _along(ways, frame[axis], along)
-            square += max(_high(along), -_low(along)) ** 2
-        if np.sqrt(square) < need - margin:
-            flags[cell] = True
+        _product(ways, ways, square)
+        if _high(square) < (need - margin) ** 2:
+            codes[cell], witness[cell, 0], witness[cell, 1] = NEAR, pair[0], pair[1]
             witness[cell, 2:5], witness[cell, 5:8] = x, y

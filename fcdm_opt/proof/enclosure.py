@@ -17,6 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.motion.motions import Motion
 
 TERMS = 10  # of the series of sin(r)/r and (1 - cos r)/(r r) in r r, for r <= 1
 _SINC, _VERSINE = (Polynomial([(-1) ** n / math.factorial(2 * n + more) for n in range(TERMS)]) for more in (1, 2))
@@ -178,6 +179,30 @@ class Enclosure:
         moved.data[:, -1] += centre - moved.data[:, 0]  # a square is not negative: its rounding may be
         moved.data[:, 0] = centre
         return moved._function(value, slope, np.where(moved.low >= -1.0, bend, np.inf))
+
+
+def enclosed_pose(motion: Motion, q: list[Any], offset: Array) -> Array:
+    """Return the relative pose of body 1 over cells of parameters, (n, 12, k + 2): R, row by row, and s_2 - moved s_1.
+
+    Parameters
+    ----------
+    motion : Motion
+        Seen from the seed of body 1.
+    q : list of Enclosure
+    offset : (3,) array
+        From that seed to the other.
+    """
+    with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and bounds nothing
+        matrix = motion.composed(q, (0.0, 0.0, 0.0), tuple(offset.tolist()))
+    entries = [matrix[i][j] for i in range(3) for j in range(3)]
+    entries += [float(offset[i]) - matrix[i][3] for i in range(3)]
+    T = np.zeros((len(q[0].data), 12, len(q) + 2))
+    for place, entry in enumerate(entries):
+        if isinstance(entry, Enclosure):
+            T[:, place] = entry.data
+        else:
+            T[:, place, 0] = entry
+    return T
 
 
 def _sinc(x: Array) -> tuple[Array, Array]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -20,11 +19,15 @@ from fcdm_opt.motion.motions import Rotation, Screw, Translation
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Reason
 from fcdm_opt.proof import cells as tests
-from fcdm_opt.proof.enclosure import Enclosure
+from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
 from fcdm_opt.tolerances import DEFAULT
 
 BETWEEN = (0.25, 0.5, 0.75)  # of two faces, the directions in which their edge is moved out
 LEAST_SCALE = 1e-3  # of the target pair: tracked scales below are taken as these
+
+
+Solid = tuple[Array, Array, Array, Ints]
+"""Vertices, face normals, their levels and edges, as a compiled test takes them."""
 
 
 class Cells:
@@ -70,25 +73,10 @@ class Cells:
         return np.asarray(self.stretch.mean(axis=1)[:, None] * v)
 
 
-@dataclass(frozen=True, eq=False)
-class Polyhedron:
-    """A convex polyhedron as the tests take it: vertices about an origin, face normals and levels, edges."""
-
-    vertices: Array
-    normals: Array
-    levels: Array
-    edges: Ints
-
-    @classmethod
-    def of(cls, part: ConvexPart, vertices: Array) -> Polyhedron:
-        """Return a part whose vertices have been scaled and shifted."""
-        levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
-        return cls(np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges))
-
-    @property
-    def arrays(self) -> tuple[Array, Array, Array, Ints]:
-        """What a compiled test takes."""
-        return self.vertices, self.normals, self.levels, self.edges
+def _solid(part: ConvexPart, vertices: Array) -> Solid:
+    """Return a part whose vertices have been scaled and shifted."""
+    levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
+    return np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges)
 
 
 def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
@@ -177,13 +165,13 @@ class Exclusion:
         return row
 
     @cached_property
-    def movable(self) -> list[Polyhedron]:
+    def movable(self) -> list[Solid]:
         """The movable parts at the scale made."""
         task = self.task
-        return [Polyhedron.of(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
+        return [_solid(p, task.target[0] * (p.vertices - task.movable.seed)) for p in task.movable.parts]
 
     @cached_property
-    def opponents(self) -> list[Polyhedron]:
+    def opponents(self) -> list[Solid]:
         """The opponents as placed, about s_2."""
         made = []
         for own in self.task.opponents:
@@ -192,7 +180,7 @@ class Exclusion:
             if self.swollen and own.need > 0.0:
                 part = _swollen(part, placed, own.need)
                 placed = part.vertices
-            made.append(Polyhedron.of(part, placed))
+            made.append(_solid(part, placed))
         return made
 
     @cached_property
@@ -208,17 +196,7 @@ class Exclusion:
     def poses(self, cells: Cells) -> Array:
         """Return the enclosures of the relative pose over each cell, (n, 12, k + 2)."""
         q: list[Any] = [y * (1.0 / w) for y, w in zip(cells.coordinates(), self.task.weights.tolist(), strict=True)]
-        with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and passes no test
-            matrix = self.motion.composed(q, (0.0, 0.0, 0.0), tuple(self.offset.tolist()))
-        entries = [matrix[i][j] for i in range(3) for j in range(3)]
-        entries += [self.offset[i] - matrix[i][3] for i in range(3)]
-        T = np.zeros((len(cells.faces), 12, len(q) + 2))
-        for place, entry in enumerate(entries):
-            if isinstance(entry, Enclosure):
-                T[:, place] = entry.data
-            else:
-                T[:, place, 0] = entry
-        return T
+        return enclosed_pose(self.motion, q, self.offset)
 
     @cached_property
     def closing(self) -> list[int]:
@@ -256,7 +234,7 @@ class Exclusion:
         shifts = np.array([step.direction for step in steps if isinstance(step, Translation)])
         if seeded and task.must_touch and len(shifts):
             least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
-            away = sum(max(np.linalg.norm(solid.vertices, axis=1).max() for solid in own) for own in self._partners)
+            away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in self._partners)
             if least > DEFAULT.nominal:
                 reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
                 for k, step in enumerate(steps):
@@ -308,7 +286,7 @@ class Exclusion:
         return np.array(turns[0].centre if centre is None else centre), np.array(turns[0].direction)
 
     @property
-    def _partners(self) -> tuple[list[Polyhedron], list[Polyhedron]]:
+    def _partners(self) -> tuple[list[Solid], list[Solid]]:
         return self.movable, self.opponents[: len(self.task.static.parts)]
 
     def amounts(self, cells: Cells, T: Array) -> Array:
@@ -322,7 +300,7 @@ class Exclusion:
                 (amount,) = interpreted(task.amount_kind.function, q)
             return np.asarray(amount.low if isinstance(amount, Enclosure) else np.full(len(T), amount))
         # displacement of each vertex, (n, v, 3, k + 2): linear in the pose
-        points = np.concatenate([solid.vertices for solid in self.movable])
+        points = np.concatenate([solid[0] for solid in self.movable])
         turned = np.einsum("vj,nijm->nvim", points, T[:, :9].reshape(len(T), 3, 3, -1))
         turned[..., -1] = np.einsum("vj,nij->nvi", np.abs(points), T[:, :9, -1].reshape(len(T), 3, 3))
         turned[..., 0] += self.offset - points[:, :]
@@ -379,27 +357,20 @@ class Exclusion:
         task = self.task
         own, margin = self.features[: len(task.tracked)], DEFAULT.cut * task.size
         one, starts1, two, starts2 = self.drawn
-        lost = np.zeros_like(codes)
         least = LEAST_SCALE * task.target
-        tests.support_cells(T, codes, own, one, starts1, two, starts2, least, margin, lost, witness)
-        codes[:] = np.where(codes == Reason.OPEN, lost, codes)
+        tests.support_cells(T, own, one, starts1, two, starts2, least, margin, codes, witness)
         beyond = task.goal == "beyond"
         lines = self.features if task.goal == "seat" else self.lines
-        signs = task.signs if beyond else np.zeros(2)
-        tests.goal_cells(T, codes, lines, task.target, signs, self.margin, codes, witness)
+        tests.goal_cells(T, lines, task.target, task.signs if beyond else np.zeros(2), self.margin, codes, witness)
         if len(own) == 2 and len(task.movable.parts) == len(task.static.parts) == 1:
-            sites = np.empty((len(T), tests.FEATURE))
-            tests.tracked_sites(T, codes, self.lines, *self.pair, sites)
-            tests.left_cells(
-                T, codes, self.lines, task.target, sites, one, starts1, two, starts2, margin, codes, witness
-            )
+            tests.left_cells(T, self.lines, task.target, *self.pair, margin, codes, witness)
 
     @cached_property
-    def pair(self) -> tuple[Array | Ints, ...]:
+    def pair(self) -> tuple[Solid, Solid]:
         """The two parts of convex bodies at scale 1, about their seeds."""
         bodies = (self.task.movable, self.task.static)
-        one, two = (Polyhedron.of(body.parts[0], body.parts[0].vertices - body.seed).arrays for body in bodies)
-        return (*one, *two)
+        one, two = (_solid(body.parts[0], body.parts[0].vertices - body.seed) for body in bodies)
+        return one, two
 
     def _pairs(self, T: Array, codes: Ints, witness: Array) -> None:
         task, partners = self.task, len(self.task.static.parts)
@@ -408,20 +379,14 @@ class Exclusion:
             sites = np.zeros((len(T), self.rows, WITNESS))
             for row, (i, j) in enumerate(product(range(len(self.movable)), range(partners))):
                 flags = np.zeros(len(T), dtype=bool)
-                solids = self.movable[i].arrays, self.opponents[j].arrays
-                tests.apart_cells(T, ~all_apart, *solids[0], *solids[1], self.margin, flags, sites[:, row])
+                solids = self.movable[i], self.opponents[j]
+                tests.apart_cells(T, ~all_apart, *solids, self.margin, flags, sites[:, row])
                 sites[:, row, tests.PARTS :] = i, j
                 all_apart &= flags
             codes[all_apart], witness[all_apart] = Reason.APART, sites[all_apart]
         for i, j in product(range(len(self.movable)), range(len(self.opponents))):
+            one, two, need = self.movable[i], self.opponents[j], float(task.needs[j])
             if np.isfinite(self.needs[j]):
-                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
-                solids = self.movable[i].arrays, self.opponents[j].arrays
-                tests.meet_cells(T, codes, *solids[0], *solids[1], self.margin, flags, rows)
-                rows[:, :2] = i, j
-                codes[flags], witness[flags, 0] = Reason.MEETS, rows[flags]
-            if task.needs[j] > 0 and not self.swollen:
-                flags, rows = np.zeros(len(T), dtype=bool), np.zeros((len(T), WITNESS))
-                tests.near_cells(T, codes, *solids[0], *solids[1], float(task.needs[j]), self.margin, flags, rows)
-                rows[:, :2] = i, j
-                codes[flags], witness[flags, 0] = Reason.NEAR, rows[flags]
+                tests.meet_cells(T, (i, j), one, two, self.margin, codes, witness[:, 0])
+            if need > 0 and not self.swollen:
+                tests.near_cells(T, (i, j), one[0], two[0], need, self.margin, codes, witness[:, 0])

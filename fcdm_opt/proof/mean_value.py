@@ -93,6 +93,25 @@ class Pieces:
         s, v = self.directions(over=over)
         return [s * v[:, k] for k in range(self.low.shape[1])]
 
+    def changes(self, slopes: Interval) -> Interval:
+        """Return how much numbers change with each variable, (n, p, k), of their slopes by y."""
+        (n, k), (s, v) = self.low.shape, self.directions(over=True)
+        by_s = slopes.contracted(v.shaped((n, k, 1)))
+        others = slopes.taken(np.broadcast_to(self.others[:, None, :], (n, POSE, k - 1))) * s.shaped((n, 1, 1))
+        return by_s.beside(others) * Interval(self.half[:, None, :])
+
+
+class Boxes(Pieces):
+    """Boxes of y themselves, which have no faces."""
+
+    def coordinates(self, *, over: bool) -> list[Interval]:
+        """Return y, k numbers (n,), over the boxes or at their centres."""
+        return [Interval(self.centre[:, k], self.half[:, k] if over else 0.0) for k in range(self.low.shape[1])]
+
+    def changes(self, slopes: Interval) -> Interval:
+        """Return how much numbers change with each variable, (n, p, k), of their slopes by y."""
+        return slopes * Interval(self.half[:, None, :])
+
 
 @dataclass(frozen=True, eq=False)
 class Expression:
@@ -221,10 +240,7 @@ class PosesOfPieces:
         (natural,), jumps = self._pose(y, self._seeds)
         (flat,), _ = self._slopes(y, self._seeds)
         slopes = _together([_column(x, n) for x in flat], n).shaped((n, k, POSE)).turned((0, 2, 1))  # by y
-        s, v = pieces.directions(over=True)
-        by_s = slopes.contracted(v.shaped((n, k, 1)))
-        others = slopes.taken(np.broadcast_to(pieces.others[:, None, :], (n, POSE, k - 1))) * s.shaped((n, 1, 1))
-        change = by_s.beside(others) * Interval(pieces.half[:, None, :])
+        change = pieces.changes(slopes)
         broken = np.broadcast_to(np.asarray(jumps) & (not self._smooth), n)[:, None]
         over, still = [], []
         for p in range(POSE):

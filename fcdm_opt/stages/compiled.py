@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, step
+from fcdm_opt.compiling import kernel
 from fcdm_opt.curve.kernels import (
     E1E2,
     F1V2,
@@ -42,6 +42,7 @@ from fcdm_opt.curve.kernels import (
     facet_rows,
     pair_bounds,
 )
+from fcdm_opt.geometry.least_distance import add, inner, nearest, norm
 from fcdm_opt.motion import instructions as codes
 
 REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
@@ -331,130 +332,17 @@ def evaluate(scene, rows, count, only, z, g, G):
 # ------------------------------------------------------------------------------------------------------- active set
 
 
-@step
-def _inner(x, y):
-    total = 0.0
-    for m in range(len(x)):
-        total += x[m] * y[m]
-    return total
-
-
-@step
-def _norm(x):
-    return math.sqrt(_inner(x, x))
-
-
-@step
-def _add(x, factor, y):
-    """Add a multiple of y to x."""
-    for m in range(len(x)):
-        x[m] += factor * y[m]
-
-
-@kernel
-def _project(x, basis, count, shares):
-    """Take from x its shares along the first orthonormal rows of a basis, twice over."""
-    shares[:count] = 0.0
-    for _again in range(2):
-        for b in range(count):
-            share = _inner(basis[b], x)
-            shares[b] += share
-            _add(x, -share, basis[b])
-
-
-@kernel
-def nearest(G, h, equal, count, x, duals):
-    """Fill x with the least vector that keeps G x >= h, or = h; tell if there is one. Dual method of Goldfarb, Idnani.
-
-    Rows must be of length about one. The active rows' orthonormal basis is made anew at each change: they are few.
-    """
-    k = len(x)
-    active = np.empty(k + 1, np.int64)
-    multipliers = np.zeros(k + 1)
-    basis, R = np.empty((k + 1, k)), np.zeros((k + 1, k + 1))
-    z, r, along = np.empty(k), np.empty(k + 1), np.empty(k + 1)
-    implied = np.zeros(count, np.bool_)
-    used = 0
-    x[:] = 0.0
-    duals[:count] = 0.0
-    for _ in range(20 * (k + count)):
-        worst, pick, flip = -1e-14, -1, 1.0
-        for c in range(count):
-            if implied[c]:
-                continue
-            value = _inner(G[c], x) - h[c]
-            held = False
-            for a in range(used):
-                held = held or active[a] == c
-            if held:
-                continue
-            if equal[c]:  # before all others
-                pick, flip = c, (-1.0 if value > 0.0 else 1.0)
-                worst = -abs(value)
-                break
-            if value < worst * (1.0 + abs(h[c])):
-                worst, pick, flip = value, c, 1.0
-        if pick < 0:
-            for a in range(used):
-                duals[active[a]] = multipliers[a]
-            return True
-        own, short = 0.0, worst
-        while True:
-            for a in range(used):
-                basis[a] = G[active[a]]
-                _project(basis[a], basis, a, R[a])
-                R[a, a] = _norm(basis[a])
-                basis[a] /= R[a, a]
-            z[:] = flip * G[pick]
-            _project(z, basis, used, along)
-            for a in range(used - 1, -1, -1):
-                total = along[a]
-                for b in range(a + 1, used):
-                    total -= R[b, a] * r[b]
-                r[a] = total / R[a, a]
-            square = _inner(z, z)
-            free = square > 1e-18
-            if not free and short > -1e-11:
-                implied[pick] = True  # follows from those before it
-                break
-            if equal[pick] and not free:
-                return False
-            ratio, drop = np.inf, -1
-            for a in range(used):
-                if not equal[active[a]] and r[a] > 1e-14 and multipliers[a] / r[a] < ratio:
-                    ratio, drop = multipliers[a] / r[a], a
-            full = -short / square if free else np.inf
-            t = min(ratio, full)
-            if not t < np.inf:
-                return False
-            if free:
-                _add(x, t, z)
-            _add(multipliers[:used], -t, r)
-            own += t
-            if free and full <= ratio:
-                active[used], multipliers[used] = pick, own
-                if flip < 0.0:  # an equality met from above: its row enters as it is
-                    multipliers[used] = -own
-                used += 1
-                break
-            for a in range(drop, used - 1):
-                active[a], multipliers[a] = active[a + 1], multipliers[a + 1]
-            used -= 1
-            short = flip * (_inner(G[pick], x) - h[pick])
-    return False
-
-
 @kernel
 def least_distance(G, h, walls, levels):
     """Return for each wall the least x with G x >= h and wall . x <= level, (n, k); nan where there is none."""
     count, k = G.shape
     rows, sides, equal = np.empty((count + 1, k)), np.empty(count + 1), np.zeros(count + 1, np.bool_)
     for c in range(count):
-        length = _norm(G[c])
+        length = norm(G[c])
         rows[c], sides[c] = G[c] / length, h[c] / length
     found, x, duals = np.full((len(walls), k), np.nan), np.empty(k), np.empty(count + 1)
     for r in range(len(walls)):
-        length = _norm(walls[r])
+        length = norm(walls[r])
         rows[count], sides[count] = -walls[r] / length, -levels[r] / length
         if nearest(rows, sides, equal, count + 1, x, duals):
             found[r] = x
@@ -466,7 +354,7 @@ def _factored(H, L, least):
     """Fill L with the Cholesky factor of H; tell if all squares of its diagonal are above `least`."""
     for a in range(len(H)):
         for b in range(a + 1):
-            total = H[a, b] - _inner(L[a, :b], L[b])
+            total = H[a, b] - inner(L[a, :b], L[b])
             if a > b:
                 L[a, b] = total / L[b, b]
             elif total > least:
@@ -480,7 +368,7 @@ def _factored(H, L, least):
 def _forward(L, b, x):
     """Fill x with the solution of L x = b."""
     for a in range(len(b)):
-        x[a] = (b[a] - _inner(x[:a], L[a])) / L[a, a]
+        x[a] = (b[a] - inner(x[:a], L[a])) / L[a, a]
 
 
 @kernel
@@ -503,14 +391,14 @@ def newton(H, G, h, equal, count, z, step, duals):
     turned, levels, lengths = np.empty((count, k)), np.empty(count), np.empty(count)
     for c in range(count):
         _forward(L, G[c], turned[c])
-        lengths[c] = max(_norm(turned[c]), _TINY)
-        levels[c] = (_inner(turned[c], low) - h[c]) / lengths[c]
+        lengths[c] = max(norm(turned[c]), _TINY)
+        levels[c] = (inner(turned[c], low) - h[c]) / lengths[c]
         turned[c] /= lengths[c]
     if not nearest(turned, levels, equal, count, step, duals):
         return False
     for c in range(count):
         duals[c] /= lengths[c]
-    _add(step, -1.0, low)
+    add(step, -1.0, low)
     _backward(L, step)
     return True
 
@@ -524,9 +412,9 @@ def _relaxed(G, h, equal, count, z, step):
         A[m, m], b[m] = 1e-6, -1e-6 * z[m]
     for c in range(count):
         if equal[c] or h[c] < 0.0:
-            _add(b, -h[c], G[c])
+            add(b, -h[c], G[c])
             for m in range(k):
-                _add(A[m], G[c, m], G[c])
+                add(A[m], G[c, m], G[c])
     _factored(A, L, 0.0)
     _forward(L, b, step)
     _backward(L, step)
@@ -542,7 +430,7 @@ def normalised(scene, rows, count, all_rows, z, g, G, lengths):
         return False
     finite = True
     for c in range(count):
-        length = _norm(G[c])
+        length = norm(G[c])
         finite = finite and length < np.inf and abs(g[c]) < np.inf
         lengths[c] = max(length, 1e-9)
         g[c] /= lengths[c]
@@ -608,7 +496,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
         idle = 0 if most < 0.8 * least else idle + 1
         least = min(least, most)
         _blend(H, 0.0)
-        curved = turn > 0 and _norm(duals[:count]) > 0.0
+        curved = turn > 0 and norm(duals[:count]) > 0.0
         if curved and not _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
             return BROKEN
         done = newton(H, G, g, equal, count, z, step, duals)
@@ -631,11 +519,11 @@ def descend(scene, rows, count, steepest, z, duals, enough):
             step /= longest
         for c in range(count):
             price = max(price, 2.0 * abs(duals[c]))
-        here, t, accepted = 0.5 * _norm(z) ** 2 + price * total, 1.0, False
+        here, t, accepted = 0.5 * norm(z) ** 2 + price * total, 1.0, False
         amount = now = peak = 0.0
         for _ in range(HALVINGS):
             trial[:] = z + t * step
-            amount = 0.5 * _norm(trial) ** 2
+            amount = 0.5 * norm(trial) ** 2
             if normalised(scene, rows, count, all_rows, trial, g2, G2, lengths2):
                 now, peak = _violation(g2, equal, count)
                 accepted = amount + price * now <= here - 1e-4 * t * max(here - amount, 0.0) or peak <= 0.5 * most

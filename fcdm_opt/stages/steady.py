@@ -29,7 +29,7 @@ from fcdm_opt.curve.kernels import (
     _turned,
     _turned_back,
 )
-from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, nearest_points, placed
+from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, clipped, placed, set_nearest
 
 HALVINGS = 40  # of the time for which two points stay near
 EAGER = 60  # steps at first that may be finest: near a contact they shrink fast, and prove more
@@ -179,10 +179,11 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed
             two, normals2 = points2[a2[0] : b2[0]], faces2[a2[1] : b2[1], :3].copy()
             levels2 = faces2[a2[1] : b2[1], 3].copy()
             own2 = edges2[a2[2] : b2[2]]
-            gap = best_site(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, True, site)
+            first, second = (one, normals1, levels1, own1), (two, normals2, levels2, own2)
+            gap = best_site(R, d, first, second, True, site)
             miss = gap - need
             if need > 0.0 and 0.0 < gap < need:  # facets understate the distance of corners and edges
-                gap = nearest_points(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, slack, x, y)
+                gap = set_nearest(R, d, one, two, x, y)
                 miss = gap - need
             ours = c < partner or not touch
             if ours:
@@ -199,7 +200,7 @@ def _looked(way, amount, ones, twos, offset, needs, partner, touch, slack, timed
                         way, R, m, d, one, normals1, levels1, own1, two, normals2, levels2, own2
                     )  # fmt: skip
                     if gap > -need:  # coming apart, they stay near
-                        nearest_points(R, d, one, normals1, levels1, own1, two, normals2, levels2, own2, slack, x, y)
+                        set_nearest(R, d, one, two, x, y)
                         time = max(time, _near(way, R, m, d, x, y, need))
                 if ours:
                     short = max(short, time)

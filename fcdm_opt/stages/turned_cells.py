@@ -3,10 +3,10 @@
 A cell is a box of the scaled angles eta = w theta, centre c and half-widths h, three of each, unused ones zero. A
 `turn` is, flat, the rotation R at the centre, row by row, then the rows omega_k: dR/d eta_k x = omega_k x (R x).
 A body is a tuple (points, normals, edges, ends, places): points of body 1 at the scale made about the moved seed at
-rest, of body 2 the offset to them from there; normals (n, level, error, 1 / |M' n|) point from body 1 to body 2, the
-level is the support; edges are unit vectors, then the middle of the arc of normals and how far its ends are from it;
-ends are a point, the face on the left, the one on the right; places are the first rows of each part. M takes
-translations y, in which the amount is a length, to the world's.
+rest, of body 2 the offset to them from there; normals, and how far they may be wrong, point from body 1 to body 2;
+edges are unit vectors, then the middle of the arc of normals and how far its ends are from it; ends are a point, the
+face on the left, the one on the right; places are the first rows of each part. M takes translations y, in which the
+amount is a length, to the world's.
 
 What bounds rest on. Along a segment of angles delta, R is a product of rotations about fixed axes each at a constant
 rate, or the exponential of A + s B, with skew A and B. Either way the second derivative of R x is at most r^2 |x|, r
@@ -20,32 +20,22 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.curve.kernels import _cross, _dot, _length, _minus, _times, _turned, _turned_back
+from fcdm_opt.curve.kernels import _at, _cross, _dot, _entry, _length, _minus, _times, _turned, _turned_back
+from fcdm_opt.geometry.least_distance import _lowest, nearest, nearest_points
+from fcdm_opt.proof.cells import _plus
+from fcdm_opt.stages.compiled import _place
 
 FACE_1, FACE_2, EDGES, EDGES_BACK = range(4)  # directions along which parts may come apart
-SERIES = 0.1  # squares of angles below which series are used
 NEWTON, CLOSE = 20, 1e-9  # steps to the best value of one of them, and how near is enough
 FEW = 16  # directions of a pair that are all looked at closely
 HOPE = 0.5  # change of depth over a cell, relative to what turning moves points, below which a bound is tried
 PIECES = 3  # of an arc of directions
-STEPS = 80  # of the search for nearest points
-NEAREST = 1e-14  # its relative accuracy, of squares
-FLAT = 1e-12  # determinants relative to their size below which a simplex has lost a dimension
 PARALLEL = 1e-7  # sines below which edges give no direction
 ROUNDING = (
     256 * 2.0**-53
 )  # of the lengths that enter: no value is the sum of more than 64 products, each rounded thrice
+NONE = 0.0, 0.0, 0.0
 _INF = np.inf
-
-
-@step
-def _row(rows, k):
-    return rows[k, 0], rows[k, 1], rows[k, 2]
-
-
-@step
-def _plus(u, x):
-    return u[0] + x[0], u[1] + x[1], u[2] + x[2]
 
 
 @step
@@ -59,50 +49,26 @@ def _clipped(x, low, high):
 
 
 @kernel
-def set_turn(axes, vector, weights, eta, turn):
-    """Fill `turn`: of a rotation vector, or of rotations about fixed axes one after the other."""
-    theta = eta[0] / weights[0], eta[1] / weights[1], eta[2] / weights[2]
-    if vector:
-        p = _dot(theta, theta)
-        if p < SERIES:
-            s = 1.0 - p / 6.0 * (1.0 - p / 20.0 * (1.0 - p / 42.0 * (1.0 - p / 72.0 * (1.0 - p / 110.0))))
-            v = 0.5 - p / 24.0 * (1.0 - p / 30.0 * (1.0 - p / 56.0 * (1.0 - p / 90.0 * (1.0 - p / 132.0))))
-            u = 1.0 / 6.0 - p / 120.0 * (1.0 - p / 42.0 * (1.0 - p / 72.0 * (1.0 - p / 110.0 * (1.0 - p / 156.0))))
-        else:
-            r = np.sqrt(p)
-            s, v, u = np.sin(r) / r, 2.0 * np.sin(0.5 * r) ** 2 / p, (r - np.sin(r)) / (p * r)
+def set_turn(kind, eta, turn):
+    """Fill `turn`: R, and the axial vectors of its derivatives times its transpose."""
+    motion, places = kind[0], kind[1]
+    count = len(motion[3])
+    z, q, flat = np.zeros(count), np.empty(count), np.empty(12 * (count + 1))
+    for k in range(len(places)):
+        z[places[k]] = eta[k]
+    _place(motion, z, 1.0, q, flat, True)
+    turn[:9], turn[9:] = flat[:9], 0.0
+    for k in range(len(places)):
         for i in range(3):
+            one, two = 3 * ((i + 1) % 3), 3 * ((i + 2) % 3)
             for j in range(3):
-                square = theta[i] * theta[j] - (p if i == j else 0.0)
-                k = 3 - i - j
-                skew = 0.0 if i == j else (theta[k] if (i - j) % 3 == 1 else -theta[k])
-                one = 1.0 if i == j else 0.0
-                turn[3 * i + j] = one + s * skew + v * square
-                turn[9 + 3 * j + i] = (one + v * skew + u * square) / weights[j]
-        return
-    for k in range(9):
-        turn[k] = 1.0 if k % 4 == 0 else 0.0
-        turn[9 + k] = 0.0
-    for k in range(3):
-        a, c, s = _row(axes, k), np.cos(theta[k]), np.sin(theta[k])
-        for column in range(3 + k):  # of R, then the axes before this one
-            x = (
-                (turn[column], turn[3 + column], turn[6 + column])
-                if column < 3
-                else (turn[3 * column], turn[3 * column + 1], turn[3 * column + 2])
-            )
-            y = _plus(_times(c, x), _plus(_times(s, _cross(a, x)), _times((1.0 - c) * _dot(a, x), a)))
-            for i in range(3):
-                turn[3 * i + column if column < 3 else 3 * column + i] = y[i]
-        for i in range(3):
-            turn[9 + 3 * k + i] = a[i]
-    for k in range(9):
-        turn[9 + k] /= weights[k // 3]
+                turn[9 + 3 * k + i] += flat[12 + 12 * places[k] + two + j] * flat[one + j]
 
 
 @step
-def _radius(vector, weights, h):
+def _radius(kind, h):
     """Return the r of a cell."""
+    vector, weights = kind[2], kind[3]
     a, b, c = h[0] / weights[0], h[1] / weights[1], h[2] / weights[2]
     return np.sqrt(a * a + b * b + c * c) if vector else a + b + c
 
@@ -124,7 +90,7 @@ def _quotient(N, gN, D, gD, eD, h):
 
 
 @step
-def _stretch(metric, turn, x, dx0, dx1, dx2, error, spectral, radius):
+def _stretch(metric, x, dx0, dx1, dx2, error, spectral, radius):
     """Return (D, g, e): |M' x| with x linear in the cell to within `error`.
 
     |a + b| <= |a| + a.b / |a| + b.b / 2 |a|, since the square of the right side less that of the left is one.
@@ -162,107 +128,26 @@ def _multiplier(level, g, G, low, high):
     return m
 
 
-@step
-def _side(p, levels, slopes, count, c, low, high):
-    """Return constraint p of n.(s, eta) >= b: of a level, or of the cell."""
-    if p < count:
-        g = _row(slopes, p)
-        return (1.0, -g[0], -g[1], -g[2]), levels[p] - _dot(g, c)
-    k, up = (p - count) // 2, (p - count) % 2
-    sign = -1.0 if up else 1.0
-    e = sign if k == 0 else 0.0, sign if k == 1 else 0.0, sign if k == 2 else 0.0
-    return (0.0, e[0], e[1], e[2]), -high[k] if up else low[k]
-
-
-@step
-def _dot4(u, x):
-    return u[0] * x[0] + u[1] * x[1] + u[2] * x[2] + u[3] * x[3]
-
-
 @kernel
-def _ascend(levels, slopes, count, c, low, high, enough, multipliers):
-    """Fill the multipliers of the least (s, eta) above all levels in the cell (dual active sets: Goldfarb, Idnani)."""
-    sides, gram, shares = np.empty((5, 4)), np.empty((5, 6)), np.zeros(5)
-    owners = np.empty(5, np.int64)
-    z, active = (0.0, 0.0, 0.0, 0.0), 0
-    for _ in range(STEPS):
-        worst, p = CLOSE * levels[0], -1
-        for k in range(count + 6):
-            n, b = _side(k, levels, slopes, count, c, low, high)
-            short = (b - _dot4(n, z)) / np.sqrt(_dot4(n, n))
-            if short > worst:
-                worst, p = short, k
-        if p < 0 or _dot4(z, z) >= enough * enough:
-            break
-        n, b = _side(p, levels, slopes, count, c, low, high)
-        own = 0.0
-        while True:
-            for i in range(active):  # r: what the active ones have of n
-                for j in range(active):
-                    gram[i, j] = _dot4(_four(sides, i), _four(sides, j))
-                gram[i, active] = _dot4(_four(sides, i), n)
-            solved = _eliminate(gram, active)
-            d = n
-            for i in range(active):
-                x, r = _four(sides, i), gram[i, active]
-                d = d[0] - r * x[0], d[1] - r * x[1], d[2] - r * x[2], d[3] - r * x[3]
-            length = _dot4(d, d)
-            step_back, out = _INF, -1
-            for i in range(active):
-                if gram[i, active] > 0.0 and shares[i] < step_back * gram[i, active]:
-                    step_back, out = shares[i] / gram[i, active], i
-            independent = solved and active < 4 and length > FLAT * _dot4(n, n)
-            full = (b - _dot4(n, z)) / length if independent else _INF
-            t = min(full, step_back)
-            if not t < _INF:
-                break
-            for i in range(active):
-                shares[i] -= t * gram[i, active]
-            own += t
-            if independent:
-                z = z[0] + t * d[0], z[1] + t * d[1], z[2] + t * d[2], z[3] + t * d[3]
-            if full <= step_back:
-                sides[active, 0], sides[active, 1], sides[active, 2], sides[active, 3] = n
-                shares[active], owners[active] = own, p
-                active += 1
-                break
-            active -= 1
-            for i in range(out, active):
-                shares[i], owners[i] = shares[i + 1], owners[i + 1]
-                for k in range(4):
-                    sides[i, k] = sides[i + 1, k]
-        if not t < _INF:
-            break
+def _share(levels, slopes, count, c, low, high, size, multipliers):
+    """Fill the multipliers of the least (s, eta) above all levels in the cell, as a least distance program."""
+    G, b, z = np.zeros((count + 6, 4)), np.empty(count + 6), np.empty(4)
+    duals = np.empty(count + 6)
     for v in range(count):
-        multipliers[v] = 0.0
-    for i in range(active):
-        if owners[i] < count:
-            multipliers[owners[i]] = max(shares[i], 0.0)
-
-
-@step
-def _four(rows, k):
-    return rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3]
-
-
-@kernel
-def _eliminate(gram, count):
-    """Solve a positive definite system in place, its last column the right side; tell if it is regular."""
-    for i in range(count):
-        if not gram[i, i] > 0.0:
-            return False
-        for k in range(count):
-            if k != i:
-                factor = gram[k, i] / gram[i, i]
-                for j in range(i, count + 1):
-                    gram[k, j] -= factor * gram[i, j]
-    for i in range(count):
-        gram[i, count] /= gram[i, i]
-    return True
+        g = _at(slopes, v)
+        steep = np.sqrt(1.0 + _dot(g, g))
+        G[v, 0], G[v, 1], G[v, 2], G[v, 3] = 1.0 / steep, -g[0] / steep, -g[1] / steep, -g[2] / steep
+        b[v] = (levels[v] - _dot(g, c)) / (steep * size)
+    for k in range(3):
+        G[count + k, 1 + k], b[count + k] = 1.0, low[k] / size
+        G[count + 3 + k, 1 + k], b[count + 3 + k] = -1.0, -high[k] / size
+    nearest(G, b, np.zeros(count + 6, np.bool_), count + 6, z, duals)
+    for v in range(count):
+        multipliers[v] = max(duals[v], 0.0) * size * G[v, 0]
 
 
 @kernel
-def least(levels, slopes, count, c, h, enough, multipliers):
+def least(levels, slopes, count, c, h, multipliers):
     """Return a lower bound of sqrt(max(0, l_v + g_v delta)^2 + |c + delta|^2), v the largest, over a cell, and where.
 
     The dual: for multipliers m >= 0, with S = sum m_v and G = sum m_v g_v, the least over s >= 0 and the cell of
@@ -273,10 +158,11 @@ def least(levels, slopes, count, c, h, enough, multipliers):
     base = 0.5 * _dot(eta, eta)
     top = 0.0
     for v in range(count):
-        top = max(top, levels[v] - _spread(_row(slopes, v), h))
-    used = 0
+        top = max(top, levels[v] - _spread(_at(slopes, v), h))
+    used, peak = 0, 0.0
     for v in range(count):
-        most = levels[v] + _spread(_row(slopes, v), h)
+        most = levels[v] + _spread(_at(slopes, v), h)
+        peak = max(peak, most)
         if most >= top and most > 0.0:
             levels[used], multipliers[used] = levels[v], 0.0
             slopes[used, 0], slopes[used, 1], slopes[used, 2] = slopes[v, 0], slopes[v, 1], slopes[v, 2]
@@ -284,110 +170,16 @@ def least(levels, slopes, count, c, h, enough, multipliers):
     if used == 0:
         return np.sqrt(2.0 * base), eta
     if used == 1:
-        multipliers[0] = _multiplier(levels[0] - _dot(_row(slopes, 0), c), _row(slopes, 0), (0.0, 0.0, 0.0), low, high)
+        multipliers[0] = _multiplier(levels[0] - _dot(_at(slopes, 0), c), _at(slopes, 0), (0.0, 0.0, 0.0), low, high)
     else:
-        _ascend(levels, slopes, used, c, low, high, enough, multipliers)
+        _share(levels, slopes, used, c, low, high, peak, multipliers)
     S, L, G = 0.0, 0.0, (0.0, 0.0, 0.0)
     for v in range(used):
         m = multipliers[v]
-        S, L, G = S + m, L + m * levels[v], _plus(G, _times(m, _row(slopes, v)))
+        S, L, G = S + m, L + m * levels[v], _plus(G, _times(m, _at(slopes, v)))
     eta = _clipped(-G[0], low[0], high[0]), _clipped(-G[1], low[1], high[1]), _clipped(-G[2], low[2], high[2])
     value = L - 0.5 * S * S + 0.5 * _dot(eta, eta) + _dot(G, _minus(eta, c))
     return np.sqrt(2.0 * max(base, value)), eta
-
-
-# --------------------------------------------------------------------------------------------------- nearest points
-
-
-@kernel
-def _lightest(simplex, count, shares):
-    """Fill the shares of a simplex' points in the point of its affine hull nearest to zero; tell if it has them."""
-    z = _row(simplex, 0)
-    a = _minus(_row(simplex, 1), z)
-    b = _minus(_row(simplex, 2), z) if count > 2 else a
-    if count == 2:
-        square = _dot(a, a)
-        if not square > 0.0:
-            return False
-        shares[1] = -_dot(a, z) / square
-    elif count == 3:
-        n = _cross(a, b)
-        square = _dot(n, n)
-        if not square > FLAT * _dot(a, a) * _dot(b, b):
-            return False
-        shares[1], shares[2] = -_dot(_cross(z, b), n) / square, -_dot(_cross(a, z), n) / square
-    else:
-        d = _minus(_row(simplex, 3), z)
-        n = _cross(a, b)
-        volume = _dot(n, d)
-        if not volume * volume > FLAT * _dot(a, a) * _dot(b, b) * _dot(d, d):
-            return False
-        shares[1], shares[2] = -_dot(_cross(z, b), d) / volume, -_dot(_cross(a, z), d) / volume
-        shares[3] = -_dot(n, z) / volume
-    shares[0] = 1.0
-    for k in range(1, count):
-        shares[0] -= shares[k]
-    return True
-
-
-@kernel
-def nearest(points1, points2, pairs, simplex, weights, shares):
-    """Return the least of points2 - points1 and how many of `pairs` span it; zero where the hulls meet (Wolfe)."""
-    pairs[0, 0] = pairs[0, 1] = 0
-    x = _minus(_row(points2, 0), _row(points1, 0))
-    simplex[0, 0], simplex[0, 1], simplex[0, 2] = x
-    weights[0], count = 1.0, 1
-    for _ in range(STEPS):
-        i, j, ahead, behind = 0, 0, -_INF, _INF
-        for k in range(len(points1)):
-            value = _dot(x, _row(points1, k))
-            if value > ahead:
-                i, ahead = k, value
-        for k in range(len(points2)):
-            value = _dot(x, _row(points2, k))
-            if value < behind:
-                j, behind = k, value
-        square = _dot(x, x)
-        if square - (behind - ahead) <= NEAREST * square + ROUNDING * (abs(behind) + abs(ahead)):
-            break
-        known = False
-        for k in range(count):
-            known = known or (pairs[k, 0] == i and pairs[k, 1] == j)
-        if known:
-            break
-        z = _minus(_row(points2, j), _row(points1, i))
-        pairs[count, 0], pairs[count, 1], weights[count] = i, j, 0.0
-        simplex[count, 0], simplex[count, 1], simplex[count, 2] = z
-        count += 1
-        stuck = False
-        while count > 1:
-            if not _lightest(simplex, count, shares):
-                stuck = True
-                break
-            part, out = 1.0, -1
-            for k in range(count):
-                if shares[k] <= 0.0:
-                    ratio = weights[k] / (weights[k] - shares[k]) if weights[k] > 0.0 else 0.0
-                    if out < 0 or ratio < part:
-                        part, out = ratio, k
-            for k in range(count):
-                weights[k] += part * (shares[k] - weights[k])
-            if out < 0:
-                break
-            count -= 1
-            for k in range(out, count):
-                weights[k], pairs[k, 0], pairs[k, 1] = weights[k + 1], pairs[k + 1, 0], pairs[k + 1, 1]
-                for i in range(3):
-                    simplex[k, i] = simplex[k + 1, i]
-        if stuck:
-            count -= 1
-            break
-        if count == 4:
-            return (0.0, 0.0, 0.0), 4
-        x = (0.0, 0.0, 0.0)
-        for k in range(count):
-            x = _plus(x, _times(weights[k], _row(simplex, k)))
-    return x, count
 
 
 # ------------------------------------------------------------------------------------- directions that parts leave by
@@ -415,47 +207,81 @@ def _cannot_cross(part1, part2, turn, way, radius):
     apart = _minus(_turned(turn, 0, (x, y, z)), (part2[2][j, 3], part2[2][j, 4], part2[2][j, 5]))
     if _length(apart) > part1[2][i, 6] + part2[2][j, 6] + radius:
         return True
-    E, F = _turned(turn, 0, _row(part1[2], i)), _row(part2[2], j)
+    E, F = _turned(turn, 0, _at(part1[2], i)), _at(part2[2], j)
     before, after = part2[3][j, 1], part2[3][j, 2]
     error = radius + ROUNDING
-    if sign * _dot(_row(part2[1], after), E) < -error - part2[1][after, 4]:
+    if sign * _dot(_at(part2[1], after), E) < -error - part2[1][after, 3]:
         return True
-    if sign * _dot(_row(part2[1], before), E) > error + part2[1][before, 4]:
+    if sign * _dot(_at(part2[1], before), E) > error + part2[1][before, 3]:
         return True
     own = _turned_back(turn, 0, F)
     before, after = part1[3][i, 1], part1[3][i, 2]
-    if sign * _dot(_row(part1[1], before), own) < -error - part1[1][before, 4]:
+    if sign * _dot(_at(part1[1], before), own) < -error - part1[1][before, 3]:
         return True
-    return sign * _dot(_row(part1[1], after), own) > error + part1[1][after, 4]
+    return sign * _dot(_at(part1[1], after), own) > error + part1[1][after, 3]
 
 
-@kernel
-def _shared_edge(part1, part2, turn, way):
-    """Return the direction of two edges, not normalised."""
-    E, F = _turned(turn, 0, _row(part1[2], way[1])), _row(part2[2], way[2])
-    n = _cross(E, F)
-    return E, F, n if way[0] == EDGES else _times(-1.0, n)
-
-
-@kernel
-def exact_depth(part1, part2, turn, way, metric):
-    """Return (depth, n, |M' n|): how far to go back along a direction, over |M' n|; infinite for parallel edges."""
+@step
+def _direction(part1, part2, turn, way):
+    """Return (sign, n, E, F): a direction at the centre, not of unit length, of edges sign E x F."""
     kind, i, j = way
     if kind == FACE_1:
-        n = _turned(turn, 0, _row(part1[1], i))
-    elif kind == FACE_2:
-        n = _row(part2[1], j)
+        return 0.0, _turned(turn, 0, _at(part1[1], i)), NONE, NONE
+    if kind == FACE_2:
+        return 0.0, _at(part2[1], j), NONE, NONE
+    sign, E, F = 1.0 if kind == EDGES else -1.0, _turned(turn, 0, _at(part1[2], i)), _at(part2[2], j)
+    return sign, _times(sign, _cross(E, F)), E, F
+
+
+@step
+def _height_1(kind, along, turn, half, x):
+    """Return (value, slopes, error) of n . x over a cell, x a point of body 1 turned."""
+    sign, n, E, F = along
+    if kind == FACE_1:
+        return _dot(n, x), NONE, 0.0
+    if kind == FACE_2:
+        return _dot(n, x), _turned(turn, 9, _cross(x, n)), half * _length(x) * _length(n)
+    moment = _cross(x, E)  # n . R x = sign F . R (x x e)
+    return _dot(n, x), _times(sign, _turned(turn, 9, _cross(moment, F))), half * _length(moment)
+
+
+@step
+def _height_2(kind, along, turn, half, p):
+    """Return (value, slopes, error) of n . p over a cell, p a point of body 2."""
+    sign, n, E, F = along
+    if kind == FACE_2:
+        return _dot(n, p), NONE, 0.0
+    if kind == FACE_1:
+        return _dot(n, p), _turned(turn, 9, _cross(n, p)), half * _length(p) * _length(n)
+    moment = _cross(F, p)
+    return _dot(n, p), _times(sign, _turned(turn, 9, _cross(E, moment))), half * _length(moment)
+
+
+@step
+def _size(kind, along, turn, metric, spectral, bent, radius):
+    """Return (D, g, e) of |M' n| over a cell, see `_stretch`; constant where n does not turn, or M only turns it."""
+    sign, n, E, F = along
+    if kind == FACE_2 or (kind == FACE_1 and not bent):
+        return _length(_turned_back(metric, 0, n)), NONE, 0.0
+    if kind == FACE_1:
+        a, b, c = _cross(_entry(turn, 9), n), _cross(_entry(turn, 12), n), _cross(_entry(turn, 15), n)
+        length = _length(n)
     else:
-        _, _, n = _shared_edge(part1, part2, turn, way)
-    own, size = _turned_back(turn, 0, n), _length(_turned_back(metric, 0, n))
+        a = _times(sign, _cross(_cross(_entry(turn, 9), E), F))
+        b = _times(sign, _cross(_cross(_entry(turn, 12), E), F))
+        c = _times(sign, _cross(_cross(_entry(turn, 15), E), F))
+        length = 1.0
+    return _stretch(metric, n, a, b, c, 0.5 * radius * radius * length, spectral, radius * length)
+
+
+@kernel
+def exact_depth(part1, part2, turned1, turn, way, metric):
+    """Return (depth, n, |M' n|): how far to go back along a direction, over |M' n|; infinite for parallel edges."""
+    n = _direction(part1, part2, turn, way)[1]
     if not _length(n) > PARALLEL:
         return _INF, n, 1.0
-    ahead, behind = -_INF, _INF
-    for k in range(len(part1[0])):
-        ahead = max(ahead, _dot(own, _row(part1[0], k)))
-    for k in range(len(part2[0])):
-        behind = min(behind, _dot(n, _row(part2[0], k)))
-    return (ahead - behind) / size, n, size
+    size = _length(_turned_back(metric, 0, n))
+    return (-_lowest(turned1, _times(-1.0, n))[1] - _lowest(part2[0], n)[1]) / size, n, size
 
 
 @step
@@ -465,69 +291,45 @@ def _fill(levels, slopes, k, level, g):
 
 @kernel
 def _direction_terms(part1, part2, turned1, turn, way, metric, spectral, bent, more, pad, radius, h, levels, slopes):
-    """Fill linear lower bounds over a cell, the largest of which bounds depth / |M' n| + more; return their number."""
+    """Fill linear lower bounds over a cell, the largest of which bounds depth / |M' n| + more; return their number.
+
+    Each is of two vertices, one of them that which the direction's own feature has.
+    """
     kind, i, j = way
-    points2 = part2[0]
-    half, count = 0.5 * radius * radius, 0
-    D, gD, eD = 1.0, (0.0, 0.0, 0.0), 0.0
-    if kind == FACE_2:
-        n, level, error, over = _row(part2[1], j), part2[1][j, 3], part2[1][j, 4], part2[1][j, 5]
-        for k in range(len(turned1)):
-            x = _row(turned1, k)
-            value = _dot(n, x) - level - half * turned1[k, 3] - pad * (1.0 + error / ROUNDING)
-            _fill(levels, slopes, k, value * over + more, _times(over, _turned(turn, 9, _cross(x, n))))
-        return len(turned1)
+    points2, half, count = part2[0], 0.5 * radius * radius, 0
+    along = _direction(part1, part2, turn, way)
+    n, error = along[1], 0.0
+    v, w = 0, 0
     if kind == FACE_1:
-        n, level, error, over = _turned(turn, 0, _row(part1[1], i)), part1[1][i, 3], part1[1][i, 4], part1[1][i, 5]
-        if bent:
-            a, b, c = _cross(_row3(turn, 9), n), _cross(_row3(turn, 12), n), _cross(_row3(turn, 15), n)
-            D, gD, eD = _stretch(metric, turn, n, a, b, c, half, spectral, radius)
-        for k in range(len(points2)):
-            p = _row(points2, k)
-            value = level - _dot(n, p) - half * _length(p) - pad * (1.0 + error / ROUNDING)
-            g = _turned(turn, 9, _cross(p, n))
-            if bent:
-                value, g = _quotient(value, g, D, gD, eD, h)
-                _fill(levels, slopes, k, value + more, g)
-            else:
-                _fill(levels, slopes, k, value * over + more, _times(over, g))
-        return len(points2)
-    E, F, n = _shared_edge(part1, part2, turn, way)
-    sign = 1.0 if kind == EDGES else -1.0
-    a = _times(sign, _cross(_cross(_row3(turn, 9), E), F))
-    b = _times(sign, _cross(_cross(_row3(turn, 12), E), F))
-    c = _times(sign, _cross(_cross(_row3(turn, 15), E), F))
-    D, gD, eD = _stretch(metric, turn, n, a, b, c, half, spectral, radius)
+        v, error = _lowest(turned1, _times(-1.0, n))[0], part1[1][i, 3]
+    elif kind == FACE_2:
+        w, error = _lowest(points2, n)[0], part2[1][j, 3]
+    else:
+        v, w = part1[3][i, 0], part2[3][j, 0]
+    D, gD, eD = _size(kind, along, turn, metric, spectral, bent, radius)
     if not D + eD - _spread(gD, h) > PARALLEL * D:
         return 0
-    v0, w0 = part1[3][i, 0], part2[3][j, 0]
-    x0, p0 = _row(turned1, v0), _row(points2, w0)
-    one, two = _cross(x0, E), _cross(F, p0)
-    g1, g2 = _times(sign, _turned(turn, 9, _cross(one, F))), _times(sign, _turned(turn, 9, _cross(E, two)))
-    value1, value2 = _dot(n, x0) - half * _length(one), _dot(n, p0) + half * _length(two)
+    spare = pad * (1.0 + error / ROUNDING)
     for k in range(len(turned1) + len(points2)):
-        if k < len(turned1):
-            one = _cross(_row(turned1, k), E)
-            value = _dot(n, _row(turned1, k)) - half * _length(one) - value2
-            g = _minus(_times(sign, _turned(turn, 9, _cross(one, F))), g2)
-        else:
-            p = _row(points2, k - len(turned1))
-            two = _cross(F, p)
-            value = value1 - _dot(n, p) - half * _length(two)
-            g = _minus(g1, _times(sign, _turned(turn, 9, _cross(E, two))))
-        value, g = _quotient(value - pad, g, D, gD, eD, h)
+        if (kind == FACE_1 and k < len(turned1)) or (kind == FACE_2 and k >= len(turned1)):
+            continue
+        x = _at(turned1, k if k < len(turned1) else v)
+        p = _at(points2, w if k < len(turned1) else k - len(turned1))
+        value1, g1, error1 = _height_1(kind, along, turn, half, x)
+        value2, g2, error2 = _height_2(kind, along, turn, half, p)
+        value, g = _quotient(value1 - value2 - error1 - error2 - spare, _minus(g1, g2), D, gD, eD, h)
         _fill(levels, slopes, count, value + more, g)
         count += 1
     return count
 
 
 @step
-def _row3(values, k):
-    return values[k], values[k + 1], values[k + 2]
+def _ints(ways, k):
+    return ways[k, 1], ways[k, 2], ways[k, 3]
 
 
 @kernel
-def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, enough, scratch):
+def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, scratch):
     """Return a lower bound for two edges that may be parallel somewhere in a cell.
 
     Their direction lies on arc 2, so between some a and b that cut it into pieces: it is s a + t b with s, t >= 0, and
@@ -538,11 +340,11 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
     levels, slopes, shares = scratch
     _, i, j = way
     half = 0.5 * radius * radius
-    E, A, B = _turned(turn, 0, _row(part1[2], i)), part1[3][i, 1], part1[3][i, 2]
-    error = radius + ROUNDING + part1[1][A, 4] + part1[1][B, 4]
-    inside = _cross(E, _turned(turn, 0, _row(part1[1], A))), _cross(_turned(turn, 0, _row(part1[1], B)), E)
+    E, A, B = _turned(turn, 0, _at(part1[2], i)), part1[3][i, 1], part1[3][i, 2]
+    error = radius + ROUNDING + part1[1][A, 3] + part1[1][B, 3]
+    inside = _cross(E, _turned(turn, 0, _at(part1[1], A))), _cross(_turned(turn, 0, _at(part1[1], B)), E)
     C, D = part2[3][j, 1], part2[3][j, 2]
-    first, last = _row(part2[1], C), _row(part2[1], D)
+    first, last = _at(part2[1], C), _at(part2[1], D)
     if max(_dot(first, E), _dot(last, E)) < -error or min(_dot(first, E), _dot(last, E)) > error:
         return _INF
     for side in inside:
@@ -553,23 +355,23 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
             first = _plus(first, _times(f / (f - g), _minus(last, first)))
         elif g < 0.0:
             last = _plus(last, _times(g / (g - f), _minus(first, last)))
-    spare = pad * (1.0 + (part2[1][C, 4] + part2[1][D, 4]) / ROUNDING)
-    p, best = _row(part2[0], part2[3][j, 0]), _INF
+    spare = pad * (1.0 + (part2[1][C, 3] + part2[1][D, 3]) / ROUNDING)
+    p, best = _at(part2[0], part2[3][j, 0]), _INF
     for piece in range(PIECES):
         a = _plus(first, _times(piece / PIECES, _minus(last, first)))
         b = _plus(first, _times((piece + 1) / PIECES, _minus(last, first)))
         over_a, over_b = 1.0 / _length(_turned_back(metric, 0, a)), 1.0 / _length(_turned_back(metric, 0, b))
         v, ahead = 0, -_INF
         for k in range(len(turned1)):
-            x = _minus(_row(turned1, k), p)
+            x = _minus(_at(turned1, k), p)
             value = min(_dot(a, x) * over_a, _dot(b, x) * over_b)
             if value > ahead:
                 v, ahead = k, value
-        x = _row(turned1, v)
+        x = _at(turned1, v)
         for n, over in ((a, over_a), (b, over_b)):
-            value = _dot(n, _minus(x, p)) - half * turned1[v, 3] - spare
+            value = _dot(n, _minus(x, p)) - half * _length(x) - spare
             _fill(levels, slopes, 0, value * over + more, _times(over, _turned(turn, 9, _cross(x, n))))
-            best = min(best, least(levels, slopes, 1, c, h, enough, shares)[0])
+            best = min(best, least(levels, slopes, 1, c, h, shares)[0])
     return best
 
 
@@ -578,96 +380,66 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
 
 @kernel
 def _gap_bound(
-    part1, part2, turned1, turn, x, pairs, count, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch
+    part1, part2, turned1, turn, x, spread, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch
 ):
     """Return a lower bound over a cell for a pair to touch, and where; x is the way between nearest points, in y.
 
     Along any direction n that may move with body 1, |y| >= separation / |M' n|. Taken are the n at the centre, fixed,
-    or attached to body 1, or kept across an edge of each.
+    or attached to body 1, or kept across an edge of each. `spread` are the shares of the points in x.
     """
     levels, slopes, shares = scratch
     points2, half = part2[0], 0.5 * radius * radius
-    size = _length(x)
-    n = _turned_back(inverse, 0, _times(1.0 / size, x))  # |M' n| = 1
-    length = _length(n)
-    corners1 = corners2 = 1
-    i, j, u, w = pairs[0, 0], pairs[0, 0], pairs[0, 1], pairs[0, 1]
-    for k in range(1, count):
-        if pairs[k, 0] != i:
-            j, corners1 = pairs[k, 0], corners1 + 1
-        if pairs[k, 1] != u:
-            w, corners2 = pairs[k, 1], corners2 + 1
+    n = _turned_back(inverse, 0, _times(1.0 / _length(x), x))  # |M' n| = 1
+    i, j, corners1 = _ends(spread)
+    u, w, corners2 = _ends(spread.T)
+    near, far = _lowest(points2, n)[0], _lowest(turned1, _times(-1.0, n))[0]
     best, where = -1.0, c
-    near = _INF
-    for k in range(len(points2)):
-        near = min(near, _dot(n, _row(points2, k)))
-    far = -_INF
-    for k in range(len(turned1)):
-        far = max(far, _dot(n, _row(turned1, k)))
-    if corners1 == 1 or corners2 > 1:
-        bound, at = _INF, c
+    for kind in range(3):
+        if best >= enough or (kind != FACE_1 and corners1 > 1 and corners2 == 1):
+            continue
+        if (kind != FACE_2 and corners1 == 1 and corners2 > 1) or (kind == EDGES and corners1 == 1):
+            continue
+        along = 0.0, n, NONE, NONE
+        if kind == EDGES:
+            E, F = _minus(_at(turned1, j), _at(turned1, i)), _minus(_at(points2, w), _at(points2, u))
+            E, F = _times(1.0 / _length(E), E), _times(1.0 / _length(F), F)
+            sign = 1.0 if _dot(_cross(E, F), n) > 0.0 else -1.0
+            along = sign, _times(sign, _cross(E, F)), E, F
+        D, gD, eD = _size(kind, along, turn, metric, spectral, bent, radius)
+        if not D + eD - _spread(gD, h) > PARALLEL * D:
+            continue
+        bound, at, spare = _INF, c, pad * _length(along[1])
         for k in range(len(turned1)):
-            y = _row(turned1, k)
-            value = near - _dot(n, y) - length * (half * turned1[k, 3] + pad)
-            g = _turned(turn, 9, _cross(n, y))
-            if _unlike(value, g, c, h, bound):
+            if kind == FACE_1 and k != far:
                 continue
-            _fill(levels, slopes, 0, value, g)
-            found, here = least(levels, slopes, 1, c, h, enough, shares)
-            if found < bound:
-                bound, at = found, here
-        best, where = bound, at
-    if best < enough and (corners2 == 1 or corners1 > 1):
-        D, gD, eD = 1.0, (0.0, 0.0, 0.0), 0.0
-        if bent:
-            a, b, e = _cross(_row3(turn, 9), n), _cross(_row3(turn, 12), n), _cross(_row3(turn, 15), n)
-            D, gD, eD = _stretch(metric, turn, n, a, b, e, half * length, spectral, radius * length)
-        bound, at = _INF, c
-        for k in range(len(points2)):
-            p = _row(points2, k)
-            value = _dot(n, p) - far - length * (half * _length(p) + pad)
-            g = _turned(turn, 9, _cross(n, p))
-            if bent:
-                value, g = _quotient(value, g, D, gD, eD, h)
-            if _unlike(value, g, c, h, bound):
-                continue
-            _fill(levels, slopes, 0, value, g)
-            found, here = least(levels, slopes, 1, c, h, enough, shares)
-            if found < bound:
-                bound, at = found, here
+            value1, g1, error1 = _height_1(kind, along, turn, half, _at(turned1, k))
+            for other in range(len(points2)):
+                if kind == FACE_2 and other != near:
+                    continue
+                value2, g2, error2 = _height_2(kind, along, turn, half, _at(points2, other))
+                value, g = _quotient(value2 - value1 - error1 - error2 - spare, _minus(g2, g1), D, gD, eD, h)
+                if _unlike(value, g, c, h, bound):
+                    continue
+                _fill(levels, slopes, 0, value, g)
+                found, here = least(levels, slopes, 1, c, h, shares)
+                if found < bound:
+                    bound, at = found, here
         if bound > best:
             best, where = bound, at
-    if best < enough and corners1 > 1 and corners2 > 1:
-        E, F = _minus(_row(turned1, j), _row(turned1, i)), _minus(_row(points2, w), _row(points2, u))
-        E, F = _times(1.0 / _length(E), E), _times(1.0 / _length(F), F)
-        m = _cross(E, F)
-        sign = 1.0 if _dot(m, n) > 0.0 else -1.0
-        m = _times(sign, m)
-        a = _times(sign, _cross(_cross(_row3(turn, 9), E), F))
-        b = _times(sign, _cross(_cross(_row3(turn, 12), E), F))
-        e = _times(sign, _cross(_cross(_row3(turn, 15), E), F))
-        D, gD, eD = _stretch(metric, turn, m, a, b, e, half, spectral, radius)
-        if D + eD - _spread(gD, h) > PARALLEL * D:
-            bound, at = _INF, c
-            for k in range(len(turned1)):
-                y = _row(turned1, k)
-                one = _cross(y, E)
-                value1, g1 = _dot(m, y) + half * _length(one), _times(sign, _turned(turn, 9, _cross(one, F)))
-                for other in range(len(points2)):
-                    p = _row(points2, other)
-                    two = _cross(F, p)
-                    value = _dot(m, p) - half * _length(two) - value1 - pad
-                    g = _minus(_times(sign, _turned(turn, 9, _cross(E, two))), g1)
-                    value, g = _quotient(value, g, D, gD, eD, h)
-                    if _unlike(value, g, c, h, bound):
-                        continue
-                    _fill(levels, slopes, 0, value, g)
-                    found, here = least(levels, slopes, 1, c, h, enough, shares)
-                    if found < bound:
-                        bound, at = found, here
-            if bound > best:
-                best, where = bound, at
     return best, where
+
+
+@step
+def _ends(spread):
+    """Return two points of a body that have shares, and how many there are."""
+    one, two, count = 0, 0, 0
+    for i in range(spread.shape[0]):
+        own = 0.0
+        for j in range(spread.shape[1]):
+            own += spread[i, j]
+        if own > 0.0:
+            one, two, count = (i if count == 0 else one), i, count + 1
+    return one, two, count
 
 
 @step
@@ -681,22 +453,11 @@ def _unlike(value, g, c, h, bound):
 
 
 @kernel
-def _turned_points(part, turn):
-    """Return the points of a part of body 1 turned, and their lengths, (n, 4)."""
-    points = part[0]
-    found = np.empty((len(points), 4))
-    for k in range(len(points)):
-        x = _turned(turn, 0, _row(points, k))
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = x[0], x[1], x[2], _length(x)
-    return found
-
-
-@kernel
-def _scaled(points, inverse):
-    """Return points in the coordinates in which the amount is a length, (n, 3)."""
+def _mapped(points, M):
+    """Return points times a matrix, the first nine numbers of M: turned, or where the amount is a length, (n, 3)."""
     found = np.empty((len(points), 3))
     for k in range(len(points)):
-        found[k, 0], found[k, 1], found[k, 2] = _turned(inverse, 0, _row(points, k))
+        found[k, 0], found[k, 1], found[k, 2] = _turned(M, 0, _at(points, k))
     return found
 
 
@@ -708,105 +469,50 @@ def _keep(best, eta, y):
         best[0] = amount
         for k in range(3):
             best[1 + k], best[4 + k] = eta[k], y[k]
-        return True
-    return False
 
 
 @kernel
-def least_gap(one, two, pairs, turn, inverse, room):
-    """Return the least way between the parts of some pairs and which pair has it; zero where any two meet."""
-    best, x, which = _INF, (0.0, 0.0, 0.0), -1
+def least_gap(one, two, pairs, turn, inverse):
+    """Return the least way between the parts of some pairs; zero where any two meet."""
+    best, x = _INF, NONE
     last, scaled1 = -1, np.empty((0, 3))
     for k in range(len(pairs)):
         if pairs[k, 0] != last:
             last = pairs[k, 0]
-            scaled1 = _scaled(_turned_points(_part(one, last), turn), inverse)
-        way, _ = nearest(scaled1, _scaled(_part(two, pairs[k, 1])[0], inverse), *room)
-        length = _length(way)
-        if length < best:
-            best, x, which = length, way, k
-    return x, which
+            scaled1 = _mapped(_mapped(_part(one, last)[0], turn), inverse)
+        way, _ = nearest_points(scaled1, _mapped(_part(two, pairs[k, 1])[0], inverse))
+        if _length(way) < best:
+            best, x = _length(way), way
+    return x
 
 
 @kernel
-def _try_gap(one, two, pairs, kind, eta, inverse, room, turn, best):
+def _try_gap(one, two, pairs, kind, eta, inverse, best):
     """Try the motion that closes the least gap at some angles; where parts overlap there, the ray to it meets one."""
-    axes, vector, weights = kind
-    set_turn(axes, vector, weights, eta, turn)
-    x, _ = least_gap(one, two, pairs, turn, inverse, room)
-    if _length(x) > 0.0:
-        return _keep(best, eta, x)
+    low, high, middle, x, turn = 0.0, 1.0, 1.0, (0.0, 0.0, 0.0), np.empty(18)
     if _length(eta) >= best[0]:
-        return False
-    low, high = 0.0, 1.0
+        return
     for _ in range(50):
-        middle = 0.5 * (low + high)
-        set_turn(axes, vector, weights, _times(middle, eta), turn)
-        y, _ = least_gap(one, two, pairs, turn, inverse, room)
+        set_turn(kind, _times(middle, eta), turn)
+        y = least_gap(one, two, pairs, turn, inverse)
         if _length(y) > 0.0:
             low, x = middle, y
         else:
             high = middle
-    return _keep(best, _times(low, eta), x)
+        if low == 1.0:
+            break
+        middle = 0.5 * (low + high)
+    _keep(best, _times(low, eta), x)
 
 
 @kernel
-def _try_depth(part1, part2, way, kind, eta, metric, more, turn, best):
+def _try_depth(part1, part2, way, kind, eta, metric, more, best):
     """Try the motion that goes back along a direction at some angles."""
-    axes, vector, weights = kind
-    set_turn(axes, vector, weights, eta, turn)
-    depth, n, size = exact_depth(part1, part2, turn, way, metric)
-    if depth + more < _INF:
-        a = _turned_back(metric, 0, n)
-        return _keep(best, eta, _times(-max(depth + more, 0.0) / size, a))
-    return False
-
-
-@step
-def _decoded(code, width):
-    return code // (4 * width * width), (code // (width * width) % 4, code // width % width, code % width)
-
-
-@kernel
-def all_ways(one, two, pairs, width):
-    """Return every direction of some pairs, coded, pair by pair: those of faces first."""
-    found = np.empty(0, np.int64)
-    for k in range(len(pairs)):
-        part1, part2 = _part(one, pairs[k, 0]), _part(two, pairs[k, 1])
-        counts = len(part1[1]), len(part2[1]), len(part1[2]) * len(part2[2])
-        own = np.empty(counts[0] + counts[1] + 2 * counts[2], np.int64)
-        place = 0
-        for i in range(counts[0]):
-            own[place] = ((4 * k + FACE_1) * width + i) * width
-            place += 1
-        for j in range(counts[1]):
-            own[place] = ((4 * k + FACE_2) * width) * width + j
-            place += 1
-        for i in range(len(part1[2])):
-            for j in range(len(part2[2])):
-                own[place] = ((4 * k + EDGES) * width + i) * width + j
-                own[place + 1] = ((4 * k + EDGES_BACK) * width + i) * width + j
-                place += 2
-        found = np.concatenate((found, own))
-    return found
-
-
-@kernel
-def try_angles(one, two, touching, apart, kind, space, numbers, eta, ways, best):
-    """Try the smallest translation at some angles."""
-    metric, inverse, more, width = space[0], space[1], numbers[2], numbers[6]
-    room = np.empty((5, 2), np.int64), np.empty((5, 3)), np.empty(5), np.empty(5)
     turn = np.empty(18)
-    angles = _row3(eta, 0)
-    if len(touching):
-        _try_gap(one, two, touching, kind, angles, inverse, room, turn, best)
-        return
-    part1, part2 = _part(one, apart[0, 0]), _part(two, apart[0, 1])
-    set_turn(kind[0], kind[1], kind[2], angles, turn)
-    for code in ways:
-        way = _decoded(code, width)[1]
-        if way[0] < EDGES or not _cannot_cross(part1, part2, turn, way, 0.0):
-            _try_depth(part1, part2, way, kind, angles, metric, more, turn, best)
+    set_turn(kind, eta, turn)
+    depth, n, size = exact_depth(part1, part2, _mapped(part1[0], turn), turn, way, metric)
+    if depth + more < _INF:
+        _keep(best, eta, _times(-max(depth + more, 0.0) / size, _turned_back(metric, 0, n)))
 
 
 @kernel
@@ -817,28 +523,20 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
     kept apart, now overlapping or too near. `ways` is the first and the end in `pool` of a cell's directions: those in
     which a pair may come apart at an amount below the best. `best` is that amount with angles and translations.
     """
-    axes, vector, weights = kind
     metric, inverse = space
-    bent, spectral, more, pad, reach, plain, width = numbers
-    most = 0
-    for k in range(len(one[4]) - 1):
-        most = max(most, one[4][k + 1, 0] - one[4][k, 0])
-    most2 = 0
-    for k in range(len(two[4]) - 1):
-        most2 = max(most2, two[4][k + 1, 0] - two[4][k, 0])
-    scratch = np.empty(most + most2), np.empty((most + most2, 3)), np.empty(most + most2)
+    bent, spectral, more, pad, reach, plain = numbers
+    many = len(one[0]) + len(two[0])
+    scratch, turn = (np.empty(many), np.empty((many, 3)), np.empty(many)), np.empty(18)
     levels, slopes, shares = scratch
-    room = np.empty((5, 2), np.int64), np.empty((5, 3)), np.empty(5), np.empty(5)
-    turn, there = np.empty(18), np.empty(18)
     left, left_ways, count = np.empty((2 * len(nodes), 7)), np.empty((2 * len(nodes), 2), np.int64), 0
-    made, used = np.empty(max(len(pool), 64), np.int64), 0
+    made, used = np.empty((max(len(pool), 64), 4), np.int64), 0
     for item in range(len(nodes)):
         cut = (1.0 - gap) * best[0]
-        bound, c, h = nodes[item, 0], _row3(nodes[item], 1), _row3(nodes[item], 4)
+        bound, c, h = nodes[item, 0], _entry(nodes[item], 1), _entry(nodes[item], 4)
         if bound >= cut:
             continue
-        set_turn(axes, vector, weights, c, turn)
-        radius = _radius(vector, weights, h)
+        set_turn(kind, c, turn)
+        radius = _radius(kind, h)
         base = np.sqrt(
             max(abs(c[0]) - h[0], 0.0) ** 2 + max(abs(c[1]) - h[1], 0.0) ** 2 + max(abs(c[2]) - h[2], 0.0) ** 2
         )
@@ -846,91 +544,84 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
         # one of these pairs must touch
         if len(touching) and bound < cut:
             lowest, place, last = _INF, c, -1
-            turned1, scaled1 = np.empty((0, 4)), np.empty((0, 3))
+            turned1, scaled1 = np.empty((0, 3)), np.empty((0, 3))
             for k in range(len(touching)):
                 part1, part2 = _part(one, touching[k, 0]), _part(two, touching[k, 1])
                 if touching[k, 0] != last:
                     last = touching[k, 0]
-                    turned1 = _turned_points(part1, turn)
-                    scaled1 = _scaled(turned1, inverse)
-                x, corners = nearest(scaled1, _scaled(part2[0], inverse), *room)
+                    turned1 = _mapped(part1[0], turn)
+                    scaled1 = _mapped(turned1, inverse)
+                x, spread = nearest_points(scaled1, _mapped(part2[0], inverse))
                 found, where = base, c
                 if _length(x) > 0.0:
                     found, where = _gap_bound(
-                        part1, part2, turned1, turn, x, room[0], corners, metric, inverse, spectral, bent, pad, radius,
-                        c, h, cut, scratch,
+                        part1, part2, turned1, turn, x, spread, metric, inverse, spectral, bent, pad, radius, c, h, cut,
+                        scratch,
                     )  # fmt: skip
                 if found < lowest:
                     lowest, place = found, where
             bound = max(bound, lowest)
-            if plain and _try_gap(one, two, touching, kind, c, inverse, room, there, best):
-                cut = (1.0 - gap) * best[0]
-            if plain and bound < cut and _try_gap(one, two, touching, kind, place, inverse, room, there, best):
-                cut = (1.0 - gap) * best[0]
+            for eta in (c, place):
+                if plain and bound < cut:
+                    _try_gap(one, two, touching, kind, eta, inverse, best)
+                    cut = (1.0 - gap) * best[0]
         # each of these pairs must come apart
         first, entry, end = used, ways[item, 0], ways[item, 1]
-        many = end - entry > FEW * len(apart)
+        crowded = end - entry > FEW * len(apart)
         for k in range(len(apart)):
             if bound >= cut:
                 break
             part1, part2 = _part(one, apart[k, 0]), _part(two, apart[k, 1])
-            turned1 = _turned_points(part1, turn)
+            turned1 = _mapped(part1[0], turn)
             lowest, place, leave, shallow, out = _INF, c, (FACE_1, 0, 0), _INF, (FACE_1, 0, 0)
             while entry < end:
-                code = pool[entry]
-                owner, way = _decoded(code, width)
-                if owner != k:
+                way = _ints(pool, entry)
+                if pool[entry, 0] != k:
                     break
                 entry += 1
+                if used == len(made):
+                    made = np.concatenate((made, np.empty((used, 4), np.int64)))
+                made[used] = pool[entry - 1]
                 if way[0] >= EDGES and _cannot_cross(part1, part2, turn, way, radius):
                     continue
-                depth, _, _ = exact_depth(part1, part2, turn, way, metric)
+                depth, _, _ = exact_depth(part1, part2, turned1, turn, way, metric)
                 if depth < shallow:
                     shallow, out = depth, way
                 # no bound would leave it out, or hardly one: later, in halves
-                if many and max(depth + more - HOPE * radius * reach, 0.0) ** 2 + base * base < cut * cut:
-                    if used == len(made):
-                        made = np.concatenate((made, np.empty(used, np.int64)))
-                    made[used], used = code, used + 1
+                if crowded and max(depth + more - HOPE * radius * reach, 0.0) ** 2 + base * base < cut * cut:
+                    used += 1
                     if lowest > base:
                         lowest, place, leave = base, c, way
                     continue
                 terms = _direction_terms(
                     part1, part2, turned1, turn, way, metric, spectral, bent, more, pad, radius, h, levels, slopes
                 )
-                found, where = least(levels, slopes, terms, c, h, cut, shares)
+                found, where = least(levels, slopes, terms, c, h, shares)
                 if way[0] >= EDGES and found < cut:
-                    other = _bound_along_arc(
-                        part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, cut, scratch
-                    )
-                    found = max(found, other)
+                    arc = _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, scratch)
+                    found = max(found, arc)
                 if found < cut:
-                    if used == len(made):
-                        made = np.concatenate((made, np.empty(used, np.int64)))
-                    made[used] = code
                     used += 1
                 if found < lowest:
                     lowest, place, leave = found, where, way
             if more > 0.0 and shallow < radius * reach:
                 lowest = min(
-                    lowest, _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch, room)
+                    lowest, _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch)
                 )
             bound = max(bound, lowest)
             if plain:
-                if (
-                    shallow < _INF
-                    and (more == 0.0 or shallow > 0.0)
-                    and _try_depth(part1, part2, out, kind, c, metric, more, there, best)
-                ):
-                    cut = (1.0 - gap) * best[0]
-                if bound < cut and _try_depth(part1, part2, leave, kind, place, metric, more, there, best):
+                if shallow < _INF and (more == 0.0 or shallow > 0.0):
+                    _try_depth(part1, part2, out, kind, c, metric, more, best)
+                cut = (1.0 - gap) * best[0]
+                if bound < cut:
+                    _try_depth(part1, part2, leave, kind, place, metric, more, best)
                     cut = (1.0 - gap) * best[0]
         if bound >= cut:
             used = first
             continue
         axis = 0
         for k in range(1, 3):
-            if h[k] / weights[k] > h[axis] / weights[axis]:
+            if h[k] / kind[3][k] > h[axis] / kind[3][axis]:
                 axis = k
         for side in (-0.5, 0.5):
             left[count, 0] = bound
@@ -944,22 +635,22 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
 
 
 @kernel
-def _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch, room):
+def _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h, scratch):
     """Return a lower bound over a cell for parts that are apart, but by less than they must be.
 
     Two points of them are at most |a + b| apart, a their way at the centre and b what turning adds: see `_stretch`.
     """
     levels, slopes, shares = scratch
-    x, count = nearest(_scaled(turned1, inverse), _scaled(part2[0], inverse), *room)
+    x, spread = nearest_points(_mapped(turned1, inverse), _mapped(part2[0], inverse))
     distance, g = _length(x), (0.0, 0.0, 0.0)
     level = more - distance - radius * reach
     if distance > 0.0:
         n = _turned_back(inverse, 0, _times(1.0 / distance, x))
         point = (0.0, 0.0, 0.0)
-        for k in range(count):
-            point = _plus(point, _times(room[2][k], _row(turned1, room[0][k, 0])))
+        for k in range(len(turned1)):
+            point = _plus(point, _times(spread[k].sum(), _at(turned1, k)))
         finer = more - distance - 0.5 * radius * radius * reach - (radius * reach) ** 2 / (2.0 * distance)
         if finer > level:
             level, g = finer, _turned(turn, 9, _cross(point, n))
     _fill(levels, slopes, 0, level, g)
-    return least(levels, slopes, 1, c, h, _INF, shares)[0]
+    return least(levels, slopes, 1, c, h, shares)[0]

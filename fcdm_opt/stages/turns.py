@@ -9,7 +9,7 @@ is left below the best known motion.
 from __future__ import annotations
 
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.bounds import displacement_rate
 from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.motion.instructions import pose_instructions
 from fcdm_opt.motion.motions import Free, Rotation, Translation
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import rays, turned_cells
@@ -44,12 +45,11 @@ class Bound(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """A motion taken apart: places of its translations and rotations, the former's directions, the latter's axes."""
+    """A motion taken apart: places of its translations and rotations, the former's directions."""
 
     translations: Ints
     rotations: Ints
     directions: Array
-    axes: Array
     vector: bool
 
 
@@ -99,16 +99,16 @@ def _steps(task: Task) -> Steps | None:
     if task.tracked or task.goal not in ("touch", "clear") or not task.weighted:
         return None
     moves: list[tuple[int, Array]] = []
-    spins: list[tuple[int, Array]] = []
+    spins: list[int] = []
     place, vector = 0, False
     for step in task.motion.steps:
         if isinstance(step, Translation):
             moves.append((place, np.array(step.direction)))
         elif isinstance(step, Rotation) and step.centre == "seed":
-            spins.append((place, np.array(step.direction)))
+            spins.append(place)
         elif isinstance(step, Free) and len(task.motion.steps) == 1:
             vector = True
-            moves, spins = ([(first + k, axis) for k, axis in enumerate(np.eye(3))] for first in (0, 3))
+            moves, spins = list(enumerate(np.eye(3))), [3, 4, 5]
         else:
             return None
         place += len(step.parameters)
@@ -117,9 +117,7 @@ def _steps(task: Task) -> Steps | None:
     directions = np.array([axis for _, axis in moves]).T
     if abs(np.linalg.det(directions)) <= DEFAULT.nominal:
         return None
-    places = [np.array([k for k, _ in own]) for own in (moves, spins)]
-    axes = np.array([axis for _, axis in spins])
-    return Steps(places[0], places[1], directions, axes, vector)
+    return Steps(np.array([k for k, _ in moves]), np.array(spins), directions, vector)
 
 
 class _TurnSearch:
@@ -138,10 +136,10 @@ class _TurnSearch:
         if not exact:  # the least way to a distance is along no face's normal: |y| is at least the length over the norm
             metric, even = spectral * np.eye(3), True
         self.metric, offset = metric, task.pose(task.rest)[9:]
-        self.one = rays.together([_tables(part, float(task.target[0]), None, metric) for part in task.movable.parts])
+        self.one = rays.together([_tables(part, float(task.target[0]), None) for part in task.movable.parts])
         self.two = rays.together(
             [
-                _tables(own.part, own.scale, offset + own.part.seed - task.static.seed, metric)
+                _tables(own.part, own.scale, offset + own.part.seed - task.static.seed)
                 for own in task.opponents[: len(task.static.parts)]
             ]
         )
@@ -149,16 +147,17 @@ class _TurnSearch:
         at_will = not np.isfinite(task.limits[steps.translations]).any() and task.allows(task.rest)
         alone = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
         self.plain = exact and at_will and alone
-        count = len(steps.rotations)
-        axes, self.weights = np.zeros((3, 3)), np.ones(3)
-        axes[:count], self.weights[:count] = steps.axes, task.weights[steps.rotations]
+        self.weights = np.ones(3)
+        self.weights[: len(steps.rotations)] = task.weights[steps.rotations]
         reach = float(np.linalg.norm(self.one[0], axis=1).max())
         size = reach + float(np.linalg.norm(self.two[0], axis=1).max())
-        self.width = 1 + max(len(body[k]) for body in (self.one, self.two) for k in (1, 2))
-        self.kind = axes, steps.vector, self.weights
+        program = pose_instructions(task.motion)
+        assert program is not None
+        motion = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed)
+        self.kind = motion, steps.rotations, steps.vector, self.weights
         self.space = metric.ravel(), np.linalg.inv(metric).ravel()
         pad = turned_cells.ROUNDING * size
-        self.numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain, self.width)
+        self.numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
 
     def _pairs(self) -> tuple[Ints, Ints]:
         """Return the pairs one of which must touch, and those that must come apart, see `turned_cells.advance`."""
@@ -177,22 +176,37 @@ class _TurnSearch:
             best[0] = task.amount(upper.q)
         if not len(self.touching) and not len(self.apart):
             return Bound(0.0, float(best[0]), None, 0, bool(best[0] == 0))
-        pool = turned_cells.all_ways(self.one, self.two, self.apart, self.width)
-        bodies, rest = (self.one, self.two), (self.kind, self.space, self.numbers)
-        if self.plain:
-            turned_cells.try_angles(*bodies, self.touching, self.apart, *rest, np.zeros(3), pool, best)
+        pool = self._ways()
+        ways, cells = np.array([[0, len(pool)]]), 0
+        self._advance(self.touching, np.zeros((1, 7)), ways, pool, best, gap)  # a cell of no size: what it tries
         touching = self.near(float(best[0]))
-        nodes, ways, cells = self._root(float(best[0])), np.array([[0, len(pool)]]), 0
+        nodes = self._root(float(best[0]))
         while len(nodes) and cells + len(nodes) <= most and perf_counter() - start <= seconds:
             cells += len(nodes)
-            nodes, ways, pool = turned_cells.advance(
-                *bodies, touching, self.apart, *rest, nodes, ways, pool, best, gap
-            )  # fmt: skip
+            nodes, ways, pool = self._advance(touching, nodes, ways, pool, best, gap)
             start = min(start, perf_counter())  # the first generation may have been compiled
         q = self._motion(best)
         least = float(best[0]) if q is None else task.amount(q)
         lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)
         return Bound(lower, least, q, cells, not len(nodes))
+
+    def _advance(self, touching: Ints, *cells: Any) -> tuple[Array, Ints, Ints]:
+        """Look at a generation of cells, see `turned_cells.advance`."""
+        made: tuple[Array, Ints, Ints] = turned_cells.advance(
+            self.one, self.two, touching, self.apart, self.kind, self.space, self.numbers, *cells
+        )
+        return made
+
+    def _ways(self) -> Ints:
+        """Return every direction in which a pair may come apart, pair by pair, those of faces first: see `advance`."""
+        made = [np.empty((0, 4), np.int64)]
+        for k, (i, j) in enumerate(self.apart.tolist()):
+            (_, f, e), (_, g, d) = (np.diff(body[4], axis=0)[own] for body, own in ((self.one, i), (self.two, j)))
+            kinds = turned_cells.FACE_1, turned_cells.FACE_2, turned_cells.EDGES, turned_cells.EDGES_BACK
+            for kind, a, b in zip(kinds, (f, 1, e, e), (1, g, d, d), strict=True):
+                own = np.arange(a * b)
+                made.append(np.column_stack([np.full_like(own, k), np.full_like(own, kind), own // b, own % b]))
+        return np.concatenate(made)
 
     def near(self, most: float) -> Ints:
         """Return the pairs that may touch after a motion of at most this amount: no vertex moves further than that."""
@@ -233,17 +247,14 @@ class _TurnSearch:
         return q
 
 
-def _tables(part: ConvexPart, scale: float, offset: Array | None, metric: Array) -> tuple[Array, Array, Array, Ints]:
+def _tables(part: ConvexPart, scale: float, offset: Array | None) -> tuple[Array, Array, Array, Ints]:
     """Return points, normals, edges and ends of a part of body 1 or, with its offset, of body 2 (`turned_cells`)."""
     reals, ints = part.packed
     n, f = int(ints[0]), int(ints[1])
     points, outward, errors = scale * reals[:n, :3], reals[n : n + f, :3], reals[n : n + f, 3]
-    if offset is None:
-        normals, levels = outward, (outward @ points.T).max(axis=1)
-    else:
+    normals = outward
+    if offset is not None:
         points, normals = points + offset, -outward
-        levels = (normals @ points.T).min(axis=1)
-    over = 1.0 / np.linalg.norm(normals @ metric, axis=1)
     along = points[part.edges[:, 1]] - points[part.edges[:, 0]]
     along /= np.linalg.norm(along, axis=1)[:, None]
     sides = normals[part.edges[:, 2:]]
@@ -251,5 +262,5 @@ def _tables(part: ConvexPart, scale: float, offset: Array | None, metric: Array)
     middles /= np.linalg.norm(middles, axis=1)[:, None]
     chords = np.linalg.norm(sides - middles[:, None], axis=2).max(axis=1)
     chords += 2.0 * errors[part.edges[:, 2:]].max(axis=1) + turned_cells.ROUNDING
-    table = np.column_stack([normals, levels, errors, over])
-    return points, table, np.column_stack([along, middles, chords]), part.edges[:, [0, 2, 3]]
+    table = np.column_stack([along, middles, chords])
+    return points, np.column_stack([normals, errors]), table, part.edges[:, [0, 2, 3]]

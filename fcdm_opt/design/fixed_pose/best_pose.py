@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
-from fcdm_opt.design.fixed_pose.local_search import Found, better, least_moved, smaller
+from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
@@ -19,6 +19,7 @@ from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
@@ -30,7 +31,7 @@ ASKED = 200  # size pairs at which the collision library confirms the range of t
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BestPose(Shown):
+class BestPose(Shown, Plain):
     """One pose for all pairs of parts.
 
     Attributes
@@ -71,6 +72,10 @@ class BestPose(Shown):
         Of lengths, "" where the problem names none.
     """
 
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "status", "parameters", "motion", "transform", "amount", "worst_gap", "violation", "least", "most", "value",
+        "lower_bound", "certified", "cells", "checks", "sizes", "window", "seconds",
+    )  # fmt: skip
     status: str
     parameters: dict[str, float]
     motion: str
@@ -120,25 +125,7 @@ class BestPose(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""
-        return {
-            "status": self.status,
-            "parameters": dict(self.parameters),
-            "motion": self.motion,
-            "transform": self.transform.tolist(),
-            "amount": self.amount,
-            "worst_gap": self.worst_gap,
-            "violation": self.violation,
-            "least": self.least.to_dict(),
-            "most": self.most.to_dict(),
-            "value": self.value,
-            "lower_bound": self.lower_bound,
-            "certified": self.certified,
-            "cells": self.cells,
-            "checks": [check._asdict() for check in self.checks],
-            "sizes": self.sizes.to_dict(),
-            "window": [None if np.isinf(end) else end for end in self.window],
-            "seconds": self.seconds,
-        }
+        return {**super().to_dict(), "window": [None if np.isinf(end) else end for end in self.window]}
 
 
 def best_pose(
@@ -203,17 +190,17 @@ def best_pose(
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
     asked = worst_sizes(problem, sizes, box)
     worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
-    slack = problem.contact_slack
+    slack, effort = problem.contact_slack, effort if certify else 0
     limits = np.array(problem.limits)
     first = best = better(worst, limits, np.clip(np.zeros(len(limits)), *limits.T))
     inside = clearance is not None and best.off.value <= slack
     if not inside:
-        search = _least_off(worst, best, slack, accuracy, effort if certify else 0, stop=clearance is not None)
+        search = _searched(worst, best, slack, accuracy, effort, amounts=False, stop=clearance is not None)
         best = search.best
         inside = clearance is not None and best.off.value <= slack
     if inside:
         best = smaller(worst, limits, best, slack)
-        search = _least_amount(worst, best, slack, accuracy, effort if certify else 0)
+        search = _searched(worst, best, slack, accuracy, effort, amounts=True)
         best, value, bound = search.best, search.value, _proved(search)
     else:
         best = least_moved(worst, limits, best, first)
@@ -231,32 +218,27 @@ def _proved(search: Search) -> float:
     return 0.0 if search.amounts else search.worst.floor
 
 
-def _least_off(worst: Worst, best: Found, slack: float, accuracy: float, effort: int, *, stop: bool) -> Search:
-    """Look for the pose whose worst gap is off least; `stop` where one is in the window."""
+def _searched(
+    worst: Worst, best: Found, slack: float, accuracy: float, effort: int, *, amounts: bool, stop: bool = False
+) -> Search:
+    """Look for the smallest motion into the window, or the pose whose worst gap is off least.
+
+    With `stop` until one is in the window.
+    """
     limits = np.array(worst.problem.limits)
     if effort:
-        limits = _bounded(worst, domain(worst, best.off.value + worst.high, np.inf))
-    search = Search(worst, limits, best, slack, False, lambda q: better(worst, limits, q))
-    if effort and best.off.value > max(worst.floor, 0.0) + slack:
+        most, amount = (worst.high + slack, best.amount) if amounts else (best.off.value + worst.high, np.inf)
+        limits = _bounded(worst, domain(worst, most, amount))
+
+    def improve(q: Array) -> Found:
+        return smaller(worst, limits, found_at(worst, q), slack) if amounts else better(worst, limits, q)
+
+    search = Search(worst, limits, best, slack, amounts, improve)
+    if effort and (best.amount > slack if amounts else best.off.value > max(worst.floor, 0.0) + slack):
         search.run(accuracy=accuracy, near=slack, most=effort, settled=lambda: stop and search.best.off.value <= slack)
-    if search.best is not best:  # the centre of a cell that may beat others by a little only
-        search.best = min(search.best, better(worst, limits, search.best.q), key=lambda own: own.off.value)
+    if not amounts and search.best is not best:  # the centre of a cell that may beat others by a little only
+        search.best = min(search.best, improve(search.best.q), key=lambda own: own.off.value)
     return search
-
-
-def _least_amount(worst: Worst, best: Found, slack: float, accuracy: float, effort: int) -> Search:
-    """Look for the smallest motion into the window."""
-    limits = np.array(worst.problem.limits)
-    if effort:
-        limits = _bounded(worst, domain(worst, worst.high + slack, best.amount))
-    search = Search(worst, limits, best, slack, True, lambda q: smaller(worst, limits, Found(q, *_at(worst, q)), slack))
-    if effort and best.amount > slack:
-        search.run(accuracy=accuracy, near=slack, most=effort)
-    return search
-
-
-def _at(worst: Worst, q: Array) -> tuple[Any, float]:
-    return worst.off(q), worst.amount(q)
 
 
 def _bounded(worst: Worst, limits: Array) -> Array:

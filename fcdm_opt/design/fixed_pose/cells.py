@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from heapq import heapify, heappop, heappush
+from heapq import heappop, heappush
+from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.design.fixed_pose import gaps as kernels
-from fcdm_opt.design.fixed_pose.local_search import Found
+from fcdm_opt.design.fixed_pose.local_search import Found, found_at
 from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.proof.enclosure import Enclosure
+from fcdm_opt.proof.enclosure import Enclosure, enclosed_pose
 
 BATCH = 64  # cells looked at together
 NEGLIGIBLE = 1e-9  # shares of a mixture that are left out
@@ -24,20 +25,10 @@ RAW = 0.05  # of how far a parameter moves points, besides what it costs the bou
 MUCH = 1e-3  # relative gain at a cell's centre from which on a search for the best pose near it is worth its time
 
 
-@dataclass(frozen=True, eq=False)
-class Witnesses:
-    """A mixture that proves a bound of a cell.
+class Witnesses(NamedTuple):
+    """A mixture that proves a bound of a cell: kinds and shares (w,), part pairs and sizes (w, 2), directions.
 
-    Attributes
-    ----------
-    kinds : (w,) ints
-        See `gaps.cell_bound`.
-    shares : (w,) array
-    parts : (w, 2) ints
-        Part pair whose gap falls short of the window; -1 where all gaps exceed it.
-    sizes : (w, 2) array
-    ways : tuple of arrays
-        (0, 3), or a direction for each part pair, i * parts 2 + j.
+    For kinds and directions see `gaps.cell_bound`; the part pair is -1, -1 where all gaps exceed the window.
     """
 
     kinds: Ints
@@ -110,13 +101,11 @@ class Search:
         settled : callable
             Ends the search early.
         """
-        if not self.nodes:
-            self._add([self.limits])
-        heap = [(node.bound, k) for k, node in enumerate(self.nodes) if node.axis < 0]
-        heapify(heap)
+        heap = list[tuple[float, int]]()
+        self._add([self.limits], heap)
         while heap and len(self.nodes) < most and not settled():
             enough = self.value - max(accuracy * abs(self.value), near)
-            if max(self.lower_of(heap), self.worst.floor if not self.amounts else 0.0) >= enough:
+            if max(heap[0][0], self.worst.floor if not self.amounts else 0.0) >= enough:
                 break
             boxes: list[Array] = []
             while heap and len(boxes) < BATCH and heap[0][0] < enough:
@@ -132,44 +121,27 @@ class Search:
                     half = box.copy()
                     half[node.split, 1 - side] = middle
                     boxes.append(half)
-            if not boxes:
-                break
-            start = len(self.nodes)
-            self._add(boxes)
-            for k in range(start, len(self.nodes)):
-                heappush(heap, (self.nodes[k].bound, k))
+            if boxes:
+                self._add(boxes, heap)
 
-    @staticmethod
-    def lower_of(heap: list[tuple[float, int]]) -> float:
-        """Return the least bound of the cells that are left."""
-        return heap[0][0] if heap else np.inf
-
-    def _add(self, boxes: list[Array]) -> None:
+    def _add(self, boxes: list[Array], heap: list[tuple[float, int]]) -> None:
         low, high = (np.array([box[:, side] for box in boxes]) for side in (0, 1))
-        T = enclosures(self.worst, low, high)
-        for k in range(len(boxes)):
-            node = Node(low[k], high[k])
-            self._look_at(node, T[k])
+        for a, b, T in zip(low, high, enclosures(self.worst, low, high), strict=True):
+            node = Node(a, b)
+            self._look_at(node, T)
+            heappush(heap, (node.bound, len(self.nodes)))
             self.nodes.append(node)
 
     def _look_at(self, node: Node, T: Array) -> None:
         worst, scene = self.worst, self.worst.scene
-        slopes, count = T[:, 1:-1], len(worst.active)
+        slopes = T[:, 1:-1]
         moved = np.abs(slopes[9:]).sum(axis=0) + scene.sizes.box[0, 1] * scene.reach[0] * np.abs(slopes[:9]).sum(axis=0)
         slack = float(moved.sum())
         lines = scene.lines(np.ascontiguousarray(T[:, 0]), slack)
         bound, value, shares, kinds, ways, scores = kernels.cell_bound(
-            scene.vertices[0],
-            scene.starts[0],
-            scene.vertices[1],
-            scene.starts[1],
-            lines.rows,
-            lines.first,
-            lines.pairs,
-            T,
-            worst.active,
-            worst.low,
-            worst.high,
+            *(scene.vertices[0], scene.starts[0], scene.vertices[1], scene.starts[1]),
+            *(lines.rows, lines.first, lines.pairs),
+            *(np.ascontiguousarray(T.T), worst.active, worst.low, worst.high),
         )
         if not np.isfinite(bound):
             bound = -np.inf
@@ -184,7 +156,7 @@ class Search:
         if self.amounts:
             # beyond rounding off the window; else what the cell may hold counts by its amount
             sure = bound > 2.0 * self.slack
-            node.bound = np.inf if sure else least_amount(worst.problem.weights, node.low, node.high)
+            node.bound = np.inf if sure else worst.amount(np.maximum(np.maximum(node.low, -node.high), 0.0))
             if not sure:
                 node.witnesses = None
             node.split = int(np.argmax(worst.problem.weights * width))
@@ -193,7 +165,7 @@ class Search:
             scores = np.where(np.isfinite(scores), scores, 0.0) + RAW * moved + self._bent(T, width)
             node.split = int(np.argmax(np.where(width > 0, scores, -1.0)))
         promising = value <= self.slack if self.amounts else value < self.best.off.value
-        if promising and count:
+        if promising and len(worst.active):
             self._try(0.5 * node.low + 0.5 * node.high)
 
     def _bent(self, T: Array, width: Array) -> Array:
@@ -207,10 +179,9 @@ class Search:
 
     def _try(self, q: Array) -> None:
         """Take a cell's centre as the best pose if it is, and improve it."""
-        off, amount = self.worst.off(q), self.worst.amount(q)
-        found = Found(q, off, amount)
+        found = found_at(self.worst, q)
         if self._beats(found):
-            much = self.value - (amount if self.amounts else off.value) > MUCH * abs(self.value)
+            much = self.value - (found.amount if self.amounts else found.off.value) > MUCH * abs(self.value)
             self.best = found
             if much:
                 improved = self.improve(q)
@@ -223,26 +194,9 @@ class Search:
         return found.off.value < self.best.off.value
 
 
-def least_amount(weights: Array, low: Array, high: Array) -> float:
-    """Return the least weighted amount in a box of parameters."""
-    return float(np.linalg.norm(weights * np.maximum(np.maximum(low, -high), 0.0)))
-
-
 def enclosures(worst: Worst, low: Array, high: Array) -> Array:
     """Return the enclosures of the relative pose over boxes of parameters, (n, 12, k + 2)."""
-    n, k = low.shape
-    problem = worst.problem
+    problem, k = worst.problem, low.shape[1]
     offset = problem.static.seed - problem.movable.seed
     q = [Enclosure.variable((low[:, j] + high[:, j]) / 2.0, (high[:, j] - low[:, j]) / 2.0, j, k) for j in range(k)]
-    motion = problem.motion.seen_from(problem.movable.seed)
-    with np.errstate(all="ignore"):  # what has no bound becomes infinite or nan, and bounds nothing
-        matrix = motion.composed(q, (0.0, 0.0, 0.0), tuple(offset.tolist()))
-    entries = [matrix[i][j] for i in range(3) for j in range(3)]
-    entries += [float(offset[i]) - matrix[i][3] for i in range(3)]
-    T = np.zeros((n, 12, k + 2))
-    for place, entry in enumerate(entries):
-        if isinstance(entry, Enclosure):
-            T[:, place] = entry.data
-        else:
-            T[:, place, 0] = entry
-    return T
+    return enclosed_pose(problem.motion.seen_from(problem.movable.seed), q, offset)

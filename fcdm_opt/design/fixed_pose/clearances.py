@@ -15,6 +15,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 
@@ -24,7 +25,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EndOfRange:
+class EndOfRange(Plain):
     """An extreme gap of the tolerance box.
 
     Attributes
@@ -57,16 +58,6 @@ class EndOfRange:
             feature=scene.feature(lines, extreme).label,
             direction=frozen(extreme.way),
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {
-            "gap": self.gap,
-            "rho": self.rho.tolist(),
-            "parts": list(self.parts),
-            "feature": self.feature,
-            "direction": self.direction.tolist(),
-        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,19 +121,10 @@ class Clearances(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the single size pairs and gaps."""
-        return {
-            "transform": self.transform.tolist(),
-            "box": self.box.tolist(),
-            "least": self.least.to_dict(),
-            "most": self.most.to_dict(),
-            "doubt": self.doubt,
-            "source": self.source,
-            "count": len(self.gaps),
-            "interference": self.interference,
-            "interference_interval": list(self.interference_interval),
-            "quantiles": self.quantiles.tolist(),
-            "histogram": {"counts": self.counts.tolist(), "edges": self.edges.tolist()},
-        }
+        told = {name: plain(getattr(self, name)) for name in ("transform", "box", "least", "most", "doubt", "source")}
+        shares = {name: plain(getattr(self, name)) for name in ("interference", "interference_interval", "quantiles")}
+        histogram = {name: plain(getattr(self, name)) for name in ("counts", "edges")}
+        return {**told, "count": len(self.gaps), **shares, "histogram": histogram}
 
 
 def clearances(

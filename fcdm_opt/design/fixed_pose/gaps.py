@@ -12,15 +12,24 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.curve.kernels import facet_rows
+from fcdm_opt.curve.kernels import (
+    _at,
+    _dot,
+    _entry,
+    _length,
+    _minus,
+    _times,
+    _turned,
+    _turned_back,
+    facet_rows,
+)
+from fcdm_opt.geometry.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 
 SHIFTED, TRACKED, DIRECTED = range(3)  # kinds of witnesses, see `cell_bound`
 _INF = np.inf
 _ROUNDING = 64.0 * 2.0**-53  # of a right side, relative to the lengths that enter: it takes five operations
 _ALIKE = DEFAULT.nominal  # heights of vertices that differ by less, relative to the part, are a facet's
-_FLAT = 2.0**-40  # directions whose determinant is below this do not fix a point: rounding would
-_ROUNDS = 64  # planes that take turns in holding the nearest point: each round moves it further out
 
 
 @kernel
@@ -51,59 +60,16 @@ def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
 
 
 @step
-def _along(rows, k, v):
-    return rows[k, 0] * v[0] + rows[k, 1] * v[1] + rows[k, 2] * v[2]
-
-
-@step
 def _level(rows, k, x, y, shift):
     """Return the right side of a row, of bodies whose seeds are further apart by `shift`."""
-    return rows[k, 5] - rows[k, 3] * x - rows[k, 4] * y + _along(rows, k, shift)
-
-
-@step
-def _held_by(rows, held, levels, mask):
-    """Return (whether there is one, the point nearest to zero on some of four planes)."""
-    i = j = l = -1  # noqa: E741
-    for m in range(4):
-        if mask >> m & 1:
-            if i < 0:
-                i = m
-            elif j < 0:
-                j = m
-            else:
-                l = m  # noqa: E741
-    p = rows[held[i], 0], rows[held[i], 1], rows[held[i], 2]
-    if j < 0:
-        return True, (levels[i] * p[0], levels[i] * p[1], levels[i] * p[2])
-    q = rows[held[j], 0], rows[held[j], 1], rows[held[j], 2]
-    w = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
-    if l < 0:
-        square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-        if not square > _FLAT:
-            return False, (0.0, 0.0, 0.0)
-        r, own = w, 0.0
-    else:
-        r, own = (rows[held[l], 0], rows[held[l], 1], rows[held[l], 2]), levels[l]
-    u = q[1] * r[2] - q[2] * r[1], q[2] * r[0] - q[0] * r[2], q[0] * r[1] - q[1] * r[0]
-    t = r[1] * p[2] - r[2] * p[1], r[2] * p[0] - r[0] * p[2], r[0] * p[1] - r[1] * p[0]
-    volume = u[0] * p[0] + u[1] * p[1] + u[2] * p[2]
-    if not abs(volume) > _FLAT:
-        return False, (0.0, 0.0, 0.0)
-    a, b, c = levels[i] / volume, levels[j] / volume, own / volume
-    return True, (
-        a * u[0] + b * t[0] + c * w[0],
-        a * u[1] + b * t[1] + c * w[1],
-        a * u[2] + b * t[2] + c * w[2],
-    )
+    return rows[k, 5] - rows[k, 3] * x - rows[k, 4] * y + _dot(_at(rows, k), shift)
 
 
 @kernel
 def pair_gap(rows, start, end, x, y, shift, enough, way):
     """Return the signed distance of a part pair, and write the direction that has it; no less than `enough` is asked.
 
-    From the widest facet direction on, the plane that the point nearest to zero lies furthest behind joins those that
-    hold it, three at most: the nearest point on them moves out until it lies behind none.
+    Of parts that are apart it is the length of the least vector on the inner side of all planes.
     """
     best, widest = -_INF, start
     for k in range(start, end):
@@ -115,51 +81,17 @@ def pair_gap(rows, start, end, x, y, shift, enough, way):
     way[0], way[1], way[2] = rows[widest, 0], rows[widest, 1], rows[widest, 2]
     if best <= 0.0 or best >= enough:
         return best
-    held, levels, count = np.empty(4, np.int64), np.empty(4), 1
-    held[0], levels[0] = widest, best
-    v = best * rows[widest, 0], best * rows[widest, 1], best * rows[widest, 2]
-    length = best
-    for _ in range(_ROUNDS):
-        most, worst = 0.0, -1
-        for k in range(start, end):
-            # what rounding leaves of a plane through the point is not behind it
-            size = abs(rows[k, 5]) + abs(rows[k, 3]) * x + abs(rows[k, 4]) * y + length
-            behind = _level(rows, k, x, y, shift) - _along(rows, k, v)
-            if behind > most and behind > _ROUNDING * size:
-                most, worst = behind, k
-        if worst < 0:
-            break
-        held[count], levels[count] = worst, _level(rows, worst, x, y, shift)
-        count += 1
-        nearest, chosen, point = _INF, 0, v
-        for mask in range(1 << (count - 1), 1 << count):  # those with the new one
-            if count == 4 and mask == 15:
-                continue
-            there, candidate = _held_by(rows, held, levels, mask)
-            if not there:
-                continue
-            square = candidate[0] ** 2 + candidate[1] ** 2 + candidate[2] ** 2
-            if square >= nearest:
-                continue
-            inside = True
-            for m in range(count):
-                if not mask >> m & 1:
-                    slack = _ROUNDING * (abs(levels[m]) + np.sqrt(square))
-                    inside = inside and _along(rows, held[m], candidate) >= levels[m] - slack
-            if inside:
-                nearest, chosen, point = square, mask, candidate
-        if chosen == 0 or not np.sqrt(nearest) > length:
-            break  # rounding decides: what is known is a lower bound, and right to it
-        length, v, kept = np.sqrt(nearest), point, 0
-        for m in range(count):
-            if chosen >> m & 1:
-                held[kept], levels[kept] = held[m], levels[m]
-                kept += 1
-        count = kept
-        if length >= enough:
-            break
+    count = end - start
+    G, h, v = np.empty((count, 3)), np.empty(count), np.empty(3)
+    for k in range(count):
+        G[k] = rows[start + k, :3]
+        h[k] = _level(rows, start + k, x, y, shift) / best
+    nearest(G, h, np.zeros(count, np.bool_), count, v, np.empty(count))
+    length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if not length > 1.0:
+        return best
     way[0], way[1], way[2] = v[0] / length, v[1] / length, v[2] / length
-    return length
+    return best * length
 
 
 @kernel
@@ -254,45 +186,56 @@ def game(W):
 # ------------------------------------------------------------------------------------------------ over a cell of poses
 
 
+@step
+def _way(pose, scale, x):
+    """Return the way from a point of body 1 to the seed of body 2."""
+    return _minus(_entry(pose, 9), _times(scale, _turned(pose, 0, x)))
+
+
+@step
+def _lost(errors, scale, n, x):
+    """Return what the linear part of a pose leaves out of the way from a point, along a direction."""
+    a, b, c = errors[9], errors[10], errors[11]
+    u, v, w = _turned(errors, 0, (abs(x[0]), abs(x[1]), abs(x[2])))
+    return abs(n[0]) * (a + scale * u) + abs(n[1]) * (b + scale * v) + abs(n[2]) * (c + scale * w)
+
+
 @kernel
-def moved_points(points, T, scale):
-    """Return how the way from body 1 to body 2 changes over a cell: common shift (3, k), what is off it (k,), error.
+def _corner_poses(S):
+    """Return the linear part of the pose in each corner, variable c being 1 where bit c is set, else -1; then S[0]."""
+    k = len(S) - 2
+    poses = np.empty(((1 << k) + 1, 12))
+    for corner in range(len(poses)):
+        poses[corner] = S[0]
+        for c in range(k if corner < len(poses) - 1 else 0):
+            poses[corner] += S[1 + c] if corner >> c & 1 else -S[1 + c]
+    return poses
+
+
+@kernel
+def _moved_points(points, S, poses, scale, shifts, off):
+    """Fill how the way from body 1 to body 2 changes: common shift in each corner, what is off it; return the error.
 
     For points of body 1 about its seed, at a scale, of which each vertex makes the way d - scale R x. The common shift
     is that of their mean; off it, by each of the cell's variables, no vertex is by more.
     """
-    k = T.shape[1] - 2
-    mean = np.zeros(3)
+    k, error, mean = len(S) - 2, 0.0, (points[:, 0].mean(), points[:, 1].mean(), points[:, 2].mean())
+    off[:] = 0.0
     for v in range(len(points)):
-        for j in range(3):
-            mean[j] += points[v, j] / len(points)
-    shift, off, error = np.zeros((3, k)), np.zeros(k), 0.0
-    for c in range(k):
-        for i in range(3):
-            shift[i, c] = T[9 + i, 1 + c]
-            for j in range(3):
-                shift[i, c] -= scale * mean[j] * T[3 * i + j, 1 + c]
-        for v in range(len(points)):
-            square = 0.0
-            for i in range(3):
-                turn = 0.0
-                for j in range(3):
-                    turn += (points[v, j] - mean[j]) * T[3 * i + j, 1 + c]
-                square += turn * turn
-            off[c] = max(off[c], scale * np.sqrt(square))
-    for v in range(len(points)):
-        square = 0.0
-        for i in range(3):
-            own = T[9 + i, k + 1]
-            for j in range(3):
-                own += scale * abs(points[v, j]) * T[3 * i + j, k + 1]
-            square += own * own
-        error = max(error, np.sqrt(square))
-    return shift, off, error
+        x = _at(points, v)
+        for c in range(k):
+            off[c] = max(off[c], scale * _length(_turned(S[1 + c], 0, _minus(x, mean))))
+        a, b, c = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+        lost = _lost(S[k + 1], scale, a, x), _lost(S[k + 1], scale, b, x), _lost(S[k + 1], scale, c, x)
+        error = max(error, _length(lost))
+    for corner in range(len(poses)):
+        shift = _minus(_way(poses[corner], scale, mean), _way(S[0], scale, mean))
+        shifts[corner, 0], shifts[corner, 1], shifts[corner, 2] = shift
+    return error
 
 
 @kernel
-def cell_bound(one, starts1, two, starts2, rows, first, near, T, sizes, low, high):
+def cell_bound(one, starts1, two, starts2, rows, first, near, S, sizes, low, high):
     """Return a lower bound of how far the worst gap is off the window, over a cell of poses, and what proves it.
 
     Three kinds of witnesses, each a concave function of the cell's variables but for a constant error, so that a
@@ -314,8 +257,8 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, T, sizes, low, hig
         Vertices of both bodies about their seeds, part by part from `starts1`, `starts2`.
     rows, first, near
         At the cell's centre, of the part pairs in `near`, (p, 2), that may have the least gap.
-    T : (12, k + 2) array
-        Enclosure of the relative pose.
+    S : (k + 2, 12) array
+        Enclosure of the relative pose: centre, slopes, errors.
     sizes : (m, 2) array
 
     Returns
@@ -331,51 +274,43 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, T, sizes, low, hig
     scores : (k,) array
         How much each variable adds to what is lost between centre and bound.
     """
-    k, m = T.shape[1] - 2, len(sizes)
+    k, m = len(S) - 2, len(sizes)
     corners, n1, n2 = 1 << k, len(starts1) - 1, len(starts2) - 1
-    still = (0.0, 0.0, 0.0)
+    poses, still = _corner_poses(S), (0.0, 0.0, 0.0)
     chosen, count = np.empty((corners + 1, 2), np.int64), 0
     ways, value, scratch = np.empty((m, n1 * n2, 3)), -_INF, np.empty(3)
-    shifts, offs, errors = np.empty((m, 3, k)), np.zeros((m, k)), np.zeros(m)
+    shifts, offs, errors = np.empty((m, corners + 1, 3)), np.zeros((m, k)), np.zeros(m)
     worst, of_corner = np.full(corners + 1, -_INF), np.zeros((corners + 1, 2), np.int64)
     likely = 0
     for s in range(m):
         x, y = sizes[s, 0], sizes[s, 1]
-        shifts[s], offs[s], errors[s] = moved_points(one, T, x)
+        errors[s] = _moved_points(one, S, poses, x, shifts[s], offs[s])
         gap, likely = least_gap(rows, first, x, y, still, likely, scratch)
         value = max(value, max(gap - high, low - gap))
-        if low == -_INF:
-            continue
-        for corner in range(corners + 1):
-            shift = still
-            if corner < corners:
-                shift = _corner(shifts[s], corner)
-                gap, likely = least_gap(rows, first, x, y, shift, likely, scratch)
+        for corner in range(corners + 1 if low > -_INF else 0):
+            gap, likely = least_gap(rows, first, x, y, _at(shifts[s], corner), likely, scratch)
             if low - gap > worst[corner]:
                 worst[corner], of_corner[corner, 0], of_corner[corner, 1] = low - gap, likely, s
-    if low > -_INF:
-        for corner in range(corners + 1):
-            known = False
-            for w in range(count):
-                known = known or (chosen[w, 0] == of_corner[corner, 0] and chosen[w, 1] == of_corner[corner, 1])
-            if not known:
-                chosen[count] = of_corner[corner]
-                count += 1
+    for corner in range(corners + 1 if low > -_INF else 0):
+        known = False
+        for w in range(count):
+            known = known or (chosen[w, 0] == of_corner[corner, 0] and chosen[w, 1] == of_corner[corner, 1])
+        if not known:
+            chosen[count] = of_corner[corner]
+            count += 1
     more = m if high < _INF else 0
     W, kinds = np.empty((2 * count + more, corners)), np.empty((2 * count + more, 3), np.int64)
-    used, values = count, np.empty(corners)
+    used = count
     for w in range(count):
         p, s = chosen[w, 0], chosen[w, 1]
         kinds[w, 0], kinds[w, 1], kinds[w, 2] = SHIFTED, p, s
         loss = offs[s].sum() + errors[s]
         for corner in range(corners):
-            shift = _corner(shifts[s], corner)
+            shift = _at(shifts[s], corner)
             gap = pair_gap(rows, first[p], first[p + 1], sizes[s, 0], sizes[s, 1], shift, _INF, scratch)
             W[w, corner] = low - gap - loss
         own = one[starts1[near[p, 0]] : starts1[near[p, 0] + 1]]
-        if _set_tracked(values, T, own, rows, first[p], first[p + 1], sizes[s, 0], sizes[s, 1]):
-            for corner in range(corners):
-                W[used, corner] = low + values[corner]
+        if _set_tracked(W[used], S, poses, own, rows, first[p], first[p + 1], sizes[s, 0], sizes[s, 1], low):
             kinds[used, 0], kinds[used, 1], kinds[used, 2] = TRACKED, p, s
             used += 1
     for s in range(more):
@@ -384,20 +319,20 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, T, sizes, low, hig
         for p in range(len(near)):
             code = near[p, 0] * n2 + near[p, 1]
             pair_gap(rows, first[p], first[p + 1], x, y, still, _INF, ways[s, code])
-        for code in range(n1 * n2):
-            if np.isnan(ways[s, code, 0]):
-                i, j = code // n2, code % n2
-                own, other = one[starts1[i] : starts1[i + 1]], two[starts2[j] : starts2[j + 1]]
-                _set_far_way(T, own, other, x, y, ways[s, code])
         kinds[used, 0], kinds[used, 1], kinds[used, 2] = DIRECTED, -1, s
-        _set_directed(W[used], T, one, starts1, two, starts2, x, y, ways[s], high)
+        W[used] = _INF
+        for code in range(n1 * n2):
+            i, j = code // n2, code % n2
+            own, other = one[starts1[i] : starts1[i + 1]], two[starts2[j] : starts2[j + 1]]
+            if np.isnan(ways[s, code, 0]):
+                _set_far_way(S[0], own, other, x, y, ways[s, code])
+            _narrow(W[used], S, poses, own, other, x, y, _at(ways[s], code), high)
         used += 1
     W, kinds = W[:used], kinds[:used]
     shares = game(W)
     mixed = np.zeros(corners)
     for w in range(len(shares)):
-        for corner in range(corners):
-            mixed[corner] += shares[w] * W[w, corner]
+        mixed += shares[w] * W[w]
     scores = np.zeros(k)
     for c in range(k):
         for corner in range(corners):
@@ -407,138 +342,48 @@ def cell_bound(one, starts1, two, starts2, rows, first, near, T, sizes, low, hig
     return mixed.min(), value, shares, kinds, ways, scores
 
 
-@step
-def _corner(shift, corner):
-    """Return the shift in a corner of the cell: variable c is 1 where bit c is set, else -1."""
-    x = y = z = 0.0
-    for c in range(shift.shape[1]):
-        sign = 1.0 if corner >> c & 1 else -1.0
-        x += sign * shift[0, c]
-        y += sign * shift[1, c]
-        z += sign * shift[2, c]
-    return x, y, z
+@kernel
+def _set_far_way(pose, one, two, x, y, way):
+    """Write the direction along which two parts are furthest apart, any where they are not."""
+    moved = np.empty_like(one)
+    for v in range(len(one)):
+        moved[v, 0], moved[v, 1], moved[v, 2] = _times(-1.0, _way(pose, x, _at(one, v)))
+    between = nearest_points(moved, y * two)[0]
+    n = _times(1.0 / _length(between), between) if _length(between) > 0.0 else (1.0, 0.0, 0.0)
+    way[0], way[1], way[2] = n
 
 
 @kernel
-def _set_far_way(T, one, two, x, y, way):
-    """Write a direction along which two parts are far apart at the cell's centre.
-
-    The best of those along the axes, along the diagonals of a cube, and between the middles of both parts.
-    """
-    best, n, middle = -_INF, np.empty(3), np.empty(3)
-    for i in range(3):
-        middle[i] = T[9 + i, 0] + y * two[:, i].mean()
-        for j in range(3):
-            middle[i] -= x * T[3 * i + j, 0] * one[:, j].mean()
-    way[0], way[1], way[2] = 1.0, 0.0, 0.0
-    for code in range(27):
-        a, b, c = code // 9 - 1, code // 3 % 3 - 1, code % 3 - 1
-        nonzero = abs(a) + abs(b) + abs(c)
-        if nonzero == 2:
-            continue
-        n[0], n[1], n[2] = float(a), float(b), float(c)
-        if nonzero == 0:
-            n[:] = middle
-        length = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
-        if not length > 0.0:
-            continue
-        n /= length
-        high = low = 0.0
-        for v in range(len(one)):
-            height = 0.0
-            for j in range(3):
-                height += (n[0] * T[j, 0] + n[1] * T[3 + j, 0] + n[2] * T[6 + j, 0]) * one[v, j]
-            high = height if v == 0 else max(high, height)
-        for v in range(len(two)):
-            height = n[0] * two[v, 0] + n[1] * two[v, 1] + n[2] * two[v, 2]
-            low = height if v == 0 else min(low, height)
-        gap = n[0] * T[9, 0] + n[1] * T[10, 0] + n[2] * T[11, 0] + y * low - x * high
-        if gap > best:
-            best = gap
-            way[:] = n
-
-
-@kernel
-def _set_tracked(values, T, one, rows, start, end, x, y):
-    """Write, in each corner, how deep two parts overlap at least by the facets they have at the centre.
+def _set_tracked(values, S, poses, one, rows, start, end, x, y, low):
+    """Write, in each corner, `low` and how deep two parts overlap at least by the facets they have at the centre.
 
     Return whether that is anywhere more than nothing: else the facets need not remain about zero.
     """
-    k = T.shape[1] - 2
     values[:] = _INF
-    heights, turned = np.empty(len(one)), np.empty(3)
+    reach = np.abs(one).sum(axis=1).max()
     for f in range(start, end):
-        if rows[f, 5] - rows[f, 3] * x - rows[f, 4] * y >= 0.0:
-            return False
-        for b in range(3):
-            turned[b] = rows[f, 0] * T[b, 0] + rows[f, 1] * T[3 + b, 0] + rows[f, 2] * T[6 + b, 0]
-        top, reach = -_INF, 0.0
+        n = _at(rows, f)
+        own = _turned_back(S[0], 0, _times(-1.0, n))
+        deepest = _lowest(one, own)[1] + _ALIKE * reach
         for v in range(len(one)):
-            heights[v] = turned[0] * one[v, 0] + turned[1] * one[v, 1] + turned[2] * one[v, 2]
-            top = max(top, heights[v])
-            reach = max(reach, abs(one[v, 0]) + abs(one[v, 1]) + abs(one[v, 2]))
-        for v in range(len(one)):
-            if heights[v] < top - _ALIKE * reach:
+            if _dot(own, _at(one, v)) > deepest:
                 continue
-            error = 0.0
-            for a in range(3):
-                entry = T[9 + a, k + 1]
-                for b in range(3):
-                    entry += x * abs(one[v, b]) * T[3 * a + b, k + 1]
-                error += abs(rows[f, a]) * entry
-            centre = x * heights[v] + rows[f, 4] * y - error
-            for a in range(3):
-                centre -= rows[f, a] * T[9 + a, 0]
-            slopes = np.empty(k)
-            for c in range(k):
-                slopes[c] = 0.0
-                for a in range(3):
-                    entry = -T[9 + a, 1 + c]
-                    for b in range(3):
-                        entry += x * one[v, b] * T[3 * a + b, 1 + c]
-                    slopes[c] += rows[f, a] * entry
+            level = rows[f, 4] * y - _lost(S[len(S) - 1], x, n, _at(one, v))
             for corner in range(len(values)):
-                depth = centre
-                for c in range(k):
-                    depth += slopes[c] if corner >> c & 1 else -slopes[c]
-                values[corner] = min(values[corner], depth)
-        for corner in range(len(values)):
-            if not values[corner] > 0.0:
-                return False
+                values[corner] = min(values[corner], low + level - _dot(n, _way(poses[corner], x, _at(one, v))))
+        if rows[f, 5] - rows[f, 3] * x - rows[f, 4] * y >= 0.0 or not values.min() > low:
+            return False
     return True
 
 
 @kernel
-def _set_directed(values, T, one, starts1, two, starts2, x, y, ways, high):
-    """Write, in each corner, the least over the part pairs of the gap along its direction, less errors and `high`."""
-    k, n2 = T.shape[1] - 2, len(starts2) - 1
-    values[:] = _INF
-    for code in range(len(ways)):
-        i, j, n = code // n2, code % n2, ways[code]
-        nearest = _INF
-        for v in range(starts2[j], starts2[j + 1]):
-            nearest = min(nearest, y * (n[0] * two[v, 0] + n[1] * two[v, 1] + n[2] * two[v, 2]))
-        error = 0.0
-        for v in range(starts1[i], starts1[i + 1]):
-            own = 0.0
-            for a in range(3):
-                entry = T[9 + a, k + 1]
-                for b in range(3):
-                    entry += x * abs(one[v, b]) * T[3 * a + b, k + 1]
-                own += abs(n[a]) * entry
-            error = max(error, own)
-        for corner in range(len(values)):
-            least = _INF
-            for v in range(starts1[i], starts1[i + 1]):
-                total = 0.0
-                for c in range(k + 1):
-                    sign = 1.0 if c == 0 or corner >> (c - 1) & 1 else -1.0
-                    entry = 0.0
-                    for a in range(3):
-                        own = T[9 + a, c]
-                        for b in range(3):
-                            own -= x * one[v, b] * T[3 * a + b, c]
-                        entry += n[a] * own
-                    total += sign * entry
-                least = min(least, total)
-            values[corner] = min(values[corner], least + nearest - error - high)
+def _narrow(values, S, poses, one, two, x, y, n, high):
+    """Lower, in each corner, values to the gap of a part pair along a direction, less errors and `high`."""
+    error = 0.0
+    for v in range(len(one)):
+        error = max(error, _lost(S[len(S) - 1], x, n, _at(one, v)))
+    level = y * _lowest(two, n)[1] - error - high
+    for corner in range(len(values)):
+        back = _turned_back(poses[corner], 0, _times(-1.0, n))
+        gap = _dot(n, _entry(poses[corner], 9)) + x * _lowest(one, back)[1] + level
+        values[corner] = min(values[corner], gap)

@@ -24,6 +24,11 @@ class Found(NamedTuple):
     amount: float
 
 
+def found_at(worst: Worst, q: Array) -> Found:
+    """Return what a pose is worth."""
+    return Found(q, worst.off(q), worst.amount(q))
+
+
 class _Linear(NamedTuple):
     """Functions whose largest is how far the worst gap is off: values (f,) and slopes (f, k)."""
 
@@ -68,9 +73,9 @@ def smaller(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
     weights, natural = worst.problem.weights, worst.problem.motion.weights(worst.problem.movable.size / 2.0)
     best, trust = start, 4.0 * START * worst.scene.size
     rest = np.clip(np.zeros(len(start.q)), *limits.T)
-    at_rest = worst.off(rest)
-    if at_rest.value <= slack:
-        return Found(rest, at_rest, worst.amount(rest))
+    at_rest = found_at(worst, rest)
+    if at_rest.off.value <= slack:
+        return at_rest
     for _ in range(STEPS):
         model = _linear(worst, limits, best.q, natural)
         box = _trusted(limits, best.q, natural, trust)
@@ -79,12 +84,11 @@ def smaller(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
             q = _nearest(model, best.q, weights, box, tighter)
             if q is None:
                 break
-            q = np.clip(q, *limits.T)
-            tried = worst.off(q)
-            if tried.value <= slack:
-                made = Found(q, tried, worst.amount(q))
+            tried = found_at(worst, np.clip(q, *limits.T))
+            if tried.off.value <= slack:
+                made = tried
                 break
-            tighter += tried.value
+            tighter += tried.off.value
         if made is not None and made.amount < best.amount * (1.0 - DEFAULT.line):
             best, trust = made, 2.0 * trust
         else:
@@ -112,7 +116,7 @@ def least_moved(worst: Worst, limits: Array, found: Found, nearby: Found) -> Fou
     found = _without_needless(worst, limits, found, slack)
     off = found.off.value
     window = Worst(worst.problem, worst.scene, worst.low - off - slack, worst.high + off + slack, worst.active)
-    starts = [Found(own.q, window.off(own.q), own.amount) for own in (found, nearby)]
+    starts = [found_at(window, own.q) for own in (found, nearby)]
     tried = [_rested(window, limits, start, slack) for start in starts if start.off.value <= slack]
     if not tried:
         return found
@@ -127,10 +131,9 @@ def _given_back(worst: Worst, limits: Array, found: Found, off: float) -> Found:
     here, short = worst.off(found.q), worst.off(found.q * (1.0 - DIFFERENCE))
     rate = (short.value - here.value) / DIFFERENCE
     if rate > 0.0 and here.value > off:
-        q = np.clip(found.q * (1.0 + (here.value - off) / rate), *limits.T)
-        further = worst.off(q)
-        if further.value < here.value:
-            return Found(q, further, worst.amount(q))
+        further = found_at(worst, np.clip(found.q * (1.0 + (here.value - off) / rate), *limits.T))
+        if further.off.value < here.value:
+            return further
     return Found(found.q, here, found.amount)
 
 
@@ -158,7 +161,7 @@ def _rested(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
     for k in np.argsort(-worst.problem.weights * np.abs(start.q)):
         q = best.q.copy()
         q[k] = rest[k]
-        tried = Found(q, worst.off(q), worst.amount(q))
+        tried = found_at(worst, q)
         if tried.off.value <= slack and tried.amount < best.amount:
             best = tried
     return best

@@ -9,21 +9,20 @@ kinds of witnesses, see `gaps.cell_bound`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from fcdm_opt.design.fixed_pose.cells import Search
+from fcdm_opt.design.fixed_pose.cells import Search, Witnesses
 from fcdm_opt.design.fixed_pose.gaps import DIRECTED, SHIFTED, TRACKED
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
-from fcdm_opt.proof.intervals import Interval, IntervalFunction
+from fcdm_opt.proof.mean_value import Boxes, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
 HALVINGS = 6  # of a cell whose bound the mean value form, less tight than what made it, does not reach
@@ -32,7 +31,7 @@ ROUNDS = 1.0 + 2.0**-40  # of sums of floats, relative
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PoseEvidence:
+class PoseEvidence(Plain):
     """Cells of poses and why each holds no better pose.
 
     Attributes
@@ -62,37 +61,31 @@ class PoseEvidence:
     @classmethod
     def of(cls, search: Search) -> PoseEvidence:
         """Return what a search leaves behind."""
-        axes, first, kinds, shares, parts, sizes, ways = [], [0], [], [], [], [], []
-        stack = [0]
+        axes, first, stack = [], [0], [0]
+        made = [Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), np.empty((0, 2)), ())]
         while stack:
             node = search.nodes[stack.pop()]
             axes.append(node.axis)
             if node.children is not None:
                 stack += [node.children[1], node.children[0]]
                 continue
-            own = node.witnesses
-            if own is not None:
-                kinds += own.kinds.tolist()
-                shares += own.shares.tolist()
-                parts += own.parts.tolist()
-                sizes += own.sizes.tolist()
-                ways += list(own.ways)
-            first.append(len(kinds))
+            if node.witnesses is not None:
+                made.append(node.witnesses)
+            first.append(first[-1] + (0 if node.witnesses is None else len(node.witnesses.kinds)))
+        *mixtures, ways = zip(*made, strict=True)
+        kinds, shares, parts, sizes = map(np.concatenate, mixtures)
+        each = [own for several in ways for own in several]
         return cls(
             limits=frozen(search.limits),
             axes=frozen(axes, np.int64),
             first=frozen(first, np.int64),
             kinds=frozen(kinds, np.int64),
             shares=frozen(shares),
-            parts=frozen(np.reshape(parts, (-1, 2)), np.int64),
-            sizes=frozen(np.reshape(sizes, (-1, 2))),
-            way_first=frozen(np.cumsum([0, *(len(own) for own in ways)]), np.int64),
-            ways=frozen(np.concatenate([np.empty((0, 3)), *ways])),
+            parts=frozen(parts, np.int64),
+            sizes=frozen(sizes),
+            way_first=frozen(np.cumsum([0, *map(len, each)]), np.int64),
+            ways=frozen(np.concatenate([np.empty((0, 3)), *each])),
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {item.name: getattr(self, item.name).tolist() for item in fields(self)}
 
     def leaves(self) -> tuple[Array, Array]:
         """Return the lower and upper ends of the last cells, (m, k) each; raises ValueError where axes are none."""
@@ -196,7 +189,7 @@ class _PoseExaminer:
 
         self.worst, self.scene, self.evidence = worst, worst.scene, evidence
         self.pair = ScaledPair(worst.problem.movable, worst.problem.static)
-        self.poses = _Poses(worst.problem)
+        self.kinematics = PosesOfPieces(worst.problem)
         k = len(evidence.limits)
         self.signs = np.array([[1.0 if corner >> c & 1 else -1.0 for c in range(k)] for corner in range(1 << k)])
         bodies = worst.problem.movable, worst.problem.static
@@ -214,7 +207,7 @@ class _PoseExaminer:
             least = min(least, reached * ROUNDS - bound)
         asked = 0.0 if amounts else bound
         rows = np.flatnonzero(~bare)
-        T = self.poses.over(low[rows], high[rows])
+        T = self._poses(low[rows], high[rows])
         for k, row in enumerate(rows.tolist()):
             margin = self._value(row, T[k]) - asked
             if margin < -slack:
@@ -231,7 +224,7 @@ class _PoseExaminer:
         upper, lower = low.copy(), high.copy()
         upper[axis] = lower[axis] = middle
         for a, b in ((low, lower), (upper, high)):
-            margin = self._value(row, self.poses.over(a[None], b[None])[0]) - asked
+            margin = self._value(row, self._poses(a[None], b[None])[0]) - asked
             if margin < -slack and left > 1:
                 margin = self._halved(row, a, b, asked, slack, left - 1)
             least = min(least, margin)
@@ -244,6 +237,22 @@ class _PoseExaminer:
         lengths = width * self.worst.problem.weights
         turns = np.array([kind == "rotation" for _, kind in self.worst.problem.motion.parameters])
         return int(np.argmax(np.where(turns, lengths, -1.0) if lengths[turns].any() else lengths))
+
+    def _poses(self, low: Array, high: Array) -> Array:
+        """Return centre, changes and error of each of the twelve numbers of poses over boxes, (n, 12, k + 2)."""
+        weights, none = self.worst.problem.weights, np.zeros(len(low), np.int64)
+        ends = np.nextafter(low * weights, -np.inf), np.nextafter(high * weights, np.inf)
+        with np.errstate(all="ignore"):
+            found = self.kinematics.poses(Boxes(none, none, *ends))
+            at, over = (
+                [np.hstack([getattr(x, side) for x in own]) for side in ("middle", "radius")]
+                for own in (found.centre, found.over)
+            )
+            T = np.dstack([at[0], found.change.middle, (at[1] + found.change.radius.sum(axis=2)) * ROUNDS])
+            wide = ~(T[..., -1] <= over[1])
+        T[wide] = 0.0
+        T[wide, 0], T[wide, -1] = over[0][wide], over[1][wide]
+        return T
 
     def _value(self, row: int, T: Array) -> float:
         """Return what the mixture of a cell's witnesses is at least, over the cell."""
@@ -324,48 +333,3 @@ class _PoseExaminer:
                 )
                 least = np.minimum(least, values.min(axis=0) + rho[1] * (two @ n).min())
         return np.asarray(least - self.worst.high)
-
-
-class _Poses:
-    """Relative poses over boxes of parameters, by the mean value form in interval arithmetic."""
-
-    def __init__(self, problem: Problem) -> None:
-        import casadi
-
-        k = len(problem.weights)
-        q = casadi.SX.sym("q", k)
-        offset = problem.static.seed - problem.movable.seed
-        T = problem.motion.seen_from(problem.movable.seed).symbolic(q, np.zeros(3), offset)
-        pose = casadi.densify(casadi.vertcat(casadi.vec(T[:3, :3].T), casadi.DM(offset) - T[:3, 3]))
-        slopes = casadi.vec(casadi.densify(casadi.jacobian(pose, q)))
-        self._pose = IntervalFunction(casadi.Function("pose", [q], [pose], {"cse": True}))
-        self._slopes = IntervalFunction(casadi.Function("slopes", [q], [slopes], {"cse": True}))
-
-    def over(self, low: Array, high: Array) -> Array:
-        """Return centre, slopes times half widths and error of each of the twelve numbers, (n, 12, k + 2)."""
-        n, k = low.shape
-        centre = 0.5 * low + 0.5 * high
-        half = np.nextafter(np.maximum(high - centre, centre - low), np.inf)
-        still = [Interval(centre[:, c]) for c in range(k)]
-        over = [Interval(centre[:, c], half[:, c]) for c in range(k)]
-        with np.errstate(all="ignore"):
-            (values,), _ = self._pose(still)
-            (natural,), _ = self._pose(over)
-            (slopes,), _ = self._slopes(still)
-            (wide,), _ = self._slopes(over)
-            T = np.zeros((n, 12, k + 2))
-            for m in range(12):
-                T[:, m, 0], T[:, m, -1] = _column(values[m], n)
-                for c in range(k):
-                    (middle, radius), (others, spread) = _column(slopes[12 * c + m], n), _column(wide[12 * c + m], n)
-                    T[:, m, 1 + c] = middle * half[:, c]
-                    T[:, m, -1] += (np.abs(others - middle) + spread + radius) * half[:, c] * ROUNDS
-                middle, radius = _column(natural[m], n)
-                better = ~(T[:, m, -1] <= radius)
-                T[better, m, 1:-1] = 0.0
-                T[better, m, 0], T[better, m, -1] = middle[better], radius[better]
-        return T
-
-
-def _column(x: Interval, count: int) -> Sequence[Array]:
-    return tuple(np.broadcast_to(np.asarray(side, dtype=np.float64), count) for side in (x.middle, x.radius))
