@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from flint import fmpq, fmpz
+from flint import fmpz
 
 from fcdm_opt.curve.exact.program import Program
-from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, cross, dot, dot4
+from fcdm_opt.curve.exact.rationals import ZERO, Vector, cross, dot, dot4
 
 ARTIFICIAL = -1  # number and kind of the column that phase one adds
 NOTHING: Vector = (ZERO, ZERO, ZERO, ZERO)
@@ -161,32 +161,13 @@ class Start:
         One with non-negative weights; None where there is none: no scale pair meets.
     excluding : (3,) tuple of fmpz, or None
         A direction n with n.c <= 0 for the first three entries of all columns, so a <= 0, b <= 0 and c >= 0.
+    crossing : (Basis, int), or None
+        Unless `excluding`: a basis and an entering column that bring the weight of A below 0.
     """
 
     basis: Basis | None
     excluding: Vector | None
-    _crossing: tuple[Basis, int] | None  # a basis and an entering column that bring the weight of A below 0
-
-    @cached_property
-    def inner(self) -> dict[int, fmpz]:
-        """Positive weights of columns that together span space, without a fourth row; none if `excluding`."""
-        if self._crossing is None:
-            return {}
-        basis, entering = self._crossing
-        y = basis.products(entering)
-        place, least = basis.leaving(y, 3), fmpq(basis.rows[3][3], y[3])
-        # a step on which the weight of A falls below 0, and those of the others stay above
-        step = least + 1 if place is None else (least + fmpq(basis.rows[place][3], y[place])) / 2
-        found = {entering: step * basis.det}
-        chosen = _independent(basis.program)
-        for j, row, u in zip(basis.basic, basis.rows, y, strict=True):
-            weight = row[3] - step * u
-            for column, own in ((i, -weight) for i in chosen) if j == ARTIFICIAL else ((j, weight),):
-                found[column] = found.get(column, fmpq(0)) + own
-        common = ONE
-        for weight in found.values():
-            common = common.lcm(weight.q)
-        return {j: (weight * common).p for j, weight in found.items() if weight > 0}
+    crossing: tuple[Basis, int] | None
 
 
 def phase_one(program: Program) -> Start:
@@ -214,7 +195,7 @@ def phase_one(program: Program) -> Start:
 
 def _artificial(program: Program) -> Basis:
     """Return the basis of three independent columns and A, with weights 1, 1, 1, 1 over their sum."""
-    chosen = _independent(program)
+    chosen = independent(program)
     columns = [program.column(j) for j in chosen]
     c1, c2, c3 = columns
     m1, m2, m3 = cross(c2, c3), cross(c3, c1), cross(c1, c2)
@@ -227,7 +208,7 @@ def _artificial(program: Program) -> Basis:
     )
 
 
-def _independent(program: Program) -> tuple[int, int, int]:
+def independent(program: Program) -> tuple[int, int, int]:
     """Return three linearly independent vertices of part 1, positively oriented."""
     n, column = program.counts[0], program.column
     X = program.floats[:3, :n].T
