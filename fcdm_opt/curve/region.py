@@ -171,6 +171,16 @@ class Region:
         rows: Array = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
         return rows
 
+    @property
+    def surely_empty(self) -> bool:
+        """Whether the walk found that the parts never overlap."""
+        return self._walked is not None and not len(self._walked[3])
+
+    @property
+    def rows(self) -> Array:
+        """Normals and contact lines that hold, (k, 6): the boundary's as walked, or of all facet directions."""
+        return self._facet_rows if self._walked is None or self.surely_empty else self._walked[1]
+
     @cached_property
     def lines(self) -> Array:
         """Contact lines (a, b, c) of the boundary, (k, 3): the region is where a rho_1 + b rho_2 > c for all."""
@@ -221,7 +231,7 @@ class Region:
         pairs : (n, 2) array
             Scale pairs, all positive.
         """
-        if self._walked and self.status == "empty":
+        if self.surely_empty:
             return np.ones(len(pairs), np.int64)
         lines = self.lines
         values = lines[:, 2] - pairs @ lines[:, :2].T

@@ -26,8 +26,7 @@ from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import volume_and_centroid
 from fcdm_opt.geometry.mesh import checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
-from fcdm_opt.geometry.polygons import normals_of
-from fcdm_opt.geometry.sides import fans
+from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
