@@ -957,12 +957,7 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
 @kernel
 def _space(room):
     """Return sites, rows, points and chains for a walk of so many segments."""
-    return (
-        np.empty((room, 6), np.int64),
-        np.empty((room, 6)),
-        np.empty((room + 4, 2)),
-        np.empty((4, 4), np.int64),
-    )
+    return np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2)), np.empty((4, 4), np.int64)
 
 
 @kernel
@@ -981,7 +976,7 @@ def walk_into(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, 
 
 
 @step
-def _clip(start, end, endless, line, box, least):
+def clip(start, end, endless, line, box, least):
     """Return (whether anything is left, x, y of its start, x, y of its end): what a box leaves of a stretch of a line.
 
     From `start` to `end`, or without end in the direction `end` where it is endless; stretches shorter than `least`
@@ -1043,23 +1038,15 @@ def state_in_box(rows, points, chains, box, least, sure):
 
     UNDECIDED where the box's middle is within `sure` of a line, relatively.
     """
-    used = len(rows)
     for chain in range(len(chains)):
         first, count, endless = chains[chain, 0], chains[chain, 1], chains[chain, 3]
         for k in range(count):
             start, end = points[first + chain + k], points[first + chain + k + 1]
-            if _clip(start, end, endless > 0 and k == count - 1, rows[first + k, 3:], box, least)[0]:
+            if clip(start, end, endless > 0 and k == count - 1, rows[first + k, 3:], box, least)[0]:
                 return CONTACT
     if len(chains) == 0:
         return WALKED
-    return _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
-
-
-@light
-@kernel
-def clip(start, end, endless, line, box, least):
-    """Return what `_clip` does, for callers from Python."""
-    return _clip(start, end, endless, line, box, least)
+    return _state_at(rows, len(rows), 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
 
 
 @kernel
@@ -1120,7 +1107,7 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
             k = index % count if forward > 0 else count - 1 - index
             start, end = points[first + best + k], points[first + best + k + 1]
             away = endless > 0 and k == count - 1
-            left, x, y, u, v = _clip(start, end, away, rows[first + k, 3:], box, least)
+            left, x, y, u, v = clip(start, end, away, rows[first + k, 3:], box, least)
             if not left:
                 continue
             for entry in range(6):
@@ -1142,8 +1129,8 @@ def _hanging(rows, points, first, place, count, box, least):
         return 0
     for back in range(count):
         here, before = (count - back) % count, count - back - 1
-        _, x, y, _, _ = _clip(points[place + here], points[place + here + 1], False, rows[first + here, 3:], box, least)
-        meets, _, _, u, v = _clip(
+        _, x, y, _, _ = clip(points[place + here], points[place + here + 1], False, rows[first + here, 3:], box, least)
+        meets, _, _, u, v = clip(
             points[place + before], points[place + before + 1], False, rows[first + before, 3:], box, least
         )
         if not meets or x != u or y != v:

@@ -91,6 +91,11 @@ class ConvexPart(_Sealed):
         return frozen(table, np.int64)
 
     @cached_property
+    def reach(self) -> float:
+        """Largest distance of a vertex from the seed."""
+        return float(np.linalg.norm(self.vertices - self.seed, axis=1).max())
+
+    @cached_property
     def packed(self) -> tuple[Array, Ints]:
         """Arrays that the kernels take, see `packing`."""
         return packed(self)
