@@ -81,19 +81,19 @@ class Union:
             Of rho_1 and rho_2, finite.
         """
         (a, b), (c, d) = ((low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box)
-        found = relevant_pairs(movable, static, transform, (a, b, c, d))
-        used = sorted({code for _, codes in found.cells for code in codes})
+        walked, found, hiding, marked = relevant_pairs(movable, static, transform, (a, b, c, d))
+        used = sorted({code for _, codes in found for code in codes})
         number = {code: k for k, code in enumerate(used)}
         return cls(
             movable,
             static,
-            tuple(found.walked[code] for code in used),
-            tuple(found.walked[code] for code in sorted(found.hiding.difference(used))),
-            np.array([cell for cell, _ in found.cells]).reshape(-1, 4),
-            np.array([number[code] for _, codes in found.cells for code in codes], np.int64),
-            np.cumsum([0, *(len(codes) for _, codes in found.cells)]),
-            tuple(code in found.shared for code in used),
-            len(found.walked),
+            tuple(walked[code] for code in used),
+            tuple(walked[code] for code in sorted(hiding.difference(used))),
+            np.array([cell for cell, _ in found]).reshape(-1, 4),
+            np.array([number[code] for _, codes in found for code in codes], np.int64),
+            np.cumsum([0, *(len(codes) for _, codes in found)]),
+            tuple(code in marked for code in used),
+            len(walked),
         )
 
     @cached_property

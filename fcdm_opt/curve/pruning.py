@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,28 +16,9 @@ _DEPTH, _FEW, _ATTEMPTS = 8, 4, 3  # halvings at most; pairs that need no more; 
 Cell = tuple[float, float, float, float]  # (low, high) of rho_1, then of rho_2
 
 
-class Relevant(NamedTuple):
-    """What `relevant_pairs` finds; pairs are numbered i n_2 + j.
-
-    Attributes
-    ----------
-    walked : dict
-        The regions of the pairs that were walked. Of the others no point is on the curve inside the box.
-    cells : list of (cell, list of int)
-        Where the curve may pass, and the pairs that matter there: no others are on the curve, and none hide it.
-    hiding : set of int
-        Pairs that overlap in a whole cell.
-    shared : set of int
-        Pairs for which another was left out that ends with it along one line.
-    """
-
-    walked: dict[int, Region]
-    cells: list[tuple[Cell, list[int]]]
-    hiding: set[int]
-    shared: set[int]
-
-
-def relevant_pairs(movable: Body, static: Body, transform: Array, box: Cell) -> Relevant:
+def relevant_pairs(
+    movable: Body, static: Body, transform: Array, box: Cell
+) -> tuple[dict[int, Region], list[tuple[Cell, list[int]]], set[int], set[int]]:
     """Walk the part pairs of two unions that can be on their curve in a box, and tell where in the box each can be.
 
     The box is halved both ways into cells until few pairs are left in each. A pair is left out of a cell where a
@@ -54,9 +34,21 @@ def relevant_pairs(movable: Body, static: Body, transform: Array, box: Cell) -> 
         Pose change of body 1.
     box : (low, high, low, high)
         Of rho_1, then of rho_2, finite.
+
+    Returns
+    -------
+    walked : dict
+        The regions of the pairs that were walked, by the number i n_2 + j of a pair. Of the others no point is on the
+        curve inside the box.
+    cells : list of (cell, list of int)
+        Where the curve may pass, and the pairs that matter there: no others are on the curve, and none hide it.
+    hiding : set of int
+        Pairs that overlap in a whole cell.
+    shared : set of int
+        Pairs for which another was left out that ends with it along one line.
     """
     pairs = _Pairs(movable, static, transform, box)
-    found = Relevant(pairs.walked, [], set(), set())
+    cells, hiding, shared = list[tuple[Cell, list[int]]](), set[int](), set[int]()
     stack = [(box, 0, np.arange(len(movable.parts) * len(static.parts)))]
     while stack:
         cell, depth, codes = stack.pop()
@@ -72,7 +64,7 @@ def relevant_pairs(movable: Body, static: Body, transform: Array, box: Cell) -> 
             region = pairs.region(code)
             (value,) = pairs.depths(codes[[best]], cell)
             if value > pairs.slack:
-                found.hiding.add(code)
+                hiding.add(code)
                 codes = codes[:0]
                 break
             if value == -np.inf or region.surely_empty:
@@ -81,7 +73,7 @@ def relevant_pairs(movable: Body, static: Body, transform: Array, box: Cell) -> 
             # of those that end with it the first stays, whichever was tried
             left = (codes == code) | beyond | (level & (codes < code))
             if (level & ~left).any():
-                found.shared.add(code)
+                shared.add(code)
             codes, depths = codes[left], depths[left]
         if len(codes) > _FEW and depth < _DEPTH:
             x0, x1, y0, y1 = cell
@@ -91,8 +83,8 @@ def relevant_pairs(movable: Body, static: Body, transform: Array, box: Cell) -> 
             continue
         codes = np.array([k for k in codes.tolist() if not pairs.region(k).surely_empty], np.int64)
         if codes.size and (kept := codes[pairs.depths(codes, cell) > -np.inf].tolist()):
-            found.cells.append((cell, kept))
-    return found
+            cells.append((cell, kept))
+    return pairs.walked, cells, hiding, shared
 
 
 class _Pairs:
