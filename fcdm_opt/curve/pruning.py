@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from fcdm_opt.curve import kernels
@@ -97,13 +95,14 @@ class _Pairs:
         lines, most1, most2 = kernels.quick_lines(*movable.packed, *static.packed, pose, *middle)
         self._lines = list(lines.reshape(len(movable.parts) * len(static.parts), -1, 3))
         self._R = pose[:9].reshape(3, 3)
-        self.slack = DEFAULT.prune * (
-            math.sqrt(sum(x * x for x in pose[9:].tolist())) + box[1] * most1 + box[3] * most2
-        )
+        self.slack = DEFAULT.prune * (float(np.linalg.norm(pose[9:])) + box[1] * most1 + box[3] * most2)
         self._vertices = [
-            np.concatenate([part.packed[0][: len(part.vertices), :3] for part in b.parts]) for b in self._bodies
+            (
+                np.concatenate([part.vertices - part.seed for part in body.parts]),
+                np.cumsum([0, *(len(part.vertices) for part in body.parts[:-1])]),
+            )
+            for body in self._bodies
         ]
-        self._starts = [np.cumsum([0, *(len(part.vertices) for part in b.parts[:-1])]) for b in self._bodies]
         self.walked: dict[int, Region] = {}
 
     def region(self, code: int) -> Region:
@@ -134,16 +133,12 @@ class _Pairs:
         rows = self.region(code).rows
         a, b, c = rows[:, 3:].T
         rows = rows[np.minimum(a * x0, a * x1) + np.minimum(b * y0, b * y1) - c <= self.slack]
-        ways = (rows[:, :3, None] * self._R).sum(axis=1), -rows[:, :3]
-        heights = []
-        for way, vertices, starts, parts in zip(
-            ways, self._vertices, self._starts, divmod(codes, self._count), strict=True
-        ):
-            products = (
-                way[:, 0, None] * vertices[:, 0] + way[:, 1, None] * vertices[:, 1] + way[:, 2, None] * vertices[:, 2]
+        heights = [
+            np.maximum.reduceat(ways @ vertices.T, starts, axis=1)[:, parts]
+            for ways, (vertices, starts), parts in zip(
+                (rows[:, :3] @ self._R, -rows[:, :3]), self._vertices, divmod(codes, self._count), strict=True
             )
-            supports = np.maximum.reduceat(products, starts, axis=1)
-            heights.append(supports[:, parts])
+        ]
         own = int(np.flatnonzero(codes == code)[0])
         a, b = (height - height[:, own, None] for height in heights)
         most = np.maximum(a * x0, a * x1) + np.maximum(b * y0, b * y1)

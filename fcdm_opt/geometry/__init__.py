@@ -14,8 +14,7 @@ partition        a solid cut into convex cells at its reflex edges, or covered b
 approximate      CoACD's convex parts, with bounds of how far they are off
 decomposition    which of these, and why
 packing          a convex part as flat arrays for the kernels, with error bounds
-bodies           convex parts, and bodies made of them
-conversion       bodies from what other libraries hold
+bodies           convex parts, and bodies made of them or of what other libraries hold
 collision        signed distance by a collision library, confirmed by explicit vertices: `judging`
 units            lengths and bounds in words
 """
