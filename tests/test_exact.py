@@ -19,8 +19,7 @@ from oracles import exact_curve as enumerated
 from strategies import SEEDS, generators, random_pair, random_pose
 
 from fcdm_opt.curve.exact import ExactCorner, ExactCurve, ExactPiece, exact_curve
-from fcdm_opt.curve.exact.program import Program
-from fcdm_opt.curve.exact.simplex import Basis
+from fcdm_opt.curve.exact.program import Basis, Program
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt_benchmarks.references.proofs import Verdict, judged, proves

@@ -1500,6 +1500,7 @@ def _longer(values, room):
     more[: len(values)] = values
     return more
 
+
 # ---------------------------------------------------------------------------------- what regions leave of each other
 
 

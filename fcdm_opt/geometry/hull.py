@@ -280,6 +280,7 @@ def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:
             dropped[vertex] = True
     return np.flatnonzero(dropped)
 
+
 def _near_hull(points: Array) -> bool:
     """Tell whether the origin lies within `planarity` of the hull of points."""
     from scipy.optimize import nnls

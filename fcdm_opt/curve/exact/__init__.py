@@ -8,8 +8,7 @@ Only the vertices are used: no hull, no normals, no kernels. The scale pairs at 
 image of a polygon, the shadow of a linear program's solutions; its edges in the open quadrant are the curve.
 
 rationals   integers and rationals, to and from floats
-program     the linear program of two parts: its columns, and their pricing
-simplex     bases, pivots, phase one
+program     the linear program of two parts: columns, pricing, bases, pivots, phase one
 shadow      the polygon of all scale pairs that meet, corner by corner; which vertices carry a contact
 curve       what they come to: pieces, corners, chains
 """

@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 from flint import fmpz
 
-from fcdm_opt.curve.exact.program import Program
+from fcdm_opt.curve.exact.program import Basis, Program, phase_one
 from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, affine_rank, coprime, cross, dot, dot4
-from fcdm_opt.curve.exact.simplex import Basis, phase_one
 
 _AXES = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
 
