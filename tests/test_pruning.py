@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import generators, random_rotation, runs
@@ -162,6 +163,17 @@ def test_a_curve_that_is_nowhere_has_no_nearest_point():
     cube = fo.Body.convex(CUBE)
     far = fo.Body.from_parts([CUBE + 1000, CUBE + 1002])
     assert np.isnan(fo.decision_curve(far, cube).nearest((1, 1))).all()
+
+
+@pytest.mark.parametrize("kept", [1.0, 1.5])
+def test_deviations_widen_the_gap_to_bounds(kept):
+    parts = [CUBE, np.add(CUBE, (1, 0, 0))]
+    one = fo.Body.from_parts(parts, seed=(1, 0.5, 0.5), deviation=(0.01, 0.02))
+    two = fo.Body.convex(np.add(CUBE, (0, 0, 3)))
+    low, high = fo.decision_curve(one, two).gap_bounds((kept, 1.0))
+    gap = 3.0 - 0.5 - 0.5 * kept
+    assert low == pytest.approx(gap - 0.02 * kept)
+    assert high == pytest.approx(gap + 0.01 * kept)
 
 
 def test_the_wall_whose_lower_face_misses_the_seed_by_rounding():

@@ -348,6 +348,22 @@ class DecisionCurve(Shown):
         one, two = self.movable, self.static
         return (*one.packed, *two.packed, self.transform, one.seed, two.seed)
 
+    def gap_bounds(self, rho: ArrayLike) -> tuple[float, float]:
+        """Return bounds of the gap of the solids that the bodies' parts stand for, see `Body.deviation`; length units.
+
+        Below: the gap less how far the parts fall short of the solids. Above: the distance of the parts and how far
+        they stick out of the solids; where the parts overlap, the solids do, or are no further apart than that. Both
+        are the gap or 0 where the parts are the solids themselves.
+
+        Parameters
+        ----------
+        rho : (2,) array
+            Scale pair, both positive.
+        """
+        pair = _pair(rho)
+        outward, inward = (pair @ own for own in zip(self.movable.deviation, self.static.deviation, strict=True))
+        return float(self.gap(pair) - inward), float(self.distance(pair) + outward)
+
     def distance(self, rho: ArrayLike) -> float:
         """Return the Euclidean distance of the scaled bodies, length units.
 

@@ -132,6 +132,10 @@ class Program:
 
     # ---- pricing
 
+    def values(self, coefficients: Sequence[float] | Sequence[Sequence[float]]) -> Array:
+        """Return coefficients times all columns' floats, one value or row of values a column."""
+        return np.array(coefficients) @ self.floats
+
     def price(self, n: Vector, levels: Vector, basic: Sequence[int]) -> int | None:
         """Return a column with level - n.c < 0, one of the lowest; None if there is none, proved for every column.
 
@@ -162,12 +166,12 @@ class Program:
         """Return level - n.c of all columns up to a factor, and a bound of its error."""
         p, q, r = self.reach
         coefficients = normalised((-n[0], -n[1], -n[2], *levels), (0, 0, 0, -p, -q, -r))
-        return np.array(coefficients) @ self.floats, ROUNDING * sum(map(abs, coefficients))
+        return self.values(coefficients), ROUNDING * sum(map(abs, coefficients))
 
     def levels(self, n: Vector) -> Vector:
         """Return the lowest levels of a direction, (a, b, -c) in own units: its line."""
         coefficients = normalised((*n, ZERO, ZERO, ZERO), (0,) * 6)
-        heights = np.array(coefficients) @ self.floats
+        heights = self.values(coefficients)
         error = 2 * ROUNDING * sum(map(abs, coefficients))  # of a difference of two
         first, last = self.counts[0], self.total - 1
         levels = []
