@@ -326,14 +326,15 @@ def test_questions_that_make_no_sense_are_refused(changes, words):
 
 def test_the_picture_names_the_budget_the_bodies_and_what_fails(tmp_path):
     from fcdm_opt.show.album import Album
+    from fcdm_opt.show.maps import yield_figure
 
     told = []
     album = Album(tmp_path / "pictures", told.append)
     full = linear(1.0, 2.0)
     some = assembly_yield(full, sizes=(Uniform(LOW_1, HIGH_1 + WIDTH_1), WHOLE_BOX[1]), budget=1.25, count=3000)
     none = assembly_yield(full, sizes=[[2.0, 2.0]], limits={"p1": (0.0, 1.0)}, count=10)
-    album.add_yield("peg", some, title="peg in a hole")
-    album.add_yield("peg", none)
+    album.add("peg", yield_figure(some, title="peg in a hole"))
+    album.add("peg", yield_figure(none))
     assert not album.failed
     assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == [
         "peg-2.png",

@@ -16,7 +16,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Rotation, Translation
 from fcdm_opt.problem.problem import Problem, load_problems
-from fcdm_opt.show.design_tables import print_comparison
+from fcdm_opt.show.tables import print_comparison
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 SLACK = 1e-7  # relative: of amounts that stages find by different ways

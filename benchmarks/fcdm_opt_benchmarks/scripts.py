@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fcdm_opt.show.plain import plain
+from fcdm_opt.plain import finite
 from fcdm_opt_benchmarks.record import machine, versions
 from fcdm_opt_benchmarks.timing import timed
 
@@ -67,5 +67,5 @@ def written(text: str, folder: Path, name: str, **data: Any) -> None:
     print(text)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.md").write_text(text + "\n", encoding="utf-8")
-    record = plain({**data, "machine": machine(), "versions": versions()})
+    record = finite({**data, "machine": machine(), "versions": versions()})
     (folder / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")

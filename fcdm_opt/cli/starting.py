@@ -11,7 +11,8 @@ from typing import Annotated
 
 import typer
 
-from fcdm_opt.cli.common import OUTPUT, argument, option, say
+from fcdm_opt.cli.common import OUTPUT, argument, option
+from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
