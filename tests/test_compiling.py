@@ -17,7 +17,7 @@ from documents import ROOT
 
 from fcdm_opt import compiling
 from fcdm_opt.compiling import kernel, light, stamp_of, step
-from fcdm_opt.curve import joining
+from fcdm_opt.curve import kernels
 
 pytestmark = pytest.mark.skipif(PLAIN, reason="nothing is compiled")
 
@@ -96,8 +96,8 @@ def test_flags_of_arrays_and_known_numbers_make_no_versions() -> None:
 def test_little_work_is_not_compiled_and_answers_alike() -> None:
     pieces = np.array([[1.0, 0.5, 1.0], [-1.0, 0.25, -3.0]])
     asked = pieces, np.array([0.0, 1.0]), np.array([1.0, 0.0]), (1e-12, 1e-12, 1e-9, 1e-6)
-    compiled = joining.interval(*asked)
-    fresh = light(kernel(joining.interval.py_func))
+    compiled = kernels.interval(*asked)
+    fresh = light(kernel(kernels.interval.py_func))
     fresh.keeps = False
     assert fresh(*asked) == compiled
     assert not fresh.signatures

@@ -60,10 +60,10 @@ from oracles import (
 
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.exact import exact_curve as exact_rational
-from fcdm_opt.curve.exact import proves
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.references.proofs import judged, proves
 
 NEAR = DEFAULT.planarity
 BAND = (5e-13, 5e-11)  # turns of unit cubes that may be read as flush or not
@@ -382,7 +382,7 @@ def check_proved(one: Body, two: Body, steps: Sequence[float] = STEPS, most: int
         sides = []
         for step in steps:
             near = rho * (1 + step)
-            verdict = truth.judge(near.tolist())
+            verdict = judged(truth, near.tolist())
             assert proves(P, Q, None, near.tolist(), verdict)
             assert np.sign(curve.gap(near)) == verdict.side
             sides.append(verdict.side)

@@ -18,11 +18,11 @@ from oracles import Pair, common, feature_label, primitive
 from oracles import exact_curve as enumerated
 from strategies import SEEDS, generators, random_pair, random_pose
 
-from fcdm_opt.curve.exact import ExactCorner, ExactCurve, ExactPiece, Verdict, exact_curve, proves
-from fcdm_opt.curve.exact.program import Program
-from fcdm_opt.curve.exact.simplex import Basis
+from fcdm_opt.curve.exact import ExactCorner, ExactCurve, ExactPiece, exact_curve
+from fcdm_opt.curve.exact.program import Basis, Program
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt_benchmarks.references.proofs import Verdict, judged, proves
 
 SEED_PAIRS = [(p, q) for p in SEEDS for q in SEEDS]
 
@@ -80,7 +80,7 @@ def check_sides(one: Shape, two: Shape, points: list, pose: np.ndarray | None = 
     curve = exact_curve(P, Q, pose)
     sides = []
     for rho in points:
-        verdict = curve.judge(rho)
+        verdict = judged(curve, rho)
         exact = [Fraction(int(x.p), int(x.q)) if isinstance(x, fmpq) else Fraction(float(x)) for x in rho]
         assert verdict.side == curve.side(rho) == pair.side(exact)
         assert proves(P, Q, pose, rho, verdict)
@@ -128,7 +128,7 @@ def test_examples_of_the_paper(example, points):
     for two, curve in curves.items():
         assert curve.status == "bounded"
         for rho in marked(curve):
-            assert proves(one, two, None, rho, curve.judge(rho))
+            assert proves(one, two, None, rho, judged(curve, rho))
 
 
 def test_seeds_that_coincide_inside_meet_at_every_scale():
@@ -262,7 +262,7 @@ def test_far_ends_are_directions():
 def test_a_wrong_verdict_is_refused():
     P, Q = part(CUBE), part(CUBE.shifted((4, 0, 0)))
     curve = exact_curve(P, Q)
-    apart, touching, inside = (curve.judge(rho) for rho in ((1, 2), (2, 2), (2, 3)))
+    apart, touching, inside = (judged(curve, rho) for rho in ((1, 2), (2, 2), (2, 3)))
     assert [verdict.side for verdict in (apart, touching, inside)] == [1, 0, -1]
     for rho, wrong in [
         ((2, 2), apart), ((2, 3), apart), ((2, 3), touching), ((1, 2), touching), ((2, 2), inside), ((1, 2), inside),
@@ -294,7 +294,7 @@ def check_proofs(one: ConvexPart, two: ConvexPart, pose: np.ndarray | None) -> E
     assert curve.status == "bounded"
     sides = []
     for rho in marked(curve):
-        verdict = curve.judge(rho)
+        verdict = judged(curve, rho)
         assert proves(one, two, pose, rho, verdict)
         sides.append(verdict.side)
     assert sides.count(0) == len(curve.pieces) + sum(len(chain.corners) for chain in curve.chains)

@@ -1,12 +1,13 @@
 """The decision curve of two bodies: which scale pairs touch, and by which features.
 
-kernels          compiled: the walk over the two Gauss maps, which proves itself; all facet directions; the part pairs
-                 of unions that matter
-joining          compiled: what regions leave of each other's boundaries, joined to chains
-exact            the curve of one pair of convex parts in rational arithmetic, with proofs
+kernels          compiled: the walk over the two Gauss maps, which proves itself; all facet directions; what regions
+                 leave of each other's boundaries
+exact            the curve of one pair of convex parts in rational arithmetic
 features         contact features and their labels
 contact          the elements and points in which two scaled parts touch
 region           one pair of convex parts: its overlap region and the chains that bound it, walked or settled exactly
+pruning          the part pairs of unions that matter
+joining          what is on the boundary of a union of regions, joined to chains
 envelope         the boundary of the union of all pairs' regions
 segments         what a curve is listed as: segments, switching points, branches, inside a box
 decision_curve   the curve as users see it, and its queries

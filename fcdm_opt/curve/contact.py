@@ -196,7 +196,7 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
 
 def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:
     """Return about how far the elements that are said to touch are from each other."""
-    X, Y = _elements(one, two, pose, contact, rho)
+    X, Y = placed_elements(one, two, pose, contact, rho)
     first, second = _nearest_points(X, Y)
     return float(np.linalg.norm(first - second))
 
@@ -209,7 +209,7 @@ def _shared_contact(one: ConvexPart, two: ConvexPart, normal: Array, pose: Array
     tops = _top(one, normal @ pose[:9].reshape(3, 3), DEFAULT.tie), _top(two, -normal, DEFAULT.tie)
     name = Feature(one.elements["V"][tops[0][0]], two.elements["V"][tops[1][0]])
     every = Contact(name, tuple(tops[0]), tuple(tops[1]))
-    points = _nearest_points(*_elements(one, two, pose, every, rho))
+    points = _nearest_points(*placed_elements(one, two, pose, every, rho))
     own = [
         _element_at(part, set(top), point)
         for part, top, point in zip((one, two), tops, _drawn(one, two, pose, points, rho), strict=True)
@@ -227,7 +227,7 @@ def _element_at(part: ConvexPart, top: set[int], point: Array) -> set[int]:
     return set(loops[int((np.array(gaps) ** 2).sum(axis=1).argmin())])
 
 
-def _elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:
+def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:
     """Return the vertices of a contact's elements at a scale pair, relative to the seed of body 2."""
     X = rho[0] * (one.vertices[list(contact.one)] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
     return X, rho[1] * (two.vertices[list(contact.two)] - two.seed)
@@ -259,7 +259,7 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     (k, 3) array
         Relative to the seed of body 2, world axes.
     """
-    X, Y = _elements(one, two, pose, contact, rho)
+    X, Y = placed_elements(one, two, pose, contact, rho)
     if len(X) == 1 or len(Y) == 1:
         return X if len(X) == 1 else Y
     if len(Y) > 2:
@@ -273,7 +273,9 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
         shared = X[0] + span[:, None] * along if span[0] <= span[1] else X[:0]
     else:
         shared = X[:0]
-    return _distinct(shared) if len(shared) else _common_point(X, Y)[None]
+    if not len(shared):  # a common point, or the middle between them
+        shared = np.mean(_nearest_points(X, Y), axis=0, keepdims=True)
+    return _distinct(shared)
 
 
 def _inside(shape: Array, polygon: Array) -> Array:
@@ -304,13 +306,6 @@ def _distinct(points: Array) -> Array:
     near = DEFAULT.nominal * np.abs(points).max()
     kept = [k for k in range(len(points)) if np.abs(points[k] - points[k - 1]).max() > near]
     return points[kept] if kept else points[:1]
-
-
-def _common_point(X: Array, Y: Array) -> Array:
-    """Return the common point of two elements, or the middle between them."""
-    first, second = _nearest_points(X, Y)
-    point: Array = (first + second) / 2.0
-    return point
 
 
 def _nearest_points(X: Array, Y: Array) -> tuple[Array, Array]:

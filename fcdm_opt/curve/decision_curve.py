@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -24,7 +25,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
 _SHARES = ((0.5, 0.5), (0.29, 0.63), (0.71, 0.41))  # of the box, where a curve that does not pass it is asked
-REMEMBERED = 64  # scale pairs whose place on a curve is kept
+REMEMBERED = 128  # answers about scale pairs that are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,31 +207,23 @@ class DecisionCurve(Shown):
         `tolerance` is relative: of each scale at a switching point, of the larger at a segment.
         """
         point = _pair(rho)
-        asked = (*point.tolist(), tolerance)
-        if asked not in self._places:
-            if len(self._places) >= REMEMBERED:
-                del self._places[next(iter(self._places))]
-            self._places[asked] = self._located(point, tolerance)
-        return self._places[asked]
-
-    @cached_property
-    def _places(self) -> dict[tuple[float, ...], Segment | SwitchingPoint | None]:
-        """What was found at the last scale pairs: many problems ask for the same nominal one."""
-        return {}
+        return self._remembered((*point.tolist(), tolerance), lambda: self._located(point, tolerance))
 
     def flush(self, rho: ArrayLike) -> tuple[Flush, ...]:
         """Return the flush contacts of the bodies as drawn, without `transform`, at a scale pair on their curve."""
         point = _pair(rho)
-        asked = tuple(point.tolist())
-        if asked not in self._flush:
-            if len(self._flush) >= REMEMBERED:
-                del self._flush[next(iter(self._flush))]
-            self._flush[asked] = flush_contacts(self.movable, self.static, point)
-        return self._flush[asked]
+        return self._remembered(tuple(point.tolist()), lambda: flush_contacts(self.movable, self.static, point))
+
+    def _remembered(self, asked: tuple[float, ...], answer: Callable[[], Any]) -> Any:
+        """Return an answer, one of the last if it is asked again: many problems ask for the same nominal scale pair."""
+        if asked not in self._known:
+            if len(self._known) >= REMEMBERED:
+                del self._known[next(iter(self._known))]
+            self._known[asked] = answer()
+        return self._known[asked]
 
     @cached_property
-    def _flush(self) -> dict[tuple[float, ...], tuple[Flush, ...]]:
-        """What was found at the last scale pairs, as `_places`."""
+    def _known(self) -> dict[tuple[float, ...], Any]:
         return {}
 
     def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:
@@ -271,7 +264,7 @@ class DecisionCurve(Shown):
     def _reach(self) -> Array:
         """Largest distance of a vertex from the seed of either body, (2,)."""
         bodies = self.movable, self.static
-        return np.array([max(np.linalg.norm(p.vertices - p.seed, axis=1).max() for p in b.parts) for b in bodies])
+        return np.array([max(part.reach for part in body.parts) for body in bodies])
 
     def crossings(self, rho1: float) -> Array:
         """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
@@ -325,7 +318,8 @@ class DecisionCurve(Shown):
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
         flat = np.ascontiguousarray(pairs.reshape(-1, 2))
         if self._convex:
-            gaps = (self._rows[:, 5] - flat @ self._rows[:, 3:5].T).max(axis=-1)
+            rows = self.regions[0].facet_rows
+            gaps = (rows[:, 5] - flat @ rows[:, 3:5].T).max(axis=-1)
         else:
             gaps = kernels.least_gaps(*self._bodies, flat)[0]
         positive = (flat > 0).all(axis=1)
@@ -339,9 +333,9 @@ class DecisionCurve(Shown):
         bounds = np.zeros((1, 1)) if self._convex else kernels.pair_bounds(*self._bodies[:6], self.pose, rho)
         least = np.inf
         for i, j in np.argwhere(bounds <= near).tolist():
-            one, two = self.movable.parts[i], self.static.parts[j]
-            region = self.regions[0] if self._convex else pair_region(one, two, self.transform)
-            rows = self._rows if self._convex else kernels.facet_rows(*one.packed, *two.packed, self.pose)[1]
+            pair = self.movable.parts[i], self.static.parts[j]
+            region = self.regions[0] if self._convex else pair_region(*pair, self.transform)
+            rows = region.facet_rows
             size, side = abs(float((rows[:, 5] - rows[:, 3:5] @ rho).max())), int(region.sides(rho[None])[0])
             exact = region.exact.separation(rho.tolist()) if side else 0.0
             # of parts that barely meet at all scales no line that the exact curve has need be near
@@ -353,12 +347,6 @@ class DecisionCurve(Shown):
         """What the kernels take for two unions."""
         one, two = self.movable, self.static
         return (*one.packed, *two.packed, self.transform, one.seed, two.seed)
-
-    @cached_property
-    def _rows(self) -> Array:
-        """Rows of all facet directions of two convex bodies, see `kernels`."""
-        rows: Array = kernels.facet_rows(*self.movable.parts[0].packed, *self.static.parts[0].packed, self.pose)[1]
-        return rows
 
     def gap_bounds(self, rho: ArrayLike) -> tuple[float, float]:
         """Return bounds of the gap of the solids that the bodies' parts stand for, see `Body.deviation`; length units.

@@ -1,6 +1,6 @@
 """The boundary of a union of overlap regions: what each pair's boundary leaves outside every other open region.
 
-Only the part pairs that can be on it in the box are looked at, cell by cell (`kernels.relevant_pairs`): all others are
+Only the part pairs that can be on it in the box are looked at, cell by cell (`pruning`): all others are
 apart there, or hidden by a pair that overlaps in a whole cell.
 """
 
@@ -8,21 +8,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve import joining, kernels
+from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import located
+from fcdm_opt.curve.joining import LEAST_SCALE, LIMITS, Visible, visible
+from fcdm_opt.curve.pruning import relevant_pairs
 from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
 
-_LEAST_SCALE = 1e-6  # lines that pass this near to (0, 0) are compared as lines through it
-_LIMITS = (DEFAULT.tie, DEFAULT.line, DEFAULT.nominal, _LEAST_SCALE)
 Limits = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -79,48 +78,27 @@ class Union:
         transform : (4, 4) array
             Pose change of body 1.
         box : pair of intervals
-            Of rho_1 and rho_2; infinite ones leave no pair out.
+            Of rho_1 and rho_2, finite.
         """
-        rim = [(low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box]
-        pairs, roles, cells, members, shares = kernels.relevant_pairs(
-            *movable.packed,
-            *static.packed,
-            transform,
-            movable.seed,
-            static.seed,
-            np.array(rim, dtype=np.float64).ravel(),
-            DEFAULT.planarity,
-            DEFAULT.prune,
-            DEFAULT.line / DEFAULT.prune,
+        (a, b), (c, d) = ((low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box)
+        walked, found, hiding, marked = relevant_pairs(movable, static, transform, (a, b, c, d))
+        used = sorted({code for _, codes in found for code in codes})
+        number = {code: k for k, code in enumerate(used)}
+        return cls(
+            movable,
+            static,
+            tuple(walked[code] for code in used),
+            tuple(walked[code] for code in sorted(hiding.difference(used))),
+            np.array([cell for cell, _ in found]).reshape(-1, 4),
+            np.array([number[code] for _, codes in found for code in codes], np.int64),
+            np.cumsum([0, *(len(codes) for _, codes in found)]),
+            tuple(code in marked for code in used),
+            len(walked),
         )
-
-        def region(p: int) -> Region:
-            i, j = pairs[p].tolist()
-            return pair_region(movable.parts[i], static.parts[j], transform, (i, j))
-
-        used = set(members.tolist())
-        order = sorted(used.union(np.flatnonzero(roles[:, 0]).tolist()), key=lambda p: tuple(pairs[p]))
-        listed = [p for p in order if p in used]
-        number = np.zeros(len(pairs), np.int64)
-        number[listed] = np.arange(len(listed))
-        hiding = tuple(region(p) for p in order if p not in used)
-        regions, shared = tuple(region(p) for p in listed), tuple(bool(roles[p, 1]) for p in listed)
-        return cls(movable, static, regions, hiding, cells, number[members], shares, shared, len(pairs))
 
     @cached_property
-    def _visible(self) -> tuple[Ints, Array, Ints, Array]:
-        """What is on the union's boundary, see `joining.visible`."""
-        regions = self.regions
-        found: tuple[Ints, Array, Ints, Array] = joining.visible(
-            *_together([region.unit_lines for region in regions], 3),
-            *_together([region.table for region in regions], 6),
-            np.array([region.parts for region in regions], np.int64).reshape(-1, 2),
-            self.cells,
-            self.members,
-            self.shares,
-            _LIMITS,
-        )
-        return found
+    def _visible(self) -> Visible:
+        return visible(self.regions, self.cells, self.members, self.shares)
 
     @property
     def _full(self) -> bool:
@@ -134,12 +112,15 @@ class Union:
         """
         if self._full:
             return []
-        regions, (owner, spans, chain, _) = self.regions, self._visible
-        made = []
-        for (k, number, snug, dropped), span in zip(owner.tolist(), spans.tolist(), strict=True):
-            piece = _named(regions[k], regions[k].piece(number).cut(*span), bool(snug))
-            made.append(self._equals(piece) if dropped or self.shared[k] else [piece])
-        chains = [_one_each(made[first:last]) for first, last in pairwise(chain.tolist())]
+        chains = []
+        for chain in self._visible.chains:
+            made = []
+            for stretch in chain:
+                k, number = self._visible.owners[stretch.piece].tolist()
+                cut = self.regions[k].piece(number).cut(stretch.lo, stretch.hi)
+                piece = _named(self.regions[k], cut, stretch.snug)
+                made.append(self._equals(piece) if stretch.dropped or self.shared[k] else [piece])
+            chains.append(_one_each(made))
         return [_joined(chain) for chain in _sorted(chains)]
 
     @cached_property
@@ -149,11 +130,12 @@ class Union:
         Each with pieces of two different directions that pass there, the first by their labels, cut to the point.
         """
         found: list[tuple[Array, list[Piece]]] = []
-        for own, number, s in [] if self._full else self._visible[3].tolist():
-            region = self.regions[int(own)]
-            piece = region.piece(int(number)).cut(s, s)
+        for piece_number, s in [] if self._full else self._visible.alone:
+            k, number = self._visible.owners[piece_number].tolist()
+            region = self.regions[k]
+            piece = region.piece(number).cut(s, s)
             rho = piece.start
-            if not rho.min() > _LEAST_SCALE:
+            if not rho.min() > LEAST_SCALE:
                 continue
             piece = _named(region, piece, False)
             for place, pieces in found:
@@ -255,7 +237,7 @@ def inside(region: Region, base: Array, travel: Array) -> tuple[float, float]:
     """Return the open interval of s in which base + s travel lies inside the open region (lo >= hi if none)."""
     if region.status != "bounded":
         return (-np.inf, np.inf) if region.status == "full" else (0.0, 0.0)
-    interval: tuple[float, float] = joining.interval(region.unit_lines, base, travel, _LIMITS)
+    interval: tuple[float, float] = kernels.interval(region.unit_lines, base, travel, LIMITS)
     return interval
 
 
@@ -270,12 +252,6 @@ def _sorted(chains: list[list[Piece]]) -> list[list[Piece]]:
             first = min(range(len(chain)), key=lambda m: place(chain[m]))
             chains[k] = chain[first:] + chain[:first]
     return sorted(chains, key=lambda chain: place(chain[0]))
-
-
-def _together(tables: list[Array], width: int) -> tuple[Array, Ints]:
-    """Return tables one after the other, and where each starts."""
-    starts = np.concatenate([[0], np.cumsum([len(table) for table in tables])]).astype(np.int64)
-    return np.concatenate([np.empty((0, width)), *tables]), starts
 
 
 def _joined(chain: list[Piece]) -> list[Run]:
@@ -303,4 +279,4 @@ def _parallel(one: Piece, two: Piece) -> bool:
 
 def _one_line(one: Piece, two: Piece) -> bool:
     apart = np.abs(one.base - two.base).sum()
-    return bool(_parallel(one, two) and apart <= DEFAULT.nominal * max(np.abs(one.base).sum(), _LEAST_SCALE))
+    return bool(_parallel(one, two) and apart <= DEFAULT.nominal * max(np.abs(one.base).sum(), LEAST_SCALE))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, contact_set, located, supporting_contact, touching_contact
+from fcdm_opt.curve.contact import Contact, contact_set, located, placed_elements, supporting_contact, touching_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -113,9 +113,8 @@ class Flush:
         """
         one, two = self._pair
         n = self._normal_at(pose)
-        X = rho[0] * (one.vertices[list(self.contact.one)] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
-        Y = rho[1] * (two.vertices[list(self.contact.two)] - two.seed)
-        return float(np.ptp(np.concatenate([X, Y]) @ n))
+        elements = placed_elements(one, two, pose, self.contact, rho)
+        return float(np.ptp(np.concatenate(elements) @ n))
 
     def shared(self, pose: Array, rho: Array) -> list[Array]:
         """Return the corners of what each host's elements share, (k, 3), relative to the seed of body 2."""
@@ -125,14 +124,12 @@ class Flush:
         """Return the direction in which the elements reach over one another least, in the host where they do most."""
         n, found = self._normal_at(pose), []
         for one, two, contact in self.hosts:
-            first, second = list(contact.one), list(contact.two)
-            X = rho[0] * (one.vertices[first] - one.seed) @ pose[:9].reshape(3, 3).T - pose[9:]
-            Y = rho[1] * (two.vertices[second] - two.seed)
+            X, Y = placed_elements(one, two, pose, contact, rho)
             ways = np.vstack([_ways_out(X, n, contact.parallel), -_ways_out(Y, n, contact.parallel)])
             i, j = (X @ ways.T).argmax(axis=0), (Y @ ways.T).argmin(axis=0)
             depths = ((X[i] - Y[j]) * ways).sum(axis=1)
             k = int(depths.argmin())
-            found.append(Overlap(float(depths[k]), ways[k], one.vertices[first[i[k]]], Y[j[k]]))
+            found.append(Overlap(float(depths[k]), ways[k], one.vertices[contact.one[i[k]]], Y[j[k]]))
         return max(found, key=lambda overlap: overlap.depth)
 
     def holds(self, pose: Array, rho: Array, slack: float) -> bool:

@@ -1,282 +1,168 @@
-"""Compiled: what is on the boundary of a union of overlap regions, as stretches of lines, joined to chains.
-
-`limits` are (tie, line, nominal) of `Tolerances` and the least scale that lines are compared at.
-"""
+"""What is on the boundary of a union of overlap regions, as stretches of lines, joined to chains."""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
-from fcdm_opt.compiling import kernel, light
-from fcdm_opt.curve.kernels import _longer
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.region import Region
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.tolerances import DEFAULT
+
+LEAST_SCALE = 1e-6  # lines that pass this near to (0, 0) are compared as lines through it
+LIMITS = (DEFAULT.tie, DEFAULT.line, DEFAULT.nominal, LEAST_SCALE)
 
 
-@light
-@kernel
-def interval(lines, base, travel, limits):
-    """Return what `inside` does, from the lines of a region with a boundary; limits as `_LIMITS`."""
-    lo, hi = -np.inf, np.inf
-    for k in range(len(lines)):
-        a, b, c = lines[k, 0], lines[k, 1], lines[k, 2]
-        value, slope = a * base[0] + b * base[1] - c, a * travel[0] + b * travel[1]
-        if np.abs(slope) <= limits[0]:
-            if value <= limits[1] * (np.abs(base[0]) + np.abs(base[1]) + np.abs(c)):
-                return 0.0, 0.0
-        elif slope > 0.0:
-            lo = max(lo, -value / slope)
-        else:
-            hi = min(hi, -value / slope)
-    return lo, hi
+class Stretch(NamedTuple):
+    """A stretch of a piece of a region, and whether it is snug, and whether another piece was dropped for part of it.
 
-
-@kernel
-def visible(lines, line_starts, pieces, piece_starts, parts, cells, members, shares, limits):
-    """Return what is on the boundary of a union: (owner, spans, chains, alone).
-
-    owner (m, 4): region, piece of it, 1 where it is snug, 1 where another piece was dropped for it; spans (m, 2): its
-    stretch; chain c is rows chains[c] to chains[c + 1]. alone (k, 3): region, piece of it and where on it a point is
-    that no open region holds, off all stretches; once for each piece that passes there.
+    Pieces of all regions are numbered one after the other.
     """
-    region_of = np.empty(len(pieces), np.int64)
-    for region in range(len(piece_starts) - 1):
-        region_of[piece_starts[region] : piece_starts[region + 1]] = region
-    found, used = np.empty((64, 3)), 0
-    points, marked = np.empty((16, 2)), 0
-    most = 2 * len(members) + 2  # one that grazes leaves a point besides
-    left, room = np.empty((most, 2)), np.empty((most, 2))
-    for cell in range(len(cells)):
-        for m in range(shares[cell], shares[cell + 1]):
-            own = members[m]
-            for piece in range(piece_starts[own], piece_starts[own + 1]):
-                base, travel = (pieces[piece, 0], pieces[piece, 1]), (pieces[piece, 2], pieces[piece, 3])
-                left[0, 0], left[0, 1] = _within(base, travel, pieces[piece, 4], pieces[piece, 5], cells[cell])
-                count = 1 if left[0, 0] < left[0, 1] else 0
-                scale = max(np.abs(base[0]) + np.abs(base[1]), limits[3])
-                for k in range(shares[cell], shares[cell + 1]):
-                    other = members[k]
-                    if count == 0:
-                        break
-                    if other != own and line_starts[other] < line_starts[other + 1]:  # not an empty one
-                        lo, hi = interval(lines[line_starts[other] : line_starts[other + 1]], base, travel, limits)
-                        count = _take_out(left, room, count, lo, hi, limits[1], scale, True)
-                for k in range(count):
-                    if left[k, 0] == left[k, 1]:
-                        if marked == len(points):
-                            points = _longer(points, 2 * len(points))
-                        points[marked, 0], points[marked, 1] = piece, left[k, 0]
-                        marked += 1
-                        continue
-                    if used == len(found):
-                        found = _longer(found, 2 * len(found))
-                    found[used, 0], found[used, 1], found[used, 2] = piece, left[k, 0], left[k, 1]
-                    used += 1
-    kept = _without_repeats(_merged(found[:used]), pieces, limits)
-    order, chains = _chained(kept, pieces, region_of, parts, limits[2])
-    owner, spans = np.empty((len(order), 4), np.int64), np.empty((len(order), 2))
-    for k in range(len(order)):
-        piece = int(kept[order[k], 0])
-        own = region_of[piece]
-        owner[k, 0], owner[k, 1] = own, piece - piece_starts[own]
-        owner[k, 2], owner[k, 3] = int(kept[order[k], 3]), int(kept[order[k], 4])
-        spans[k, 0], spans[k, 1] = kept[order[k], 1], kept[order[k], 2]
-    return owner, spans, chains, _alone(points[:marked], kept, pieces, region_of, piece_starts, limits)
+
+    piece: int
+    lo: float
+    hi: float
+    snug: bool = False
+    dropped: bool = False
 
 
-@kernel
-def _alone(points, kept, pieces, region_of, piece_starts, limits):
-    """Return which points of pieces lie on none of the stretches, (k, 3), see `visible`."""
-    made, count = np.empty((len(points), 3)), 0
-    for k in range(len(points)):
-        piece, s = int(points[k, 0]), points[k, 1]
-        x, y = pieces[piece, 0] + s * pieces[piece, 2], pieces[piece, 1] + s * pieces[piece, 3]
-        near, free = limits[2] * (np.abs(x) + np.abs(y)), True
-        for m in range(len(kept)):
-            other = int(kept[m, 0])
-            u, v = x - pieces[other, 0], y - pieces[other, 1]
-            along = u * pieces[other, 2] + v * pieces[other, 3]
-            place = min(max(along, kept[m, 1]), kept[m, 2])
-            if np.hypot(u - place * pieces[other, 2], v - place * pieces[other, 3]) <= near:
-                free = False
-                break
-        if free:
-            own = region_of[piece]
-            made[count, 0], made[count, 1], made[count, 2] = own, piece - piece_starts[own], s
-            count += 1
-    return made[:count]
+class Visible(NamedTuple):
+    """What is on the boundary of a union.
 
-
-@kernel
-def _within(base, travel, lo, hi, cell):
-    """Return the stretch of a line inside a cell, of what lies from lo to hi; reversed where there is none."""
-    for axis in range(2):
-        low, high = cell[2 * axis], cell[2 * axis + 1]
-        if travel[axis] == 0.0:
-            if base[axis] < low or base[axis] > high:
-                return 1.0, 0.0
-        elif travel[axis] > 0.0:
-            lo, hi = max(lo, (low - base[axis]) / travel[axis]), min(hi, (high - base[axis]) / travel[axis])
-        else:
-            lo, hi = max(lo, (high - base[axis]) / travel[axis]), min(hi, (low - base[axis]) / travel[axis])
-    return lo, hi
-
-
-@kernel
-def _take_out(spans, room, count, lo, hi, sliver, scale, points):
-    """Take an open interval out of closed ones; return how many are left.
-
-    Slivers within rounding are dropped, or with `points` kept as intervals that end where they start.
+    Attributes
+    ----------
+    chains : list of list of Stretch
+    alone : list of (piece, s)
+        Pieces and where on them a point is that no open region holds, off all stretches; once for each that passes.
+    owners : (pieces, 2) int array
+        The region of each piece, and its number in there.
     """
-    if hi <= lo:
-        return count
-    made = 0
-    for k in range(count):
-        for side in range(2):
-            p, q = (spans[k, 0], min(spans[k, 1], lo)) if side == 0 else (max(spans[k, 0], hi), spans[k, 1])
-            near = sliver * (scale + min(np.abs(p), np.abs(q)))
-            if p < q and q - p > near:  # two infinite ends: none left
-                room[made, 0], room[made, 1] = p, q
-                made += 1
-            elif points and np.abs(q - p) <= near < np.inf:
-                room[made, 0], room[made, 1] = p, p
-                made += 1
-                if spans[k, 0] == spans[k, 1]:
-                    break
-    spans[:made] = room[:made]
+
+    chains: list[list[Stretch]]
+    alone: list[tuple[int, float]]
+    owners: Ints
+
+
+def visible(regions: Sequence[Region], cells: Array, members: Ints, shares: Ints) -> Visible:
+    """Return what is on the boundary of a union of regions; cells, members and shares as in `envelope.Union`."""
+    lines, line_starts = _together([region.unit_lines for region in regions], 3)
+    pieces, piece_starts = _together([region.table for region in regions], 6)
+    found = kernels.stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, LIMITS)
+    point = found[:, 1] == found[:, 2]
+    region = np.repeat(np.arange(len(regions)), np.diff(piece_starts))
+    with np.errstate(invalid="ignore"):  # ends at infinity are nowhere near each other
+        kept = _without_repeats(_merged(found[~point]), pieces)
+        chains = _chained(kept, pieces, [regions[k].parts for k in region.tolist()])
+        alone = [
+            (int(piece), s) for piece, s, _ in found[point].tolist() if not _passed(pieces[int(piece)], s, kept, pieces)
+        ]
+    return Visible(chains, alone, np.column_stack([region, np.arange(len(pieces)) - piece_starts[region]]))
+
+
+def _together(tables: list[Array], width: int) -> tuple[Array, Ints]:
+    """Return tables one after the other, and where each starts."""
+    starts = np.concatenate([[0], np.cumsum([len(table) for table in tables])]).astype(np.int64)
+    return np.concatenate([np.empty((0, width)), *tables]), starts
+
+
+def _merged(found: Array) -> list[Stretch]:
+    """Return stretches by piece and start, those joined that cells have parted."""
+    made: list[Stretch] = []
+    for piece, lo, hi in found[np.lexsort((found[:, 1], found[:, 0]))].tolist():
+        if made and made[-1].piece == piece and lo <= made[-1].hi:
+            made[-1] = made[-1]._replace(hi=max(made[-1].hi, hi))
+        else:
+            made.append(Stretch(int(piece), lo, hi))
     return made
 
 
-@kernel
-def _merged(found):
-    """Return stretches by piece and start, those joined that cells have parted."""
-    order = np.argsort(found[:, 1], kind="mergesort")
-    order = order[np.argsort(found[order, 0], kind="mergesort")]
-    made, count = np.empty((len(found), 3)), 0
-    for k in order:
-        if count and made[count - 1, 0] == found[k, 0] and found[k, 1] <= made[count - 1, 2]:
-            made[count - 1, 2] = max(made[count - 1, 2], found[k, 2])
-        else:
-            made[count] = found[k]
-            count += 1
-    return made[:count]
-
-
-@kernel
-def _without_repeats(spans, pieces, limits):
-    """Keep one of the stretches that coincide, (k, 5): piece, lo, hi, then 1 or 0.
-
-    1 where overlap on both sides makes it snug, and where another was dropped for it or part of it.
-    """
-    kept, count = np.zeros((4 * len(spans) + 4, 5)), 0
-    rest, room, some = np.empty((len(spans) + 4, 2)), np.empty((len(spans) + 4, 2)), np.empty((2, 2))
-    for k in range(len(spans)):
-        piece = int(spans[k, 0])
-        scale = max(np.abs(pieces[piece, 0]) + np.abs(pieces[piece, 1]), limits[3])
-        rest[0, 0], rest[0, 1] = spans[k, 1], spans[k, 2]
-        left, before = 1, count
-        for known in range(before):
-            other = int(kept[known, 0])
-            if other < 0 or not _collinear(pieces, piece, other, limits):
+def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretch]:
+    """Keep one of the stretches that coincide: snug where overlap lies on both sides."""
+    kept: list[Stretch | None] = []
+    for own in stretches:
+        line, (x, y) = _collinear(pieces, own.piece), pieces[own.piece, 2:4].tolist()
+        scale = max(float(np.abs(pieces[own.piece, :2]).sum()), LEAST_SCALE)
+        rest = np.array([[own.lo, own.hi]])
+        for place, known in enumerate(list(kept)):
+            if known is None or not line[known.piece]:
                 continue
-            same = 1.0 if pieces[piece, 2] * pieces[other, 2] + pieces[piece, 3] * pieces[other, 3] > 0.0 else -1.0
-            lo, hi = kept[known, 1], kept[known, 2]
-            if same < 0.0:
-                lo, hi = -hi, -lo
-            touched = False
-            for r in range(left):
-                some[0] = rest[r]
-                touched |= _take_out(some, room, 1, lo, hi, limits[1], scale, False) != 1 or (some[0] != rest[r]).any()
-            if not touched:
+            u, v = pieces[known.piece, 2:4].tolist()
+            opposed = not x * u + y * v > 0.0
+            lo, hi = (-known.hi, -known.lo) if opposed else (known.lo, known.hi)
+            if not any(_changed(span, lo, hi, scale) for span in rest):
                 continue
-            if same < 0.0:
-                begin, stop = max(kept[known, 1], -spans[k, 2]), min(kept[known, 2], -spans[k, 1])
-                some[0, 0], some[0, 1] = kept[known, 1], kept[known, 2]
-                outside = _take_out(some, room, 1, begin, stop, limits[1], scale, False)
-                if count + outside + 1 > len(kept):
-                    kept = _longer(kept, 2 * len(kept))
-                for r in range(outside):
-                    kept[count, 0], kept[count, 1], kept[count, 2] = other, some[r, 0], some[r, 1]
-                    kept[count, 3], kept[count, 4] = kept[known, 3], kept[known, 4]
-                    count += 1
-                kept[count, 0], kept[count, 1], kept[count, 2], kept[count, 3] = other, begin, stop, 1.0
-                kept[count, 4] = kept[known, 4]
-                count += 1
-                kept[known, 0] = -1.0
+            if opposed:
+                begin, end = max(known.lo, -own.hi), min(known.hi, -own.lo)
+                outside = _less(np.array([[known.lo, known.hi]]), begin, end, scale)
+                kept += [known._replace(lo=p, hi=q) for p, q in outside.tolist()]
+                kept.append(known._replace(lo=begin, hi=end, snug=True))
+                kept[place] = None
             else:
-                kept[known, 4] = 1.0
-            left = _take_out(rest, room, left, lo, hi, limits[1], scale, False)
-        while count + left > len(kept):
-            kept = _longer(kept, 2 * len(kept))
-        for r in range(left):
-            kept[count, 0], kept[count, 1], kept[count, 2], kept[count, 3] = piece, rest[r, 0], rest[r, 1], 0.0
-            kept[count, 4] = 0.0
-            count += 1
-    return kept[:count][kept[:count, 0] >= 0.0]
+                kept[place] = known._replace(dropped=True)
+            rest = _less(rest, lo, hi, scale)
+        kept += [Stretch(own.piece, p, q) for p, q in rest.tolist()]
+    return [known for known in kept if known is not None]
 
 
-@kernel
-def _collinear(pieces, one, two, limits):
-    """Tell whether two pieces lie on one line."""
-    if np.abs(pieces[one, 2] * pieces[two, 3] - pieces[one, 3] * pieces[two, 2]) > limits[2]:
-        return False
-    apart = np.abs(pieces[one, 0] - pieces[two, 0]) + np.abs(pieces[one, 1] - pieces[two, 1])
-    return apart <= limits[2] * max(np.abs(pieces[one, 0]) + np.abs(pieces[one, 1]), limits[3])
+def _collinear(pieces: Array, own: int) -> Flags:
+    """Tell which pieces lie on the line of one."""
+    base, travel = pieces[:, :2], pieces[:, 2:4]
+    turned = np.abs(travel[own, 0] * travel[:, 1] - travel[own, 1] * travel[:, 0])
+    near = DEFAULT.nominal * max(float(np.abs(base[own]).sum()), LEAST_SCALE)
+    return ~(turned > DEFAULT.nominal) & (np.abs(base[own] - base).sum(axis=1) <= near)
 
 
-@kernel
-def _chained(kept, pieces, region_of, parts, near):
-    """Join stretches where one ends and another starts, snug ones apart; return their order and where chains start."""
-    count = len(kept)
-    order, chains = np.empty(count, np.int64), np.empty(count + 1, np.int64)
-    free, row = np.ones(count, np.bool_), np.empty(count, np.int64)
-    used, made = 0, 0
-    for first in range(count):
+def _less(spans: Array, lo: float, hi: float, scale: float) -> Array:
+    """Return what an open interval leaves of closed ones, but for slivers."""
+    left = np.concatenate([spans, spans])
+    return left[: kernels.take_out(left, np.empty_like(left), len(spans), lo, hi, DEFAULT.line, scale, False)]
+
+
+def _changed(span: Array, lo: float, hi: float, scale: float) -> bool:
+    """Tell whether an open interval takes something from a closed one."""
+    left = _less(span[None], lo, hi, scale)
+    return len(left) != 1 or bool((left[0] != span).any())
+
+
+def _chained(kept: list[Stretch], pieces: Array, parts: Sequence[tuple[int, int]]) -> list[list[Stretch]]:
+    """Join stretches where one ends and another starts, snug ones apart, of several the one of the same parts."""
+    if not kept:
+        return []
+    own, lo, hi, snug, _ = (np.array(column) for column in zip(*kept, strict=True))
+    base, travel = pieces[own, :2], pieces[own, 2:4]
+    ends = [base + np.where(travel != 0.0, s[:, None] * travel, 0.0) for s in (lo, hi)]
+    free, chains = np.ones(len(kept), bool), []
+    for first in range(len(kept)):
         if not free[first]:
             continue
         free[first] = False
-        row[0], length = first, 1
+        row = deque([first])
         for forward in (True, False):
             while True:
-                tip = row[length - 1] if forward else row[0]
-                place = _end(kept, pieces, tip, forward)
-                found, akin = -1, False
-                for k in range(count):
-                    if not free[k] or kept[k, 3] != kept[first, 3]:
-                        continue
-                    if not _same_pair(_end(kept, pieces, k, not forward), place, near):
-                        continue
-                    one, two = region_of[int(kept[k, 0])], region_of[int(kept[tip, 0])]
-                    kin = parts[one, 0] == parts[two, 0] and parts[one, 1] == parts[two, 1]
-                    if found < 0 or (kin and not akin):
-                        found, akin = k, kin
-                if found < 0:
+                tip = row[-1] if forward else row[0]
+                place, others = ends[forward][tip], ends[not forward]
+                size = np.abs(others).sum(axis=1) + np.abs(place).sum()
+                fits = free & (snug == snug[first]) & (size < np.inf)
+                fits &= np.abs(others - place).sum(axis=1) < DEFAULT.nominal * size
+                found = np.flatnonzero(fits).tolist()
+                if not found:
                     break
-                free[found] = False
-                if forward:
-                    row[length] = found
-                else:
-                    for k in range(length, 0, -1):
-                        row[k] = row[k - 1]
-                    row[0] = found
-                length += 1
-        chains[made] = used
-        made += 1
-        order[used : used + length] = row[:length]
-        used += length
-    chains[made] = used
-    return order, chains[: made + 1]
+                after = next((k for k in found if parts[own[k]] == parts[own[tip]]), found[0])
+                free[after] = False
+                (row.append if forward else row.appendleft)(after)
+        chains.append([kept[k] for k in row])
+    return chains
 
 
-@kernel
-def _end(kept, pieces, k, last):
-    """Return the scale pair at the end or start of a stretch."""
-    piece = int(kept[k, 0])
-    s = kept[k, 2] if last else kept[k, 1]
-    x = pieces[piece, 0] + (s * pieces[piece, 2] if pieces[piece, 2] != 0.0 else 0.0)
-    y = pieces[piece, 1] + (s * pieces[piece, 3] if pieces[piece, 3] != 0.0 else 0.0)
-    return x, y
-
-
-@kernel
-def _same_pair(p, q, near):
-    size = np.abs(p[0]) + np.abs(p[1]) + np.abs(q[0]) + np.abs(q[1])
-    return size < np.inf and np.abs(p[0] - q[0]) + np.abs(p[1] - q[1]) < near * size
+def _passed(piece: Array, s: float, kept: list[Stretch], pieces: Array) -> bool:
+    """Tell whether one of the stretches passes a point of a piece."""
+    place = piece[:2] + s * piece[2:4]
+    rows = np.array([own[:3] for own in kept]).reshape(-1, 3)
+    base, travel = (pieces[rows[:, 0].astype(np.int64), k : k + 2] for k in (0, 2))
+    way = place - base
+    along = np.clip((way * travel).sum(axis=1), rows[:, 1], rows[:, 2])[:, None] * travel
+    return bool((np.hypot(*(way - along).T) <= DEFAULT.nominal * np.abs(place).sum()).any())

@@ -293,13 +293,13 @@ def _climbed(reals, ints, vertex, n):
 
 
 @step
-def _foremost(reals, ints, vertex, n, bound):
+def _extreme(reals, ints, n, bound):
     """Return the vertex extreme along n to rounding, and whether it is so by more than `bound` for certain.
 
-    Climbs from a vertex. Where no neighbour is further on by more than rounding a vertex across a tiny edge still may
-    lead to one that is, and so may one where the half-edges are not those of the exact hull: all are looked at.
+    Where no neighbour is further on by more than rounding a vertex across a tiny edge still may lead to one that is,
+    and so may one where the half-edges are not those of the exact hull: all are looked at.
     """
-    vertex, margin = _climbed(reals, ints, vertex, n)
+    vertex, margin = _summit(reals, ints, n)
     if margin > bound and reals[ints[0] + ints[1], 1] > 0.0:
         return vertex, True
     return _surpassing(reals, ints, vertex, n), False
@@ -314,12 +314,6 @@ def _surpassing(reals, ints, vertex, n):
         if other > height:
             vertex, height = k, other
     return vertex
-
-
-@step
-def _extreme(reals, ints, n, bound):
-    """Return what `_foremost` does, from a vertex near by."""
-    return _foremost(reals, ints, ints[ints[6] + _cell(ints, n)], n, bound)
 
 
 @step
@@ -963,12 +957,7 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
 @kernel
 def _space(room):
     """Return sites, rows, points and chains for a walk of so many segments."""
-    return (
-        np.empty((room, 6), np.int64),
-        np.empty((room, 6)),
-        np.empty((room + 4, 2)),
-        np.empty((4, 4), np.int64),
-    )
+    return np.empty((room, 6), np.int64), np.empty((room, 6)), np.empty((room + 4, 2)), np.empty((4, 4), np.int64)
 
 
 @kernel
@@ -987,7 +976,7 @@ def walk_into(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, 
 
 
 @step
-def _clip(start, end, endless, line, box, least):
+def clip(start, end, endless, line, box, least):
     """Return (whether anything is left, x, y of its start, x, y of its end): what a box leaves of a stretch of a line.
 
     From `start` to `end`, or without end in the direction `end` where it is endless; stretches shorter than `least`
@@ -1049,23 +1038,15 @@ def state_in_box(rows, points, chains, box, least, sure):
 
     UNDECIDED where the box's middle is within `sure` of a line, relatively.
     """
-    used = len(rows)
     for chain in range(len(chains)):
         first, count, endless = chains[chain, 0], chains[chain, 1], chains[chain, 3]
         for k in range(count):
             start, end = points[first + chain + k], points[first + chain + k + 1]
-            if _clip(start, end, endless > 0 and k == count - 1, rows[first + k, 3:], box, least)[0]:
+            if clip(start, end, endless > 0 and k == count - 1, rows[first + k, 3:], box, least)[0]:
                 return CONTACT
     if len(chains) == 0:
         return WALKED
-    return _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
-
-
-@light
-@kernel
-def clip(start, end, endless, line, box, least):
-    """Return what `_clip` does, for callers from Python."""
-    return _clip(start, end, endless, line, box, least)
+    return _state_at(rows, len(rows), 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
 
 
 @kernel
@@ -1126,7 +1107,7 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
             k = index % count if forward > 0 else count - 1 - index
             start, end = points[first + best + k], points[first + best + k + 1]
             away = endless > 0 and k == count - 1
-            left, x, y, u, v = _clip(start, end, away, rows[first + k, 3:], box, least)
+            left, x, y, u, v = clip(start, end, away, rows[first + k, 3:], box, least)
             if not left:
                 continue
             for entry in range(6):
@@ -1148,8 +1129,8 @@ def _hanging(rows, points, first, place, count, box, least):
         return 0
     for back in range(count):
         here, before = (count - back) % count, count - back - 1
-        _, x, y, _, _ = _clip(points[place + here], points[place + here + 1], False, rows[first + here, 3:], box, least)
-        meets, _, _, u, v = _clip(
+        _, x, y, _, _ = clip(points[place + here], points[place + here + 1], False, rows[first + here, 3:], box, least)
+        meets, _, _, u, v = clip(
             points[place + before], points[place + before + 1], False, rows[first + before, 3:], box, least
         )
         if not meets or x != u or y != v:
@@ -1210,14 +1191,14 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
         apex, sure[i] = _extreme(reals2, ints2, _times(-1.0, n), bound)
         n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, apex)
         if not reals1[n1 + i, 3] < SAME:  # bent: not all corners are extreme
-            one = _height(reals1, ints1, _turned_back(frame, R, n))
+            one = _height(reals1, 0, ints1[0], _turned_back(frame, R, n))
         _list(sites, rows, i, F1V2, i, apex, (n, one, two, level))
     for j in range(f2):
         n = _turned_back(frame, R, _times(-1.0, _at(reals2, n2 + j)))
         apex, _ = _extreme(reals1, ints1, n, frame[RADIUS_1] * SPOKE)
         n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, apex)
         if not reals2[n2 + j, 3] < SAME:
-            two = _height(reals2, ints2, _times(-1.0, n))
+            two = _height(reals2, 0, ints2[0], _times(-1.0, n))
         _list(sites, rows, f1 + j, V1F2, apex, j, (n, one, two, level))
     exact, doubtful = reals1[n1 + f1, 1] > 0.0 and reals2[n2 + f2, 1] > 0.0, 0
     for edge in range(ints1[2]):
@@ -1308,15 +1289,15 @@ def _supporting_row(reals1, ints1, reals2, ints2, frame, h1, h2):
         corner1, corner2 = _at(reals1, _side(ints1, following1)[1]), _at(reals2, _side(ints2, following2)[1])
         if not (_dot(inward, corner1) <= most1 and _dot(back, corner2) <= most2):
             return False, (n, one, two, level)
-    one, two = _height(reals1, ints1, inward), _height(reals2, ints2, back)
+    one, two = _height(reals1, 0, ints1[0], inward), _height(reals2, 0, ints2[0], back)
     return one <= most1 and two <= most2, (n, one, two, level)
 
 
 @step
-def _height(reals, ints, n):
-    """Return the largest product of n with a vertex."""
+def _height(reals, first, count, n):
+    """Return the largest product of n with so many vertices from one on."""
     height = -_INF
-    for k in range(ints[0]):
+    for k in range(first, first + count):
         height = max(height, _dot(n, _at(reals, k)))
     return height
 
@@ -1383,182 +1364,7 @@ def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
     return row
 
 
-# --------------------------------------------------------------------------- part pairs that a union's curve depends on
-
-
-@kernel
-def relevant_pairs(
-    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, box, planarity, margin, tie
-):
-    """Walk the part pairs of two unions that can be on their curve in a box, and tell where in the box each can be.
-
-    The box is halved both ways into cells until few pairs are left in each. A pair is left out of a cell where a
-    direction keeps the two parts apart at all its scale pairs, or where it overlaps only where another pair does (of
-    two whose overlap ends along one line the first stays). A cell is left out where one pair overlaps in all of it, as
-    no curve passes there, or where no pair is left. All by more than `margin` times the bodies' extents; lines are one
-    within `tie` times that.
-
-    Bodies as `packing.packed_together` gives them: places (parts + 1, 2), the first row and entry of each part. Box:
-    (low, high) of rho_1, then of rho_2; one that is not finite is one cell with all pairs.
-
-    Return (pairs, roles, cells, members, shares). Pairs (k, 2) were walked. Of the others no point is on the curve
-    inside the box. Cells (m, 4) with members[shares[c]:shares[c + 1]], indices of pairs: no others are on the curve
-    there, and none hide it. Roles (k, 2): 1 where a pair overlaps in a whole cell, and where another was left out that
-    ends with it along one line.
-    """
-    n1, n2 = len(places1) - 1, len(places2) - 1
-    pose = relative_pose(transform, seed1, seed2)
-    finite = np.isfinite(box[1]) and np.isfinite(box[3])
-    x, y = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])) if finite else (1.0, 1.0)
-    quick, most1, most2 = _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y)
-    slack = _INF
-    if finite:
-        slack = margin * (_length(_entry(pose, 9)) + box[1] * most1 + box[3] * most2)
-    walked = np.full(n1 * n2, -1, np.int64)
-    made = 0  # pairs walked
-    pairs, empty = np.empty((n1 * n2, 2), np.int64), np.empty(n1 * n2, np.bool_)
-    # what covers a cell: rows of each walked pair, its own or, where they are not known, those of all facets
-    bounds, ends = np.empty((128, 6)), np.zeros(n1 * n2 + 1, np.int64)
-    cells, shares = np.empty((64, 4)), np.zeros(65, np.int64)
-    members = np.empty(256, np.int64)
-    roles = np.zeros((n1 * n2, 2), np.int64)
-    kept, used = 0, 0
-    stack = np.empty((4 * _DEPTH + 5, 7))  # x0, x1, y0, y1, depth, where the enclosing cell's list starts, its length
-    lists, depths = np.empty((_DEPTH + 2) * n1 * n2, np.int64), np.empty(n1 * n2)
-    inside, heights1, heights2 = np.empty(n1 * n2, np.int64), np.empty(n1), np.empty(n2)
-    for code in range(n1 * n2):
-        lists[code] = code
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = box[0], box[1], box[2], box[3]
-    stack[0, 4], stack[0, 5], stack[0, 6] = 0.0, 0.0, n1 * n2
-    top = 1
-    while top > 0:
-        top -= 1
-        x0, x1, y0, y1 = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        depth, begin, length = int(stack[top, 4]), int(stack[top, 5]), int(stack[top, 6])
-        own, count = begin + length, 0
-        for k in range(begin, begin + length):
-            code = lists[k]
-            value = 0.0
-            p = walked[code]
-            if finite:
-                if p >= 0:
-                    value = _least_depth(bounds, 3, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
-                else:
-                    value = _least_depth(quick, 0, _WAYS * code, _WAYS * (code + 1), x0, x1, y0, y1, slack)
-            if value > -_INF:
-                lists[own + count] = code
-                depths[count] = value
-                count += 1
-        if count == 0:
-            continue
-        covered = False
-        for _ in range(_ATTEMPTS if finite and count > 1 else 0):
-            best = -1
-            for k in range(count):
-                if depths[k] < _INF and (best < 0 or depths[k] > depths[best]):
-                    best = k
-            if best < 0:
-                break
-            code = lists[own + best]
-            p = walked[code]
-            if p < 0:
-                p, made = made, made + 1
-                bounds = _walk_pair(
-                    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-                    code, p, walked, pairs, empty, bounds, ends,
-                )  # fmt: skip
-            value = _least_depth(bounds, 3, ends[p], ends[p + 1], x0, x1, y0, y1, slack)
-            if value > slack:
-                covered, roles[p, 0] = True, 1
-                break
-            depths[best] = _INF  # tried
-            if value == -_INF or empty[p]:
-                continue
-            # pairs that are no further on in any direction of a line that crosses the cell: inside the one tried there
-            inside[:count] = 2
-            for line in range(ends[p], ends[p + 1]):
-                if _crosses(bounds, line, x0, x1, y0, y1, slack):
-                    heights1[:], heights2[:] = np.nan, np.nan
-                    n = _at(bounds, line)
-                    inward, back = _turned_back(pose, 0, n), _times(-1.0, n)
-                    first1 = _support(reals1, ints1, places1, code // n2, inward)
-                    first2 = _support(reals2, ints2, places2, code % n2, back)
-                    for k in range(count):
-                        i, j = lists[own + k] // n2, lists[own + k] % n2
-                        if np.isnan(heights1[i]):
-                            heights1[i] = _support(reals1, ints1, places1, i, inward)
-                        if np.isnan(heights2[j]):
-                            heights2[j] = _support(reals2, ints2, places2, j, back)
-                        a, b = heights1[i] - first1, heights2[j] - first2
-                        most = max(a * x0, a * x1) + max(b * y0, b * y1)
-                        if most > tie * slack:
-                            inside[k] = 0
-                        elif most > -slack:
-                            inside[k] = min(inside[k], 1)
-            left = 0
-            for k in range(count):
-                other = lists[own + k]
-                # of those that end with it the first stays, whichever was tried
-                if other == code or inside[k] == 0 or (inside[k] == 1 and other < code):
-                    lists[own + left], depths[left] = other, depths[k]
-                    left += 1
-                elif inside[k] == 1:
-                    roles[p, 1] = 1
-            count = left
-        if covered:
-            continue
-        if count > _FEW and depth < _DEPTH and finite:
-            x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-            for quarter in range(4):
-                stack[top, 0], stack[top, 1] = (x0, x) if quarter & 1 == 0 else (x, x1)
-                stack[top, 2], stack[top, 3] = (y0, y) if quarter & 2 == 0 else (y, y1)
-                stack[top, 4], stack[top, 5], stack[top, 6] = depth + 1, own, count
-                top += 1
-            continue
-        first = used
-        for k in range(count):
-            code = lists[own + k]
-            p = walked[code]
-            if p < 0:
-                p, made = made, made + 1
-                bounds = _walk_pair(
-                    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-                    code, p, walked, pairs, empty, bounds, ends,
-                )  # fmt: skip
-            apart = finite and _least_depth(bounds, 3, ends[p], ends[p + 1], x0, x1, y0, y1, slack) == -_INF
-            if apart or empty[p]:
-                continue
-            if used == len(members):
-                members = _longer(members, 2 * used)
-            members[used] = p
-            used += 1
-        if used > first:
-            if kept == len(cells):
-                cells, shares = _longer(cells, 2 * kept), _longer(shares, 2 * kept + 1)
-            cells[kept, 0], cells[kept, 1], cells[kept, 2], cells[kept, 3] = x0, x1, y0, y1
-            kept += 1
-            shares[kept] = used
-    return pairs[:made], roles[:made], cells[:kept], members[:used], shares[: kept + 1]
-
-
-@kernel
-def _walk_pair(
-    reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, pose, planarity,
-    code, p, walked, pairs, empty, bounds, ends,
-):  # fmt: skip
-    """Walk a pair as number p: fill in what is known of it, append its rows, and return all rows."""
-    i, j, used = code // (len(places2) - 1), code % (len(places2) - 1), ends[p]
-    own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
-    state, _, lines, _, _ = walk(own1, table1, own2, table2, transform, seed1, seed2, planarity)
-    if state != WALKED:
-        lines = facet_rows(own1, table1, own2, table2, pose)[1]
-    walked[code], pairs[p, 0], pairs[p, 1], empty[p], ends[p + 1] = p, i, j, state == EMPTY, used + len(lines)
-    if ends[p + 1] > len(bounds):
-        bounds = _longer(bounds, 2 * ends[p + 1])
-    for k in range(len(lines)):
-        for entry in range(6):
-            bounds[used + k, entry] = lines[k, entry]
-    return bounds
+# ------------------------------------------------------------------------------------------------ part pairs of unions
 
 
 @kernel
@@ -1595,7 +1401,7 @@ def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1,
 def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     """Return lower bounds of all part pairs' signed gaps at a scale pair, (parts 1, parts 2), from a few directions."""
     n1, n2 = len(places1) - 1, len(places2) - 1
-    quick, _, _ = _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, rho[0], rho[1])
+    quick, _, _ = quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, rho[0], rho[1])
     bounds = np.full((n1, n2), -_INF)
     for k in range(len(quick)):
         i, j = k // _WAYS // n2, k // _WAYS % n2
@@ -1626,7 +1432,6 @@ def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough)
 
 
 _WAYS = 15  # directions of the quick test: both ways along the axes and along the diagonals of a cube, and another
-_DEPTH, _FEW, _ATTEMPTS = 8, 4, 3  # halvings at most; pairs that need no more; pairs tried to cover a cell
 _DIAGONAL = 1.0 / np.sqrt(3.0)
 
 
@@ -1642,7 +1447,7 @@ def _direction(way):
 
 
 @kernel
-def _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
+def quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
     """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs times ways, 3), largest |a| and |b|.
 
     The last is from the middle of the one part to that of the other at a scale pair.
@@ -1654,12 +1459,12 @@ def _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
         u = _direction(way)
         inward, back, level = _turned_back(pose, 0, u), _times(-1.0, u), _dot(u, d)
         for i in range(n1):
-            a = _support(reals1, ints1, places1, i, inward)
+            a = _height(reals1, places1[i, 0], ints1[places1[i, 1]], inward)
             most1 = max(most1, np.abs(a))
             for j in range(n2):
                 lines[(i * n2 + j) * _WAYS + way, 0] = a
         for j in range(n2):
-            b = _support(reals2, ints2, places2, j, back)
+            b = _height(reals2, places2[j, 0], ints2[places2[j, 1]], back)
             most2 = max(most2, np.abs(b))
             for i in range(n1):
                 k = (i * n2 + j) * _WAYS + way
@@ -1670,8 +1475,9 @@ def _quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
             n = _minus(_minus(d, middle), _times(-y, _at(middles2, j)))
             length, k = _length(n), (i * n2 + j) * _WAYS + _WAYS - 1
             n = _times(1.0 / length, n) if length > 0.0 else (1.0, 0.0, 0.0)
-            lines[k, 0] = _support(reals1, ints1, places1, i, _turned_back(pose, 0, n))
-            lines[k, 1], lines[k, 2] = _support(reals2, ints2, places2, j, _times(-1.0, n)), _dot(n, d)
+            lines[k, 0] = _height(reals1, places1[i, 0], ints1[places1[i, 1]], _turned_back(pose, 0, n))
+            lines[k, 1] = _height(reals2, places2[j, 0], ints2[places2[j, 1]], _times(-1.0, n))
+            lines[k, 2] = _dot(n, d)
     return lines, most1, most2
 
 
@@ -1687,42 +1493,105 @@ def _middles(reals, ints, places):
     return middles
 
 
-@step
-def _least_depth(lines, at, first, last, x0, x1, y0, y1, slack):
-    """Return -inf where some contact line keeps a whole cell apart, else the least depth below any in the cell.
-
-    `at`: the column of a, then b and c.
-    """
-    x, y, dx, dy = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    depth = _INF
-    for k in range(first, last):
-        a, b = lines[k, at], lines[k, at + 1]
-        level, spread = a * x + b * y - lines[k, at + 2], np.abs(a) * dx + np.abs(b) * dy
-        if level + spread < -slack:
-            return -_INF
-        depth = min(depth, level - spread)
-    return depth
-
-
-@step
-def _crosses(bounds, k, x0, x1, y0, y1, slack):
-    """Tell whether overlap may end within a cell along a row."""
-    a, b = bounds[k, 3], bounds[k, 4]
-    return min(a * x0, a * x1) + min(b * y0, b * y1) - bounds[k, 5] <= slack
-
-
-@kernel
-def _support(reals, ints, places, part, u):
-    """Return the support of one of several parts in a direction of its own axes."""
-    first, height = places[part, 0], -_INF
-    for k in range(first, first + ints[places[part, 1]]):
-        height = max(height, _dot(u, _at(reals, k)))
-    return height
-
-
 @kernel
 def _longer(values, room):
     """Return an array with more rows, the first as they were."""
     more = np.empty((room,) + values.shape[1:], values.dtype)  # noqa: RUF005 -- compiled code cannot unpack
     more[: len(values)] = values
     return more
+
+
+# ---------------------------------------------------------------------------------- what regions leave of each other
+
+
+@light
+@kernel
+def interval(lines, base, travel, limits):
+    """Return where base + s travel lies inside a region with a boundary, from its lines; limits as `stretches`."""
+    lo, hi = -np.inf, np.inf
+    for k in range(len(lines)):
+        a, b, c = lines[k, 0], lines[k, 1], lines[k, 2]
+        value, slope = a * base[0] + b * base[1] - c, a * travel[0] + b * travel[1]
+        if np.abs(slope) <= limits[0]:
+            if value <= limits[1] * (np.abs(base[0]) + np.abs(base[1]) + np.abs(c)):
+                return 0.0, 0.0
+        elif slope > 0.0:
+            lo = max(lo, -value / slope)
+        else:
+            hi = min(hi, -value / slope)
+    return lo, hi
+
+
+@kernel
+def stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, limits):
+    """Return which stretches of the pieces are on the boundary of a union of regions, (k, 3): piece, lo, hi.
+
+    For each cell (m, 4) with members[shares[c]:shares[c + 1]], regions that have lines and pieces from their starts on.
+    limits are (tie, line, nominal) of `Tolerances` and the least scale that lines are compared at. Where lo = hi it is
+    a point that no open region holds.
+    """
+    found, used = np.empty((64, 3)), 0
+    most = 2 * len(members) + 2  # one that grazes leaves a point besides
+    left, room = np.empty((most, 2)), np.empty((most, 2))
+    for cell in range(len(cells)):
+        for m in range(shares[cell], shares[cell + 1]):
+            own = members[m]
+            for piece in range(piece_starts[own], piece_starts[own + 1]):
+                base, travel = (pieces[piece, 0], pieces[piece, 1]), (pieces[piece, 2], pieces[piece, 3])
+                left[0, 0], left[0, 1] = _within(base, travel, pieces[piece, 4], pieces[piece, 5], cells[cell])
+                count = 1 if left[0, 0] < left[0, 1] else 0
+                scale = max(np.abs(base[0]) + np.abs(base[1]), limits[3])
+                for k in range(shares[cell], shares[cell + 1]):
+                    other = members[k]
+                    if count == 0:
+                        break
+                    if other != own and line_starts[other] < line_starts[other + 1]:  # not an empty one
+                        lo, hi = interval(lines[line_starts[other] : line_starts[other + 1]], base, travel, limits)
+                        count = take_out(left, room, count, lo, hi, limits[1], scale, True)
+                if used + count > len(found):
+                    found = _longer(found, 2 * len(found) + count)
+                for k in range(count):
+                    found[used, 0], found[used, 1], found[used, 2] = piece, left[k, 0], left[k, 1]
+                    used += 1
+    return found[:used]
+
+
+@kernel
+def _within(base, travel, lo, hi, cell):
+    """Return the stretch of a line inside a cell, of what lies from lo to hi; reversed where there is none."""
+    for axis in range(2):
+        low, high = cell[2 * axis], cell[2 * axis + 1]
+        if travel[axis] == 0.0:
+            if base[axis] < low or base[axis] > high:
+                return 1.0, 0.0
+        elif travel[axis] > 0.0:
+            lo, hi = max(lo, (low - base[axis]) / travel[axis]), min(hi, (high - base[axis]) / travel[axis])
+        else:
+            lo, hi = max(lo, (high - base[axis]) / travel[axis]), min(hi, (low - base[axis]) / travel[axis])
+    return lo, hi
+
+
+@light
+@kernel
+def take_out(spans, room, count, lo, hi, sliver, scale, points):
+    """Take an open interval out of closed ones; return how many are left.
+
+    Slivers within rounding are dropped, or with `points` kept as intervals that end where they start.
+    """
+    if hi <= lo:
+        return count
+    made = 0
+    for k in range(count):
+        for side in range(2):
+            p, q = (spans[k, 0], min(spans[k, 1], lo)) if side == 0 else (max(spans[k, 0], hi), spans[k, 1])
+            near = sliver * (scale + min(np.abs(p), np.abs(q)))
+            if p < q and q - p > near:  # two infinite ends: none left
+                room[made, 0], room[made, 1] = p, q
+                made += 1
+            elif points and np.abs(q - p) <= near < np.inf:
+                room[made, 0], room[made, 1] = p, p
+                made += 1
+                if spans[k, 0] == spans[k, 1]:
+                    break
+    spans[:made] = room[:made]
+    return made

@@ -160,16 +160,30 @@ class Region:
         """
         if self._walked:
             return self.status == "empty"
-        rows = self._facet_rows
-        reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
-        sizes = np.array([*reach, np.linalg.norm(self.pose[9:])])
+        rows = self.facet_rows
+        sizes = np.array([*self._reach, np.linalg.norm(self.pose[9:])])
         return bool((rows[:, 3:] * [1.0, 1.0, -1.0] <= DEFAULT.planarity * sizes).all(axis=1).any())
 
     @cached_property
-    def _facet_rows(self) -> Array:
+    def facet_rows(self) -> Array:
         """Normals and contact lines of all facet directions, (k, 6)."""
         rows: Array = kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
         return rows
+
+    @property
+    def _reach(self) -> Array:
+        """Largest distance of a vertex from the seed of either part, (2,)."""
+        return np.array([self.one.reach, self.two.reach])
+
+    @property
+    def surely_empty(self) -> bool:
+        """Whether the walk found that the parts never overlap."""
+        return self._walked is not None and not len(self._walked[3])
+
+    @property
+    def rows(self) -> Array:
+        """Normals and contact lines that hold, (k, 6): the boundary's as walked, or of all facet directions."""
+        return self.facet_rows if self._walked is None or self.surely_empty else self._walked[1]
 
     @cached_property
     def lines(self) -> Array:
@@ -221,13 +235,12 @@ class Region:
         pairs : (n, 2) array
             Scale pairs, all positive.
         """
-        if self._walked and self.status == "empty":
+        if self.surely_empty:
             return np.ones(len(pairs), np.int64)
         lines = self.lines
         values = lines[:, 2] - pairs @ lines[:, :2].T
-        reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
-        near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + pairs @ reach)[:, None]
-        found = (values > near).any(axis=1).astype(np.int64)
+        near = DEFAULT.sign * (float(np.linalg.norm(self.pose[9:])) + pairs @ self._reach)[:, None]
+        found = np.asarray((values > near).any(axis=1), np.int64)
         found[(values < -near).all(axis=1)] = 0 if self.status == "empty" else -1
         for k in np.flatnonzero(found == 0):
             found[k] = self.exact.side(pairs[k].tolist())
@@ -301,9 +314,8 @@ class Region:
 
         Of two faces within `planarity` of each other it stays the one that exact numbers name.
         """
-        rows = self._facet_rows
-        reach = [np.linalg.norm(part.vertices - part.seed, axis=1).max() for part in (self.one, self.two)]
-        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ reach)
+        rows = self.facet_rows
+        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
         tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
         if not tight.any():
             return strict

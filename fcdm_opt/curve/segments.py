@@ -223,7 +223,8 @@ def clipped(piece: Piece, box: Box) -> tuple[Array, Array] | None:
     limits = np.array(box, dtype=np.float64).ravel()
 
     def left(start: Array, end: Array, endless: bool) -> tuple[Array, Array] | None:
-        some, *ends = kernels.clip(start, end, endless, piece.line, limits, DEFAULT.point)
+        with np.errstate(all="ignore"):
+            some, *ends = kernels.clip(start, end, endless, piece.line, limits, DEFAULT.point)
         return (frozen(ends[:2]), frozen(ends[2:])) if some else None
 
     if np.isfinite(piece.lo) and np.isfinite(piece.hi):

@@ -1,25 +1,21 @@
 """Bodies, and the Euclidean queries on them.
 
-files, step      meshes as files have them, in a unit; `flattening` undoes what single precision bent
+files            meshes as files have them, in a unit; `flattening` undoes what single precision bent
 mesh             a closed surface, checked and repaired where that is certain: `closing`, `crossings`
 arrays           array types and checks
 measures         vectors; volume, centroid and winding numbers of triangles
-sides            the sides of polygons, the edges that they run along, and what hangs together by these
-polygons         planar polygons: cut by planes, what they hold, in one plane, in triangles
-corners          corners of a hull that are none, within rounding
+polygons         planar polygons: their sides, cut by planes, what they hold, in one plane, in triangles
 hull             face loops and edges of one convex part
 least_distance   compiled: least distance programs, the nearest points of two hulls
 elements         the body's own vertices, edges and faces, for labels
 surface          the true faces and edges of a solid, and what lies on them
 union            the true faces and edges of a union of convex parts
 cells            convex cells cut by planes: sides in floats, points in rationals
-partition        a solid cut into convex cells at its reflex edges
-cover            a star-shaped solid as convex parts that all hold the seed
+partition        a solid cut into convex cells at its reflex edges, or covered by parts that all hold the seed
 approximate      CoACD's convex parts, with bounds of how far they are off
 decomposition    which of these, and why
 packing          a convex part as flat arrays for the kernels, with error bounds
-bodies           convex parts, and bodies made of them
-conversion       bodies from what other libraries hold
+bodies           convex parts, and bodies made of them or of what other libraries hold
 collision        signed distance by a collision library, confirmed by explicit vertices: `judging`
 units            lengths and bounds in words
 """

@@ -26,13 +26,13 @@ from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import volume_and_centroid
 from fcdm_opt.geometry.mesh import checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
-from fcdm_opt.geometry.polygons import normals_of
-from fcdm_opt.geometry.sides import fans
+from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 
 SeedRule = Literal["centroid", "vertices", "box"]
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
+KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
 MOST_PRODUCTS = 1_000_000  # of normals and corners worked out at a time
 
 
@@ -90,6 +90,11 @@ class ConvexPart(_Sealed):
         order = np.argsort(leaves)
         table[:, 3] = order[np.searchsorted(leaves[order], reaches)]
         return frozen(table, np.int64)
+
+    @cached_property
+    def reach(self) -> float:
+        """Largest distance of a vertex from the seed."""
+        return float(np.linalg.norm(self.vertices - self.seed, axis=1).max())
 
     @cached_property
     def packed(self) -> tuple[Array, Ints]:
@@ -406,6 +411,48 @@ class Body(_Sealed, Shown):
         """Return all vertices, scaled about the seed and then moved, (n, 3)."""
         scaled = self.seed + rho * (self.vertices - self.seed)
         return scaled @ transform[:3, :3].T + transform[:3, 3]
+
+
+def as_body(
+    x: Any, *, seed: SeedRule | ArrayLike = "centroid", name: str = "body", decomposition: Method = "auto"
+) -> Body:
+    """Return a body from a solid in any of the usual forms.
+
+    Parameters
+    ----------
+    x : Body, trimesh.Trimesh, (vertices, faces), coal.Convex or coal BVH model
+        A body comes back as it is, with its own seed and name. A `coal.Convex` is the hull of its points; coal's
+        other shapes are approximated by nothing here. Units are those of the numbers.
+    seed : {"centroid", "vertices", "box"} or (3,) array
+        See `Body.convex`.
+    name : str
+        Used in messages and pictures.
+    decomposition : {"auto", "exact", "coacd"}
+        See `Body.from_mesh`.
+
+    Raises
+    ------
+    InputError
+        For anything else, and for surfaces that bound no solid, see `Body.from_mesh`.
+    """
+    if isinstance(x, Body):
+        return x
+    library = {kind.__module__.partition(".")[0] for kind in type(x).__mro__}
+    if "coal" in library and hasattr(x, "convexHull"):
+        return Body.convex(np.array(x.points()), seed=seed, name=name)
+    if "coal" in library and hasattr(x, "tri_indices"):
+        triangles = map(x.tri_indices, range(x.num_tris))
+        faces: Any = [(own[0], own[1], own[2]) for own in triangles]  # coal's triangles have three entries, but no end
+        vertices = np.array(x.vertices())
+    elif "trimesh" in library and hasattr(x, "faces"):
+        vertices, faces = np.array(x.vertices), np.array(x.faces)
+    elif isinstance(x, tuple | list) and len(x) == 2:
+        vertices, faces = x
+    else:
+        what = f"cannot be made a body: {type(x).__module__}.{type(x).__qualname__}"
+        hint = "; for a file Body.from_file(path, unit=...)" if isinstance(x, str) or hasattr(x, "__fspath__") else ""
+        raise InputError(what, key=f"body '{name}'", allowed=KNOWN_SOLIDS + hint)
+    return Body.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=name)
 
 
 IDENTITY = frozen(np.eye(4))

@@ -14,8 +14,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.polygons import between, by_size, widths
-from fcdm_opt.geometry.sides import Polygon, Sides, components
+from fcdm_opt.geometry.polygons import Polygon, Sides, between, by_size, components, widths
 
 SHOWN = 3  # places that a message names
 

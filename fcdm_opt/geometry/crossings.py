@@ -16,8 +16,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.polygons import clipped
-from fcdm_opt.geometry.sides import Sides
+from fcdm_opt.geometry.polygons import Sides, clipped
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, relative to the lengths
 BLOCK = 1 << 18  # pairs looked at together

@@ -13,12 +13,10 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.approximate import approximate
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
-from fcdm_opt.geometry.cover import cover, is_star_shaped
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import cross, norms, volume_and_centroid
-from fcdm_opt.geometry.partition import RULES, Rule, merged, partition
-from fcdm_opt.geometry.polygons import area, coplanar, normals_of
-from fcdm_opt.geometry.sides import Sides, components, fans
+from fcdm_opt.geometry.partition import RULES, Rule, cover, is_star_shaped, merged, partition
+from fcdm_opt.geometry.polygons import Sides, area, components, coplanar, fans, normals_of
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.tolerances import DEFAULT
 

@@ -9,8 +9,11 @@ their polygons into fans, wrong unless convex, and number an OBJ file's vertices
 from __future__ import annotations
 
 import io
+import os
+import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -19,9 +22,9 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, Array
-from fcdm_opt.geometry.flattening import flattened
+from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.sides import Polygon
+from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.tolerances import DEFAULT
 
 NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000, "in": 25_400_000, "ft": 304_800_000}
@@ -176,23 +179,17 @@ def _ply(data: bytes) -> Drawn:
 
 def _glb(data: bytes) -> Drawn:
     # a mirror turns the faces' winding round
-    turned = ((mesh, T, mesh.faces[:, ::-1] if np.linalg.det(T[:3, :3]) < 0 else mesh.faces) for mesh, T in scene(data))
-    return _together([(mesh.vertices @ T[:3, :3].T + T[:3, 3], faces) for mesh, T, faces in turned])
+    placed = [(mesh, T, -1 if np.linalg.det(T[:3, :3]) < 0 else 1) for mesh, T in _scene(data)]
+    return _together([(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces[:, ::way]) for mesh, T, way in placed])
 
 
-def scene(data: bytes) -> list[tuple[Any, Array]]:
+def _scene(data: bytes) -> list[tuple[Any, Array]]:
     """Return the meshes of a GLB file and the 4x4 transform that places each."""
     from trimesh import Trimesh, load_scene
 
     loaded = _quietly(load_scene, io.BytesIO(data), file_type="glb", process=False)
     placed = [(loaded.geometry[name], T) for T, name in map(loaded.graph.get, loaded.graph.nodes_geometry)]
     return [(mesh, T) for mesh, T in placed if isinstance(mesh, Trimesh)]
-
-
-def _step(data: bytes) -> Drawn:
-    from fcdm_opt.geometry.step import read_step
-
-    return _together(read_step(data))
 
 
 def _together(meshes: Sequence[tuple[Any, Any]]) -> Drawn:
@@ -203,6 +200,76 @@ def _together(meshes: Sequence[tuple[Any, Any]]) -> Drawn:
         faces += [tuple(row) for row in (np.asarray(rows, np.int64) + count).tolist()]
         count += len(own)
     return np.concatenate(vertices), faces
+
+
+# ----------------------------------------------------------------------------------------------------------------- STEP
+
+
+def _step(data: bytes) -> Drawn:
+    """Return vertices, in metres, and triangles of the solids in a STEP file; plane faces are exact.
+
+    Raises
+    ------
+    InputError
+        Without cascadio; says what to install.
+    ValueError
+        For a file that is not complete.
+    """
+    try:
+        import cascadio
+    except ImportError as reason:
+        raise InputError("STEP files need cascadio: pip install 'fcdm_opt[step]'", found=str(reason)) from reason
+    if not data.lstrip().startswith(b"ISO-10303-21"):
+        raise ValueError("it does not begin with 'ISO-10303-21'")
+    if b"END-ISO-10303-21" not in data:
+        raise ValueError("it ends without 'END-ISO-10303-21'")
+    with _messages_to_stderr():
+        glb = cascadio.load(
+            data,
+            tol_linear=DEFAULT.tessellation,
+            tol_angular=DEFAULT.tessellation_turn,
+            tol_relative=True,
+            use_parallel=False,
+            include_brep=True,
+            brep_types={"plane"},
+        )
+    if not glb:
+        raise ValueError("no shape can be made of it")
+    return _together([(_sharpened(mesh) @ T[:3, :3].T + T[:3, 3], mesh.faces) for mesh, T in _scene(glb)])
+
+
+def _sharpened(mesh: Any) -> Array:
+    """Return vertices of a mesh moved, within single precision, onto the planes of the faces around them."""
+    vertices = np.array(mesh.vertices)
+    planes = mesh.metadata.get("cascadio", {}).get("brep_primitives", [])
+    owner = mesh.face_attributes.get("brep_index")
+    if owner is None or not any(planes):
+        return vertices
+    slack = 8 * float(np.finfo(np.float32).eps) * np.abs(vertices).max(initial=0.0)
+    distinct, same = np.unique(vertices, axis=0, return_inverse=True)
+    known = np.array([k < len(planes) and planes[k] is not None for k in owner.tolist()])
+    pairs = np.column_stack([same.reshape(-1)[mesh.faces[known]].ravel(), np.repeat(owner[known], 3)])
+    corner, plane = np.unique(pairs, axis=0).T
+    normals, origins = (np.array([getattr(planes[k], name) for k in plane.tolist()]) for name in ("normal", "origin"))
+    misses = ((origins - distinct[corner]) * normals).sum(axis=1)
+    near = np.abs(misses) <= slack
+    moved = onto_planes(distinct, corner[near], normals[near], misses[near])
+    far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
+    moved[far] = distinct[far]
+    return moved[same.reshape(-1)]
+
+
+@contextmanager
+def _messages_to_stderr() -> Iterator[None]:
+    """Send what the library prints to the error stream: standard output may be a program's result."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        os.dup2(2, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 # ---------------------------------------------------------------------------------------------------------------- text

@@ -13,8 +13,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.polygons import by_size, coplanar
-from fcdm_opt.geometry.sides import Polygon, Sides, components
+from fcdm_opt.geometry.polygons import Polygon, Sides, by_size, components, coplanar
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 100  # two are enough unless more than three faces meet at a corner

@@ -12,9 +12,8 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints
-from fcdm_opt.geometry.corners import needless
 from fcdm_opt.geometry.measures import cross, norms, units
-from fcdm_opt.geometry.sides import Sides, components
+from fcdm_opt.geometry.polygons import Sides, components
 from fcdm_opt.tolerances import DEFAULT
 
 
@@ -69,7 +68,7 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     if np.bincount(triangles.ravel(), minlength=len(points)).min() == 0:
         first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
         triangles = first[same.ravel()][triangles]
-    while (dropped := needless(local, triangles, normals)).size:
+    while (dropped := _needless(local, triangles, normals)).size:
         kept = np.setdiff1d(triangles, dropped)
         triangles, normals = _triangulated(local, kept, frame, key)
     corners, sizes = _faces(local, triangles, key)
@@ -253,3 +252,40 @@ def _tuples(corners: Ints, sizes: Ints) -> tuple[tuple[int, ...], ...]:
         return tuple(map(tuple, corners.reshape(-1, 3).tolist()))
     flat, ends = corners.tolist(), np.cumsum(sizes).tolist()
     return tuple(tuple(flat[end - size : end]) for end, size in zip(ends, sizes.tolist(), strict=True))
+
+
+# ----------------------------------------------------------------------------------------------- corners that are none
+
+
+def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:
+    """Return corners within `planarity` of the hull of the others, no two of them neighbours; late ones first."""
+    count = len(local)
+    origin, end = triangles.T.ravel(), triangles[:, [1, 2, 0]].T.ravel()
+    sums = units(np.column_stack([np.bincount(origin, np.tile(n, 3), count) for n in normals.T]))
+    # one plane across the mean normal proves nearly every corner: of all other points a neighbour is the highest
+    steps = local[origin] - local[end]
+    margin = np.full(count, np.inf)
+    np.minimum.at(margin, origin, (sums[origin] * steps).sum(axis=1))
+    np.minimum.at(margin, end, -(sums[end] * steps).sum(axis=1))
+    doubtful = np.flatnonzero(margin <= DEFAULT.planarity)
+    if not doubtful.size:
+        return doubtful
+    both = np.concatenate([np.column_stack([origin, end]), np.column_stack([end, origin])])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    first = np.searchsorted(both[:, 0], np.arange(count + 1))
+    dropped = np.zeros(count, bool)
+    for vertex in doubtful[::-1]:
+        around = np.unique(both[first[vertex] : first[vertex + 1], 1])
+        if not dropped[around].any() and _near_hull(local[around] - local[vertex]):
+            dropped[vertex] = True
+    return np.flatnonzero(dropped)
+
+
+def _near_hull(points: Array) -> bool:
+    """Tell whether the origin lies within `planarity` of the hull of points."""
+    from scipy.optimize import nnls
+
+    # non-negative weights that make the point and their sum come near 0 and 1: over their sum, the nearest point's
+    size = norms(points).max()
+    weights, _ = nnls(np.vstack([points.T / size, np.ones(len(points))]), np.array([0.0, 0.0, 0.0, 1.0]))
+    return bool(norms(weights @ points) <= DEFAULT.planarity * weights.sum())

@@ -18,8 +18,7 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Ints, checked_corners, fro
 from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
-from fcdm_opt.geometry.polygons import triangulated
-from fcdm_opt.geometry.sides import Polygon, Sides, components
+from fcdm_opt.geometry.polygons import Polygon, Sides, components, triangulated
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:

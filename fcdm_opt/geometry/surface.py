@@ -11,8 +11,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.polygons import area, hold, inside
-from fcdm_opt.geometry.sides import Sides, components
+from fcdm_opt.geometry.polygons import Sides, area, components, hold, inside
 from fcdm_opt.tolerances import DEFAULT
 
 Rows = tuple[int, ...]

@@ -10,8 +10,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.hull import Hull
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
-from fcdm_opt.geometry.polygons import area, between, clipped, hold, inside, normals_of, triangulated
-from fcdm_opt.geometry.sides import components, fans
+from fcdm_opt.geometry.polygons import area, between, clipped, components, fans, hold, inside, normals_of, triangulated
 from fcdm_opt.geometry.surface import Surface, label, straightened
 from fcdm_opt.tolerances import DEFAULT
 

@@ -189,11 +189,11 @@ def whole_curve(pair: Pair, transform: Array) -> tuple[ExactCurve, tuple[ExactSt
 
 
 def _prove(pair: Pair, transform: Array, curve: ExactCurve, points: Sequence[Point]) -> None:
-    from fcdm_opt.curve.exact import proves
+    from fcdm_opt_benchmarks.references.proofs import judged, proves
 
     one, two = parts_of(pair)
     for point in points:
-        verdict = curve.judge(point)
+        verdict = judged(curve, point)
         if verdict.side != 0 or not proves(one, two, transform, point, verdict):
             raise FcdmError(f"the exact reference is not proved at ({as_float(point[0])!r}, {as_float(point[1])!r})")
 

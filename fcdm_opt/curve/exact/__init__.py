@@ -2,22 +2,17 @@
 
     curve = exact_curve(one, two, transform)      # two ConvexPart, a 4x4 array taken as given
     curve.status, curve.chains, curve.proof       # chains of ExactPiece and ExactCorner, overlap on the left
-    curve.side(rho), curve.judge(rho)             # which side of the curve a scale pair lies on, with its proof
-    proves(one, two, transform, rho, verdict)     # the check of such a proof, from nothing but the vertices
+    curve.side(rho), curve.separation(rho)        # which side of the curve a scale pair lies on, and how far off
 
 Only the vertices are used: no hull, no normals, no kernels. The scale pairs at which two parts meet are the projective
 image of a polygon, the shadow of a linear program's solutions; its edges in the open quadrant are the curve.
 
 rationals   integers and rationals, to and from floats
-program     the linear program of two parts: its columns, and their pricing
-simplex     bases, pivots, phase one
-shadow      the polygon of all scale pairs that meet, corner by corner
-weights     which vertices carry a contact
-proof       a verdict on a scale pair, and its check
+program     the linear program of two parts: columns, pricing, bases, pivots, phase one
+shadow      the polygon of all scale pairs that meet, corner by corner; which vertices carry a contact
 curve       what they come to: pieces, corners, chains
 """
 
 from fcdm_opt.curve.exact.curve import ExactChain, ExactCorner, ExactCurve, ExactPiece, exact_curve
-from fcdm_opt.curve.exact.proof import Verdict, proves
 
-__all__ = ["ExactChain", "ExactCorner", "ExactCurve", "ExactPiece", "Verdict", "exact_curve", "proves"]
+__all__ = ["ExactChain", "ExactCorner", "ExactCurve", "ExactPiece", "exact_curve"]

@@ -12,10 +12,8 @@ import numpy as np
 from flint import fmpq, fmpz
 
 from fcdm_opt.curve.exact.program import Program
-from fcdm_opt.curve.exact.proof import Verdict
 from fcdm_opt.curve.exact.rationals import Number, Vector, length, over_length, quotient, scale_pair
-from fcdm_opt.curve.exact.shadow import Edge, Shadow
-from fcdm_opt.curve.exact.weights import touching_along, touching_at_end, witness
+from fcdm_opt.curve.exact.shadow import Edge, Shadow, touching_along, touching_at_end
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 
@@ -143,12 +141,14 @@ class ExactCurve:
     chains : tuple of ExactChain
     proof : (3,) tuple of fmpz, or None
         Where empty: a direction n with a <= 0, b <= 0 and c >= 0, which no scale pair overcomes.
+    shadow : Shadow
+        The region as the shadow of a linear program.
     """
 
     status: Literal["bounded", "empty", "full"]
     chains: tuple[ExactChain, ...]
     proof: Vector | None
-    _shadow: Shadow = field(repr=False)
+    shadow: Shadow = field(repr=False)
 
     @property
     def pieces(self) -> list[ExactPiece]:
@@ -165,17 +165,11 @@ class ExactCurve:
         """
         point = scale_pair(rho)
         if self.status == "empty":
-            return int(self._widest(point)[0] < 0)
+            return int(self.widest(point)[0] < 0)
         if self.status == "full":
             return -1
         widest = max(piece.separation(point) for piece in self.pieces)
         return (widest > 0) - (widest < 0)
-
-    def judge(self, rho: Sequence[Number]) -> Verdict:
-        """Return the side of a scale pair with its proof."""
-        point, side = scale_pair(rho), self.side(rho)
-        direction = self._widest(point)[1] if side >= 0 else None
-        return Verdict(side, direction, *(witness(self._shadow, point) if side <= 0 else ({}, {})))
 
     def separation(self, rho: Sequence[Number]) -> float:
         """Return the largest separation along the curve's own lines, in lengths, rounded once.
@@ -186,16 +180,16 @@ class ExactCurve:
         if self.status != "empty":
             values = [over_length(piece.separation(point), piece._length) for piece in self.pieces]
             return max(values, default=-math.inf)
-        least, n = self._widest(point)
+        least, n = self.widest(point)
         if least >= 0:
             return 0.0
-        program = self._shadow.program
+        program = self.shadow.program
         a, b, c = program.line(program.levels(n))
         return over_length(c - a * point[0] - b * point[1], length(n))
 
-    def _widest(self, point: tuple[fmpq, fmpq]) -> tuple[fmpz, Vector]:
+    def widest(self, point: tuple[fmpq, fmpq]) -> tuple[fmpz, Vector]:
         """Return the half-plane that a scale pair is least inside of, its value and its direction."""
-        half_planes = self._shadow.half_planes(self._shadow.program.point(point))
+        half_planes = self.shadow.half_planes(self.shadow.program.point(point))
         return min(half_planes, key=lambda found: found[0])
 
 

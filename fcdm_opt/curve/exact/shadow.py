@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 from flint import fmpz
 
-from fcdm_opt.curve.exact.program import Program
-from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, coprime, cross, dot
-from fcdm_opt.curve.exact.simplex import Basis, phase_one
+from fcdm_opt.curve.exact.program import Basis, Program, phase_one
+from fcdm_opt.curve.exact.rationals import ONE, ZERO, Vector, affine_rank, coprime, cross, dot, dot4
 
 _AXES = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
 
@@ -143,3 +142,73 @@ class Shadow:
         own, other = dot(k, z), dot(k, point)
         objective: Sequence[fmpz] = [u * other * x - v * own * x for u, v, x in zip(z, point, k, strict=True)]
         return self.start.basis.maximised(objective).dual(objective)[0]
+
+
+# ------------------------------------------------------------------------------------------------------ what can touch
+#
+# Along an edge, or at a corner, the linear program has many solutions. A vertex of a part belongs to the smallest face
+# that touches there iff some solution puts weight on it (strict complementarity). So solutions that do are looked for,
+# among the columns that the contact line is tight at.
+
+
+def touching_along(edge: Edge) -> set[int]:
+    """Return the columns that carry weight in some solution along an edge."""
+    return _touching([edge.start.basis, edge.end.basis, edge.basis], edge.tight)
+
+
+def touching_at_end(edge: Edge) -> set[int]:
+    """Return the columns that carry weight in some solution at the vertex in which an edge ends."""
+    basis = edge.end.basis
+    kind, column = basis.program.kind, basis.program.column
+    fixed = [  # columns that leave z as it is
+        j
+        for j in edge.tight
+        if j in basis.basic
+        or all(dot4(row, column(j)) == (basis.det if kind(j) == own else 0) for own, row in enumerate(basis.sums))
+    ]
+    return _touching([basis], fixed)
+
+
+def _touching(bases: Sequence[Basis], tight: Sequence[int]) -> set[int]:
+    """Return the columns that carry weight in some solution that uses tight columns only; those of the last are."""
+    last = bases[-1].program.total - 1
+    carrying = {j for basis in bases for j in basis.carrying}
+    while True:
+        carrying |= _filled(bases[-1], carrying, tight)
+        rest = [j for j in tight if j not in carrying and j != last]
+        more = _loaded(bases[-1], set(rest), tight) if rest else set()
+        if not more:
+            return carrying
+        carrying |= more
+
+
+def _filled(basis: Basis, carrying: set[int], tight: Sequence[int]) -> set[int]:
+    """Return the faces that columns of theirs span all of: a point inside a face is a mean of all its vertices."""
+    filled: set[int] = set()
+    column = basis.program.column
+    for kind in (0, 1):
+        face = [j for j in tight if basis.program.kind(j) == kind]
+        own = [j for j in face if j in carrying]
+        if own and len(own) < len(face):
+            spans = [affine_rank([column(j)[:3] for j in some]) for some in (own, face)]
+            if spans[0] == spans[1]:
+                filled.update(face)
+    return filled
+
+
+def _loaded(basis: Basis, wanted: set[int], tight: Sequence[int]) -> set[int]:
+    """Return the columns of a solution that puts weight on one of `wanted`, none if there is no such solution."""
+    column, basis = basis.program.column, basis.restarted()
+    while True:
+        h = [ZERO] * 4
+        for j, row in zip(basis.basic, basis.rows, strict=True):
+            if j in wanted:
+                h = [u + v for u, v in zip(h, row, strict=True)]
+        gains = [((basis.det if j in wanted else ZERO) - dot4(h, column(j)), j) for j in tight if j not in basis.basic]
+        gain, entering = max(gains, default=(ZERO, -1))
+        if not gain > 0:
+            return set()
+        basis = basis.pivoted(entering)
+        carrying = set(basis.carrying)
+        if carrying & wanted:
+            return carrying

@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpq_mat, fmpz
 
-from fcdm_opt.curve.exact import ExactCurve, exact_curve, proves
+from fcdm_opt.curve.exact import ExactCurve, exact_curve
 from fcdm_opt.curve.exact.rationals import coprime, cross, dot, minus, rational
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.elements import Elements
 from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.references.proofs import judged, proves
 
 DIGITS = 30  # of the numbers that are recorded
 FEW = 10  # points of a part: with more of them the depth is not worked out, their differences are too many
@@ -107,7 +108,7 @@ class ScaledParts:
 
     def side(self) -> int:
         """Return 1 apart, 0 touching, -1 overlapping, proved."""
-        verdict = self.curve.judge(self.rho)
+        verdict = judged(self.curve, self.rho)
         if not proves(self.one, self.two, self.transform, self.rho, verdict):
             raise ArithmeticError("the verdict on a hard case could not be proved")
         return verdict.side
@@ -115,7 +116,7 @@ class ScaledParts:
     def touches_at(self, rho2: fmpq) -> bool:
         """Whether the parts touch at another scale of part 2, proved."""
         pair = self.rho[0], rho2
-        verdict = self.curve.judge(pair)
+        verdict = judged(self.curve, pair)
         return verdict.side == 0 and proves(self.one, self.two, self.transform, pair, verdict)
 
     @cached_property
