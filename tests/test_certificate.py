@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cases import ONE_LINE, OneLine
 from contact_truth import exact_gap, exact_meeting
+from ordinary import box, problems
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
@@ -19,21 +19,15 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Certificate, Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 NOMINAL = {  # published features of SW3 and SW1
     "example1": ("F1V2(P1V1,V3,V4,V6; P2V2)", "E1E2(P1V1,V4; P2V1,V2)"),
     "example2": ("V1F2(P1V5; P2V4,V5,V10,V11)", "V1F2(P1V4; P2V3,V4,V9,V10)"),
 }
 CASES = [(file, case) for file in NOMINAL for case in "ABCD"]
-
-
-@cache
-def problems(file: str) -> dict[str, Problem]:
-    return {problem.name: problem for problem in load_problems(PROBLEMS / f"{file}.toml")}
 
 
 def stated(problem: Problem, gap: float) -> str:
@@ -227,11 +221,6 @@ def test_a_rejected_solution_is_not_usable_and_an_accepted_one_is() -> None:
 
 
 # ----------------------------------------------------------------------------------------------- scenes in closed form
-
-
-def box(low: Any, high: Any, seed: Any = None, name: str = "box") -> Body:
-    corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)], dtype=np.float64)
-    return Body.convex(corners, seed=corners.mean(axis=0) if seed is None else seed, name=name)
 
 
 def test_a_ray_through_a_bump_is_incoherent() -> None:

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import PROBLEMS, problems
 from scripts import loaded
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.geometry.files import mesh_formats
-from fcdm_opt.problem.problem import GOALS, SIGNS, Problem
+from fcdm_opt.problem.problem import GOALS, SIGNS
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 SOLVED = ("peg_square", "peg_tapered", "peg_hexagon", "dovetail", "keyway", "lid", "gears", "nut", "bracket")
 IMPOSSIBLE = ("keyway_jammed", "bracket_stuck")  # and peg_square_tight, on the command line
 CLOSED_FORM = 1e-9  # of lengths and angles of order one; a nominal pair given to seven digits costs 3e-11
@@ -43,11 +42,6 @@ VOLUMES = {
 
 def maker() -> Any:
     return loaded(PROBLEMS / "make_meshes.py")
-
-
-@cache
-def problems(name: str) -> dict[str, Problem]:
-    return {problem.name: problem for problem in fo.load_problems(PROBLEMS / f"{name}.toml")}
 
 
 def run(*arguments: object) -> Any:
