@@ -50,7 +50,7 @@ def test_ribs_and_their_clearance_cost_what_the_formulas_say():
 
 
 def test_a_clearance_of_the_pair_costs_itself():
-    found = costs("dovetail.toml", "room to slide")
+    found = costs("dovetail", "room to slide")
     (clearance,) = found.rows
     assert (clearance.saving, clearance.estimate) == pytest.approx((0.25, 0.25), abs=1e-9)
     assert clearance.rate == pytest.approx(1.0, abs=1e-9)
@@ -58,7 +58,7 @@ def test_a_clearance_of_the_pair_costs_itself():
 
 
 def test_other_goals_are_rows_of_their_own():
-    found = costs("example1.toml", "B")
+    found = costs("example1", "B")
     goals = rows(found)
     assert [row.name for row in found.goals] == ['goal "clear"', 'goal "touch"', 'goal "at"']  # by what they save
     for name, goal in (('goal "touch"', "touch"), ('goal "at"', "at")):
@@ -71,7 +71,7 @@ def test_other_goals_are_rows_of_their_own():
 
 
 def test_a_goal_without_a_motion_stands_last_with_its_status():
-    found = costs("keyway.toml", "C bottom and wall at once")
+    found = costs("keyway", "C bottom and wall at once")
     last = found.goals[-1]
     assert math.isnan(last.amount)
     assert not last.status.found
@@ -197,7 +197,7 @@ def test_the_table_says_what_was_changed_and_what_that_saves(capsys: pytest.Capt
     assert ["drop", "keep-out", "'ribs'", "2", "0.5", "0.9", "verified"] in [row.split() for row in text.splitlines()]
     assert "below 0 saved: the motion gets larger" in text
     assert '"foretold"' in text
-    print_costs(costs("keyway.toml", "C bottom and wall at once"))  # some other goal has no motion
+    print_costs(costs("keyway", "C bottom and wall at once"))  # some other goal has no motion
     text = capsys.readouterr().out
     assert "impossible" in text or "no motion found" in text
     assert "NOT_FOUND" not in text
