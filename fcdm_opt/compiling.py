@@ -34,6 +34,8 @@ from numba import types
 from numba.core import config as numba_config
 from numba.core import event
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
@@ -43,6 +45,8 @@ config: Any = numba_config
 _Dispatcher: Any = CPUDispatcher
 _Format: Any = CompileResultCacheImpl
 _Files: Any = FunctionCache
+_Library: Any = JITCodeLibrary
+_Passes: Any = Compiler
 
 # no fastmath, as NaN and the order of sums matter; no bounds checks; "numpy" division: nothing tests for zero twice
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
@@ -66,9 +70,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     """
     if config.DISABLE_JIT:
         return function
-    inner = function.__name__.startswith("_")
-    made = (_Inner if inner else _Compiled)(function, targetoptions=_INNER if inner else _OPTIONS)
-    made.keeps = True
+    if function.__name__.startswith("_"):
+        made = _Inner(function, targetoptions=_INNER, pipeline_class=_Within)
+    else:
+        made = _Compiled(function, targetoptions=_OPTIONS)
+        made.keeps = True
     _ALL[made] = None
     return made
 
@@ -82,7 +88,7 @@ def light(made: Any) -> Any:
 
 def step(function: Callable[..., Any]) -> Any:
     """Compile a function into every kernel that calls it: handing over arrays costs more than most steps take."""
-    return function if config.DISABLE_JIT else _Inner(function, targetoptions=_STEP)
+    return function if config.DISABLE_JIT else _Inner(function, targetoptions=_STEP, pipeline_class=_Within)
 
 
 class _Compiled(_Dispatcher):
@@ -164,20 +170,39 @@ class _Compiled(_Dispatcher):
 
 
 class _Inner(_Compiled):
-    """One that kernels call."""
+    """One that kernels call: taken into the code of each of them, so that there is none of its own to make or keep."""
 
     def add_overload(self, made: Any) -> None:
         """Register a version for kernels alone."""
+        made = made._replace(entry_point=object())  # a name that is its own
+        self.targetctx.insert_user_function(made.entry_point, made.fndesc, [made.library])
         self.overloads[tuple(made.signature.args)] = made
 
     def _register(self, made: Any) -> None:
-        """Leave it to be taken into the code of those that call it."""
+        """Leave it as it is registered."""
 
     def _needed_for(self, args: tuple[Any, ...]) -> Needed:
         return self.needed[args]
 
     def _compile_for_args(self, *_: Any, **__: Any) -> Any:
         return _written(self)
+
+
+class _Instructions(_Library):
+    """Code for others to take in, of which no machine code is made."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _Within(_Passes):
+    """The passes that compile what is taken into others."""
+
+    def __init__(self, types_: Any, target: Any, library: Any, args: Any, result: Any, flags: Any, names: Any) -> None:
+        super().__init__(types_, target, library, args, result, flags, names)
+        self.state.library = _Instructions(target.codegen(), "within")
+        self.state.flags.no_compile = True
 
 
 def _plain(type_: Any) -> Any:

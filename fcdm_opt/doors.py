@@ -13,11 +13,11 @@ def upper(place: str) -> Any:
 
 
 class Shown:
-    """Base of the results that notebooks show as a card, see `fcdm_opt.show.notebook`."""
+    """Base of the results that notebooks show as a card, see `fcdm_opt.show.cards`."""
 
     __slots__ = ()
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook."""
-        made: str = upper("show.notebook:card_of")(self)
+        made: str = upper("show.cards:card_of")(self)
         return made

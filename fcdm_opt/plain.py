@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from enum import Enum
 from types import UnionType
@@ -12,6 +12,9 @@ from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
 import numpy as np
 
 from fcdm_opt.errors import InputError
+
+DIGITS = 9
+"""Significant digits of what is only drawn: far finer than any screen, and half the length of a float."""
 
 
 class Plain:
@@ -40,22 +43,35 @@ class Plain:
             raise InputError(f"not the plain data of a {cls.__name__}", found=str(reason)) from reason
 
 
-def plain(value: Any) -> Any:
+def plain(value: Any, infinite: Callable[[float], Any] = str) -> Any:
     """Return a value as JSON has it: None for nan, "inf" or "-inf" in words, a member of an enum by its name."""
     if isinstance(value, float):
-        return None if math.isnan(value) else float(value) if math.isfinite(value) else str(float(value))
+        return None if math.isnan(value) else float(value) if math.isfinite(value) else infinite(float(value))
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if isinstance(value, np.ndarray | np.generic):
-        finite = value.dtype.kind != "f" or np.isfinite(value).all()
-        return value.tolist() if finite else plain(value.tolist())
+        known = value.dtype.kind != "f" or np.isfinite(value).all()
+        return value.tolist() if known else plain(value.tolist(), infinite)
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):
-        return {str(name): plain(inner) for name, inner in value.items()}
+        return {str(name): plain(inner, infinite) for name, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
+        return [plain(inner, infinite) for inner in value]
     return value.name if isinstance(value, Enum) else value
+
+
+def finite(value: Any) -> Any:
+    """Return a value as `plain` does, and None for every number that JSON does not have."""
+    return plain(value, lambda number: None)
+
+
+def drawn(value: Any) -> Any:
+    """Return arrays and lists of numbers as JSON has them, floats to `DIGITS` digits."""
+    value = finite(value)
+    if isinstance(value, list):
+        return [drawn(item) for item in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def _read(kind: Any, told: Any) -> Any:

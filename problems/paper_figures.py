@@ -24,9 +24,11 @@ from fcdm_opt.show.plots import (
     listed,
     name_curve,
     name_sides,
+    pieces,
     plane,
+    reaching,
+    window,
 )
-from fcdm_opt.show.scales import pieces, reaching, window
 from fcdm_opt.show.scene import ShownPair, draw_directions, draw_scene
 from fcdm_opt.show.texts import motion_text
 

@@ -11,7 +11,7 @@ import pytest
 from ordinary import box, problems
 
 from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, budget
-from fcdm_opt.design.whatif.nested import Order, order
+from fcdm_opt.design.whatif.fitting import Order, order
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation

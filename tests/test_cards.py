@@ -17,7 +17,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.solution import Check
-from fcdm_opt.show.notebook.cards import Card, curve_card
+from fcdm_opt.show.cards import Card, curve_card
 from fcdm_opt.show.texts import number
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -15,7 +15,7 @@ from fcdm_opt.design.whatif.compare import Comparison, FamilyRow, _checked, comp
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Free, Rotation, Translation
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show.design_tables import print_comparison
+from fcdm_opt.show.tables import print_comparison
 
 SLACK = 1e-7  # relative: of amounts that stages find by different ways
 
@@ -144,7 +144,7 @@ def test_a_family_found_dearer_than_its_part_is_told() -> None:
 def test_bounds_are_told_where_certified() -> None:
     motions = [Translation("x"), Translation("x") >> Rotation("z")]
     found = compare(boxes(), motions, certify=True)
-    for row in found.rows():
+    for row in found.to_dict()["rows"]:
         assert 0.99 * row["amount"] <= row["lower_bound"] <= row["amount"] * (1 + 1e-9)
     one, two = (next(row for row in found.table if row.motion is motion) for motion in motions)
     assert two.solution is not None

@@ -1,6 +1,7 @@
 """Compensation maps against closed forms and against solving single pairs of sizes."""
 
 import json
+import os
 from functools import cache
 
 import numpy as np
@@ -110,11 +111,41 @@ def test_a_map_survives_json_and_csv(tmp_path):
     again = CompensationMap.read(tmp_path / "map.json")
     assert json.dumps(again.to_dict()) == json.dumps(found.to_dict())
     found.to_csv(tmp_path / "map.csv")
-    rho = pairs(found, 50, 5)
-    table = type(found.table).read(tmp_path / "map.csv")
-    assert (table.at(*rho.T).amount == found.at(*rho.T).amount).all()
+    assert len((tmp_path / "map.csv").read_text().splitlines()) == 1 + len(found.table)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map-regions.csv", "map.csv", "map.json"]
     assert len((tmp_path / "map-regions.csv").read_text().splitlines()) == 1 + len(found.regions)
+    with pytest.raises(InputError, match=r"map\.csv: not JSON"):
+        CompensationMap.read(tmp_path / "map.csv")
+    for wrong in (found.table.to_dict(), {**found.to_dict(), "table": {}}):
+        (tmp_path / "map.json").write_text(json.dumps(wrong))
+        with pytest.raises(InputError, match=r"map\.json: not (a compensation map|the plain data of a Table)"):
+            CompensationMap.read(tmp_path / "map.json")
+
+
+def test_no_half_written_file_is_left_and_others_may_read_it(tmp_path, monkeypatch):
+    """Written files had the rights of temporary ones: nobody else could read them."""
+    found, path = slab_map("clear"), tmp_path / "map.json"
+    before = os.umask(0o022)
+    try:
+        found.to_json(path)
+    finally:
+        os.umask(before)
+    assert path.stat().st_mode & 0o777 == 0o644
+    text = path.read_text()
+
+    def full(source, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    for write in (found.to_json, found.to_csv):
+        with pytest.raises(InputError, match="No space left"):
+            write(path)
+    assert [own.name for own in tmp_path.iterdir()] == ["map.json"]
+    assert path.read_text() == text
+    with pytest.raises(InputError, match="cannot be written"):
+        found.to_json(tmp_path / "none" / "map.json")
+    with pytest.raises(InputError, match=r"other\.json"):
+        CompensationMap.read(tmp_path / "other.json")
 
 
 def test_a_spent_budget_is_told():

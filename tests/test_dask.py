@@ -229,7 +229,7 @@ def test_workers_of_another_version_are_refused(monkeypatch: pytest.MonkeyPatch)
             with pytest.raises(InputError, match=reason):
                 workers("dask", None, cluster.scheduler_address, limit=None).__enter__()
         with monkeypatch.context() as patch:
-            patch.setattr("fcdm_opt.version.__version__", "0.0.9")  # as if the workers had joined since
+            patch.setattr("fcdm_opt.design.study.running.__version__", "0.0.9")  # as if the workers had joined since
             with (
                 pytest.raises(InputError, match=reason),
                 workers("dask", None, cluster.scheduler_address, limit=None, work=fragile) as answers,

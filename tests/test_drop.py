@@ -19,7 +19,7 @@ from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.show.design_tables import print_costs
+from fcdm_opt.show.tables import print_costs
 from fcdm_opt.solver import solve
 
 X, Y = Translation("x"), Translation("y")

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from fcdm_opt import load_problems, solve
 from fcdm_opt.cli import app, starting
-from fcdm_opt.design.schemas import DIALECT, KINDS, json_schema
+from fcdm_opt.design.study.schema import DIALECT, KINDS, json_schema
 from fcdm_opt.drafting.choice import TOLERANCE
 from fcdm_opt.drafting.draft import draft
 from fcdm_opt.drafting.situation import Situation

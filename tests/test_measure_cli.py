@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fcdm_opt.cli import app
-from fcdm_opt.cli.common import BAD_INPUT
+from fcdm_opt.cli.guarding import BAD_INPUT
 from fcdm_opt.errors import InputError
 from fcdm_opt_benchmarks import record
 from fcdm_opt_benchmarks.chart import bench

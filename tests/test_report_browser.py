@@ -15,7 +15,7 @@ from test_report_study import TAUS, result
 from fcdm_opt.design.study.point import row
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show.report.study_page import study_page
+from fcdm_opt.show.report.page import study_page
 
 CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parent.parent / "problems"

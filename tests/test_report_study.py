@@ -17,8 +17,8 @@ from fcdm_opt.design.study.point import row
 from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.errors import InputError
 from fcdm_opt.show import rendering
-from fcdm_opt.show.report import study_page as module
-from fcdm_opt.show.report.study_page import study_page
+from fcdm_opt.show.report import page as module
+from fcdm_opt.show.report.page import study_page
 
 HOSTILE = r"</script><b>bold & 'quoted' $\frac$ $x$"
 TAUS = [0.01, 0.02, 0.03, 0.04]

@@ -15,8 +15,7 @@ from jsonschema import Draft7Validator, Draft202012Validator
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
-from fcdm_opt.design.schemas import json_schema
-from fcdm_opt.design.study.schema import StudyFile
+from fcdm_opt.design.study.schema import StudyFile, json_schema
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.schema import checked

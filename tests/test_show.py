@@ -17,10 +17,9 @@ from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
-from fcdm_opt.show.lettering import Sheet, fitted
+from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scales import clipped
-from fcdm_opt.show.scene import scene_figure, true_edges
+from fcdm_opt.show.scene import ShownPair, scene_figure, true_edges
 
 TITLE = "Example (reconstruction)"
 
@@ -50,10 +49,7 @@ def draw(kind: str, example: int, name: str) -> Any:
         return before_after_figure(asked, solution, title=TITLE, caption="a caption")
     moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
     return scene_figure(
-        asked.movable,
-        asked.static,
-        rho=solution.rho,
-        transform=solution.transform,
+        ShownPair.of(asked.movable, asked.static, rho=solution.rho, transform=solution.transform),
         features=solution.features,
         contacts=moved.contact_points(solution.rho),
         title=TITLE,
@@ -88,12 +84,12 @@ def test_drawing_leaves_the_global_plotting_state_alone() -> None:
         import sys, tempfile, matplotlib
         from fcdm_opt.geometry.bodies import Body
         from fcdm_opt.show import save
-        from fcdm_opt.show.scene import scene_figure
+        from fcdm_opt.show.scene import ShownPair, scene_figure
         state = lambda: {key: matplotlib.rcParams[key] for key in matplotlib.rcParams if key != "backend"}
         before = state()
         body = Body.convex([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
         with tempfile.TemporaryDirectory() as directory:
-            save(scene_figure(body, body), directory + "/picture")
+            save(scene_figure(ShownPair.of(body, body)), directory + "/picture")
         print("matplotlib.pyplot" in sys.modules, state() == before)
     """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -148,7 +144,8 @@ def test_names_keep_apart_in_other_problems(name: str) -> None:
     asked = next(iter(problems(name).values()))
     check_texts(decision_curve_figure(asked.curve, title=name, caption="a caption"))
     keep_out = [own.body.scaled(own.ends[1]) for own in asked.keep_out]
-    check_texts(scene_figure(asked.movable, asked.static, keep_out=keep_out, title=name, caption="a caption"))
+    shown = ShownPair.of(asked.movable, asked.static, keep_out=keep_out)
+    check_texts(scene_figure(shown, title=name, caption="a caption"))
 
 
 # --------------------------------------------------------------------------------------------------------------- curves

@@ -394,7 +394,6 @@ def test_a_full_disk_is_told_and_takes_nothing_away(tmp_path: Path) -> None:
 def test_lines_tell_how_far_a_run_is(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(running, "monotonic", lambda: now[0])
-    monkeypatch.setattr(running.Pace, "__init__", _at(now, running.Pace.__init__))
     said: list[str] = []
     with running.shown(10000, progress=True, say=said.append) as tell:
         for done in range(1000, 8000, 50):
@@ -403,14 +402,6 @@ def test_lines_tell_how_far_a_run_is(monkeypatch: pytest.MonkeyPatch) -> None:
     assert said[0] == "2,950 of 10,000 points (1,000 from before), 195 a second, 36 s left"
     assert len(said) == 4  # every ten seconds, and at the end
     assert said[-1].startswith("7,950 of 10,000 points")
-
-
-def _at(now: list[float], made: Any) -> Any:
-    def init(self: running.Pace, total: int) -> None:
-        made(self, total)
-        self._start = now[0]
-
-    return init
 
 
 def test_nothing_is_said_unasked(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:

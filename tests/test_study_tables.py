@@ -201,12 +201,8 @@ def test_a_failing_write_leaves_no_file_and_no_damage(
         path.write_bytes(good[:50])
         raise OSError(28, "No space left on device")
 
-    class FullDisk:
-        def writerow(self, _: Any) -> None:
-            full(next(folder.glob(".good*")))
-
     with monkeypatch.context() as patch:
-        patch.setattr("csv.writer", lambda *_, **__: FullDisk())
+        patch.setattr(Path, "write_text", lambda path, *_, **__: full(path))
         patch.setattr(pandas.DataFrame, "to_parquet", lambda _, path, **__: full(path))
         with pytest.raises(InputError, match="cannot be written; found 'No space left"):
             write(folder / "good")

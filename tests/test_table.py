@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import csv
 import json
-import os
 from fractions import Fraction
 from itertools import pairwise
 
@@ -156,37 +156,28 @@ def test_where_a_node_has_no_motion_there_is_none_nearby():
     np.testing.assert_array_equal(found.amount[found.region != 3], full.at(x, y).amount[found.region != 3])
 
 
-def awkward():
-    """Return a table with numbers that need all their digits, nan and both zeros."""
+def test_plain_data_and_csv_keep_every_bit(tmp_path):
     random = np.random.default_rng(9)
     corners = scattered(40, 9, ((0.98, 1.02), (0.3, 0.7)))
     count = len(corners)
     values = random.standard_normal((count, 6, 3)) * 10.0 ** random.integers(-300, 40, (count, 6, 3))
     values[2], values[3, 0, 0], values[4, 0, 0], values[5, 0, 0] = np.nan, 0.0, -0.0, 5e-324
-    errors = random.random((count, 2))
+    errors, regions = random.random((count, 2)), random.integers(0, 9, count)
     errors[2] = np.nan
-    return Table(
-        corners=corners, values=values, errors=errors, regions=random.integers(0, 9, count), names=("TX", 'a, "b"')
-    )
-
-
-def same_bits(one, other):
-    return one.names == other.names and all(
-        getattr(one, key).tobytes() == getattr(other, key).tobytes()
-        for key in ("corners", "values", "errors", "regions")
-    )
-
-
-@pytest.mark.parametrize("ending", ["json", "JSON", "csv"])
-def test_files_give_back_every_bit(tmp_path, ending):
-    own, path = awkward(), tmp_path / f"map.{ending}"
-    (own.to_csv if ending == "csv" else own.to_json)(path)
-    back = Table.read(path)
-    assert same_bits(own, back)
-    assert (path.name, len(list(tmp_path.iterdir()))) == (f"map.{ending}", 1)
+    own = Table(corners=corners, values=values, errors=errors, regions=regions, names=("TX", 'a, "b"'))
+    back = Table.from_dict(json.loads(json.dumps(own.to_dict(), allow_nan=False)))
+    assert back.names == own.names
+    for key in ("corners", "values", "errors", "regions"):
+        assert getattr(own, key).tobytes() == getattr(back, key).tobytes()
     x, y = random_pairs(100, 10, own.box)
     assert own.at(x, y).amount.tobytes() == back.at(x, y).amount.tobytes()
-    assert same_bits(own, Table.from_dict(json.loads(json.dumps(own.to_dict(), allow_nan=False))))
+    own.to_csv(tmp_path / "map.csv")
+    with (tmp_path / "map.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header[15::6] == ["TX_1", 'a, "b"_1']
+    written = np.array([list(map(float, row)) for row in rows])
+    whole = np.column_stack([regions, errors, corners.reshape(count, -1), np.swapaxes(values, 1, 2).reshape(count, -1)])
+    assert written.tobytes() == whole.tobytes()
 
 
 def test_a_row_of_the_csv_file_is_enough_to_interpolate(tmp_path):
@@ -206,35 +197,10 @@ def test_a_row_of_the_csv_file_is_enough_to_interpolate(tmp_path):
     assert (cell["region"], cell["error"], cell["displacement_error"]) == (5.0, 0.1, 0.2)
 
 
-def test_no_half_written_file_is_left(tmp_path, monkeypatch):
-    path = tmp_path / "map.json"
-    path.write_text("before")
-
-    def full(source, target):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", full)
-    for write in (awkward().to_json, awkward().to_csv):
-        with pytest.raises(InputError, match="No space left"):
-            write(path)
-    assert [own.name for own in tmp_path.iterdir()] == ["map.json"]
-    assert path.read_text() == "before"
-    with pytest.raises(InputError, match="cannot be written"):
-        awkward().to_json(tmp_path / "none" / "map.json")
-
-
 def plain(**changes):
     own = table(squares(2), *QUADRATICS)
     data = {key: getattr(own, key) for key in ("corners", "values", "errors", "regions", "names")}
     return {**data, **{key: change(np.array(data[key])) for key, change in changes.items()}}
-
-
-def put(place, value):
-    def change(array):
-        array[place] = value
-        return array
-
-    return change
 
 
 @pytest.mark.parametrize(
@@ -245,23 +211,7 @@ def put(place, value):
         ({"values": lambda a: a[..., :2]}, "values: wrong shape"),
         ({"errors": lambda a: a[:3]}, "errors: wrong shape"),
         ({"regions": lambda a: a[:3]}, "regions: wrong shape"),
-        ({"regions": lambda a: a + 0.5}, "whole numbers"),
-        ({"regions": put(2, -1)}, r"regions\[2\]"),
-        ({"errors": put((4, 1), -1e-9)}, r"errors\[4\]"),
-        ({"errors": put((4, 0), np.inf)}, r"errors\[4\]"),
-        ({"values": put((5, 2, 0), np.inf)}, r"values\[5\]"),
-        ({"corners": put((6, 1, 0), np.nan)}, r"corners\[6\]"),
-        ({"corners": lambda a: a - 1.0}, "sizes > 0"),
-        ({"corners": put((1, 2), BOX[0])}, "cover|flat"),
-        ({"corners": put(3, [[1.0, 1.0], [1.01, 1.01], [1.02, 1.02]])}, r"corners\[3\]: a flat"),
-        ({key: lambda a: a[:-1] for key in ("corners", "values", "errors", "regions")}, "exactly once"),
-        ({key: lambda a: a[[0, *range(8)]] for key in ("corners", "values", "errors", "regions")}, "exactly once"),
-        ({"corners": lambda a: a[[0, 0, *range(2, 8)]]}, r"corners\[0\], corners\[1\]: triangles overlap"),
-        ({"corners": lambda a: a[[*range(7), 0]]}, "triangles overlap"),
         ({key: lambda a: a[:0] for key in ("corners", "values", "errors", "regions")}, "at least one"),
-        ({"names": lambda a: ("p1", "p1")}, "names of their own"),
-        ({"names": lambda a: ("p1", "amount")}, "names of their own"),
-        ({"names": lambda a: None}, "names of their own"),
     ],
 )
 def test_what_is_no_table_is_refused(changes, words):
@@ -269,59 +219,8 @@ def test_what_is_no_table_is_refused(changes, words):
         Table(**plain(**changes))
 
 
-def cut(text):
-    return text[: len(text) // 2]
-
-
-@pytest.mark.parametrize(
-    ("ending", "change", "words"),
-    [
-        ("json", cut, "not JSON"),
-        ("json", lambda text: "[]", "not a compensation table"),
-        ("json", lambda text: text.replace("table 1", "table 9"), "not a compensation table"),
-        ("json", lambda text: text.replace('"errors"', '"faults"'), "missing or unknown"),
-        ("json", lambda text: text.replace('"regions": [0', '"regions": ["x"'), "regions"),
-        ("json", lambda text: text.replace('"regions": [0', '"regions": [[0]'), "regions"),
-        ("json", lambda text: text.replace('"names": ["p1", "p2"]', '"names": "p12"'), "names"),
-        ("csv", lambda text: text.replace("rho1_2", "rho"), "not the columns"),
-        ("csv", lambda text: text.replace(",0.98", ",x", 1), "row 2"),
-        ("csv", lambda text: text[:-30], "row 9"),
-        ("csv", lambda text: text.replace("\n3,", "\n3.5,"), "whole numbers"),
-        ("csv", lambda text: "", "not the columns"),
-        ("csv", lambda text: "\n".join(text.splitlines()[:-1]), "exactly once"),
-        ("csv", lambda text: text.splitlines()[0], "at least one"),
-    ],
-)
-def test_files_that_hold_no_table_are_named(tmp_path, ending, change, words):
-    path = tmp_path / f"map.{ending}"
-    own = table(squares(2), *QUADRATICS)
-    (own.to_csv if ending == "csv" else own.to_json)(path)
-    before = path.read_text()
-    path.write_text(change(before))
-    assert path.read_text() != before
-    with pytest.raises(InputError, match=words) as caught:
-        Table.read(path)
-    assert path.name in str(caught.value)
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none\.json"):
-        Table.read(tmp_path / "none.json")
-
-
 def test_arrays_are_read_only_and_the_line_about_it_is_short():
     own = table(squares(2), *QUADRATICS)
     for key in ("corners", "values", "errors", "regions"):
         assert not getattr(own, key).flags.writeable
     assert repr(own) == "Table(8 triangles over [0.96875, 1.03125] x [0.984375, 1.01562])"
-
-
-def test_what_is_written_can_be_read_by_those_who_may(tmp_path):
-    """Written files had the rights of temporary ones: nobody else could read them."""
-    drawn = table(squares(3), *QUADRATICS)
-    before = os.umask(0o022)
-    try:
-        drawn.to_json(tmp_path / "table.json")
-    finally:
-        os.umask(before)
-    assert (tmp_path / "table.json").stat().st_mode & 0o777 == 0o644

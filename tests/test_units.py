@@ -17,13 +17,13 @@ import fcdm_opt as fo
 from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.keys import ProblemFile
-from fcdm_opt.show import design_tables, tables, texts
+from fcdm_opt.show import tables, texts
 from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure, yield_figure
+from fcdm_opt.show.printing import print_head
 from fcdm_opt.show.report.gather import gather
-from fcdm_opt.show.report.page import page
-from fcdm_opt.show.report.study_page import study_page
-from fcdm_opt.show.scene import scene_figure
+from fcdm_opt.show.report.page import page, study_page
+from fcdm_opt.show.scene import ShownPair, scene_figure
 from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.show.studies import study_figure
@@ -182,21 +182,24 @@ def test_no_number_follows_from_it(tmp_path: Path) -> None:
 
 
 def _solutions(unit: str) -> None:
-    tables.print_solutions("boxes.toml", "Boxes", "", [solved(unit)])
+    print_head("boxes.toml", "Boxes", "", unit=unit)
+    tables.print_solutions([solved(unit)])
 
 
 def _ranges(unit: str) -> None:
     found = fo.coherent_range(example(unit), {"TZ": 1.0})
-    tables.print_ranges("e.toml", "", "", [(found, fo.contact_times(example(unit), {"TZ": 1.0}))])
+    print_head("e.toml", "", "", unit=unit)
+    tables.print_ranges([(found, fo.contact_times(example(unit), {"TZ": 1.0}))])
 
 
 def _curves(unit: str) -> None:
-    tables.print_curves("boxes.toml", "", "", [(boxes(unit).curve, ["P"])], unit=unit)
+    print_head("boxes.toml", "", "", unit=unit)
+    tables.print_curves({boxes(unit).curve: ["P"]})
 
 
 def _whatif(unit: str) -> None:
-    design_tables.print_case("boxes.toml", boxes(unit))
-    design_tables.print_whatif(fo.whatif(solved(unit).solution, tolerance=0.01))
+    tables.print_case("boxes.toml", boxes(unit))
+    tables.print_whatif(fo.whatif(solved(unit).solution, tolerance=0.01))
 
 
 @pytest.mark.parametrize("printed", [_solutions, _curves, _whatif])
@@ -256,7 +259,7 @@ def _texts(figure: Figure) -> str:
 
 
 PICTURES: dict[str, tuple[Callable[[str, Path], Figure], str]] = {
-    "scene": (lambda unit, _: scene_figure(boxes(unit).movable, boxes(unit).static, unit=unit), "0.5 mm"),
+    "scene": (lambda unit, _: scene_figure(ShownPair.of(boxes(unit).movable, boxes(unit).static), unit=unit), "0.5 mm"),
     "sensitivities": (lambda unit, _: sensitivities_figure(solved(unit).solution), "amount (mm)"),
     "family": (lambda unit, _: family_figure(fo.coherent_range(example(unit), {"TZ": 1.0})), "TZ 1 mm"),
     "map": (lambda unit, _: map_figure(mapped(unit)), "motion (mm)"),

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fcdm_opt.cli.common import NOT_VERIFIED, SOLVED, Seed, say
+from fcdm_opt.cli.common import Seed
+from fcdm_opt.cli.guarding import NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:

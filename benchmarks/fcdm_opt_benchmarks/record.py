@@ -33,7 +33,7 @@ from typing import Any
 import psutil
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.show.plain import plain
+from fcdm_opt.plain import finite
 
 SCHEMA = 1
 PACKAGES = ("fcdm_opt", "numpy", "numba", "scipy", "casadi", "coal", "highspy", "cvxpy", "clarabel", "python-flint",
@@ -132,7 +132,7 @@ class BenchRun:
     def write(self, path: Path) -> None:
         """Write the file; numbers that JSON does not have become null."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(plain({"schema": SCHEMA, **asdict(self)}), indent=1, allow_nan=False)
+        text = json.dumps(finite({"schema": SCHEMA, **asdict(self)}), indent=1, allow_nan=False)
         path.write_text(text + "\n", encoding="utf-8")
 
     @classmethod

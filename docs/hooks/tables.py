@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from dataclasses import fields
-from inspect import getdoc
 from typing import Any
 
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.tolerances import DEFAULT, Tolerances
+from fcdm_opt.tolerances import DEFAULT, meanings
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
@@ -23,16 +20,9 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 def tolerances() -> str:
     """Return one row a tolerance: name, value, meaning and reason as its docstring has them."""
-    told = meanings()
-    rows = [f"| `{item.name}` | {getattr(DEFAULT, item.name):g} | {told[item.name]} |" for item in fields(Tolerances)]
+    told = ((name, meaning.replace("|", "&#124;")) for name, meaning in meanings().items())  # fits a cell
+    rows = [f"| `{name}` | {getattr(DEFAULT, name):g} | {meaning} |" for name, meaning in told]
     return "\n".join(["| name | value | meaning, and why |", "|---|---:|---|", *rows])
-
-
-def meanings() -> dict[str, str]:
-    """Return what the docstring says of each tolerance, as one line that fits a cell."""
-    section = (getdoc(Tolerances) or "").split("----------\n", 1)[1]
-    entries = re.findall(r"^(\w+)\n((?:    .*\n?)+)", section, re.MULTILINE)
-    return {name: " ".join(text.split()).replace("|", "&#124;") for name, text in entries}
 
 
 def statuses() -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,13 +13,10 @@ import typer
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, refuse, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
-from fcdm_opt.show.plain import plain
 
 if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.album import Album
-
-__all__ = ["BAD_INPUT", "NOT_VERIFIED", "NO_MOTION", "SOLVED", "say"]
 
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
 CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
@@ -150,7 +146,11 @@ class Inquiry:
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
-        self.pictures = album_in(out) if out is not None and any(file.problems for file in self._opened) else None
+        self.pictures: Album | None = None
+        if out is not None and any(file.problems for file in self._opened):
+            from fcdm_opt.show.album import Album
+
+            self.pictures = Album(out, say)
 
     def __iter__(self) -> Iterator[OpenedFile]:
         """Yield each file that could be read; `say_of` is about the last."""
@@ -159,20 +159,48 @@ class Inquiry:
             if not file.error:
                 yield file
 
-    def say_of(self, key: str, value: Any) -> None:
-        """Put a value into the document, under a key of the file at hand."""
+    def say_of(self, key: str, value: Any) -> Any:
+        """Put a value into the document, under a key of the file at hand; return it."""
         self._document[-1][key] = value
+        return value
 
-    @contextmanager
-    def case(self, file: OpenedFile, problem: Problem) -> Iterator[dict[str, Any]]:
-        """Give the entry of a case in the document; bad input met meanwhile is said, and ends nothing else."""
-        entry: dict[str, Any] = {"name": problem.name, **({"unit": problem.unit} if problem.unit else {})}
-        self._document[-1].setdefault("cases", []).append(entry)
-        try:
-            yield entry
-        except InputError as reason:
-            entry["error"] = _refused(reason, file=file.path, key=f"case {problem.name!r}")
-            self.codes.append(BAD_INPUT)
+    def print_head(self, file: OpenedFile) -> None:
+        """Print what stands above a file's tables; the unit is that of its cases."""
+        from fcdm_opt.show.printing import print_head
+
+        unit = next((problem.unit for problem in file.problems), "")
+        print_head(file.path.name, file.title, file.note, unit=unit)
+
+    def ask(
+        self,
+        answered: Callable[[OpenedFile, Problem, dict[str, Any]], Any],
+        print_all: Callable[[Sequence[Any]], None] | None = None,
+    ) -> None:
+        """Ask about every case of every file; bad input met meanwhile is said, and ends nothing else; then `finish`.
+
+        `answered` gets file, case and the case's entry in the document; what it returns is printed by `print_all`, a
+        file at a time, and a bar on the terminal says how far that is. Without it cases are printed as they are asked.
+        """
+        from rich.progress import track
+
+        from fcdm_opt.show.printing import console
+
+        notes = console(stderr=True)
+        bar: Any = {"console": notes, "transient": True, "disable": print_all is None or not notes.is_terminal}
+        for file in self:
+            entries, rows = self.say_of("cases", []), []
+            for problem in track(file.problems, file.path.name, **bar):
+                entry: dict[str, Any] = {"name": problem.name, **({"unit": problem.unit} if problem.unit else {})}
+                entries.append(entry)
+                try:
+                    rows.append(answered(file, problem, entry))
+                except InputError as reason:
+                    entry["error"] = _refused(reason, file=file.path, key=f"case {problem.name!r}")
+                    self.codes.append(BAD_INPUT)
+            if rows and print_all is not None and not self.as_json:
+                self.print_head(file)
+                print_all(rows)
+        self.finish()
 
     def finish(self) -> None:
         """Write the document, if it is wanted, and exit."""
@@ -185,15 +213,10 @@ def code_of(usable: bool, status: str) -> int:
     return SOLVED if usable else NOT_VERIFIED if status == "NOT_VERIFIED" else NO_MOTION
 
 
-def album_in(out: Path) -> Album:
-    """Return where pictures go; raises `InputError` where they cannot."""
-    from fcdm_opt.show.album import Album
-
-    return Album(out, say)
-
-
 def finish(document: Any, codes: Iterable[int]) -> None:
     """Write the JSON document, if one is wanted, and exit with the most severe code."""
     if document is not None:
-        typer.echo(json.dumps(plain(document), indent=2, allow_nan=False))
+        from fcdm_opt.plain import finite
+
+        typer.echo(json.dumps(finite(document), indent=2, allow_nan=False))
     raise typer.Exit(max(codes, key=SEVERITY.index, default=SOLVED))

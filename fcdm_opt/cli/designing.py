@@ -8,24 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fcdm_opt.cli.common import (
-    BAD_INPUT,
-    NO_MOTION,
-    NOT_VERIFIED,
-    SOLVED,
-    AsJson,
-    Cases,
-    Files,
-    Inquiry,
-    OpenedFile,
-    Seed,
-    album_in,
-    argument,
-    code_of,
-    finish,
-    option,
-    say,
-)
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Seed, argument, code_of, finish, option
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
@@ -63,7 +47,9 @@ def study_command(
     Rows go to study.sqlite in DIR as they come, at the end to study.csv, with a picture.
     """
     from fcdm_opt.design.study.running import run_study
-    from fcdm_opt.show.design_tables import print_study
+    from fcdm_opt.show.album import Album
+    from fcdm_opt.show.printing import console
+    from fcdm_opt.show.studies import study_figure
 
     result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
     result.to_csv(out / "study.csv")
@@ -71,10 +57,10 @@ def study_command(
     if parquet:
         result.to_parquet(out / "study.parquet")
         say(f"wrote {out / 'study.parquet'}")
-    pictures = album_in(out)
-    pictures.add_study("study", result)
+    pictures = Album(out, say)
+    pictures.add("study", study_figure(result))
     if not as_json:
-        print_study(result)
+        console().print(f"{result}\n")
     counts = result.counts
     wrong = any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING"))
     code = NOT_VERIFIED if wrong else BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
@@ -98,7 +84,7 @@ def whatif_command(
     from fcdm_opt.design.whatif.conflicts import conflicts as clashing
     from fcdm_opt.design.whatif.drop import drop as costs
     from fcdm_opt.design.whatif.whatif import whatif
-    from fcdm_opt.show import design_tables as tables
+    from fcdm_opt.show import tables
     from fcdm_opt.solver import solve
 
     values = dict(map(_change, changes or ()))
@@ -115,9 +101,9 @@ def whatif_command(
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
         solution: Solution | None = solve(problem) if plain else None
         if solution is not None and solution.verified and not solution.usable:  # outside the fit
-            yield "solution", solution, tables.print_advice
+            yield "solution", solution, lambda answer: tables.print_lines([answer.advice])
         if conflicts or (solution is not None and not solution.verified):
-            yield "conflicts", clashing(problem), tables.print_lines
+            yield "conflicts", clashing(problem), tables.print_said
         if drop or (solution is not None and solution.usable):
             yield "drop", costs(problem if solution is None else solution), tables.print_costs
         if compare:
@@ -149,7 +135,8 @@ def map_command(
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
-    from fcdm_opt.show import design_tables as tables
+    from fcdm_opt.show import tables
+    from fcdm_opt.show.maps import map_figure, yield_figure
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
@@ -158,16 +145,17 @@ def map_command(
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         assert pictures is not None  # there is a case
         found = compensation_map(problem, box=covered, error=error, seconds=seconds, jobs=jobs or 1)
-        stem = pictures.add_map(f"{file.path.stem}-{problem.name}", f"{file.name}: case {problem.name}", found)
+        title = f"{file.name}: case {problem.name}"
+        stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, title=title), ending="-map")
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
             say(f"wrote {out / f'{stem}.{ending}'}")
-        yield "map", found, tables.print_lines
+        yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
             scattered: Any = tuple(ends) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
-            pictures.add_yield(f"{stem}-yield", share, title=f"{file.name}: case {problem.name}")
+            pictures.add(f"{stem}-yield", yield_figure(share, title=title))
             yield "yield", share, tables.print_yield
 
     _each_case(inquiry, asked)
@@ -186,7 +174,7 @@ def pose_command(
     """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
     from fcdm_opt.design.fixed_pose.best_pose import best_pose
     from fcdm_opt.design.fixed_pose.clearances import clearances
-    from fcdm_opt.show import design_tables as tables
+    from fcdm_opt.show import tables
 
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
@@ -197,7 +185,7 @@ def pose_command(
         drawn = clearances(problem, sizes=pairs, box=within)
         yield "as drawn", drawn, partial(tables.print_clearances, where="as drawn")
         best = best_pose(problem, sizes=pairs, box=within, clearance=ends)
-        yield "best pose", best, tables.print_lines
+        yield "best pose", best, tables.print_said
         if best.transform is not None:
             made = clearances(problem, sizes=pairs, box=within, pose=best.transform)
             yield "at the best pose", made, partial(tables.print_clearances, where="at the best pose")
@@ -212,20 +200,18 @@ def _each_case(
     inquiry: Inquiry, asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]]
 ) -> None:
     """Ask about every case of every file, print or collect the answers, and exit with the most severe code."""
-    from fcdm_opt.show.design_tables import print_case
+    from fcdm_opt.show.tables import print_case
 
-    for file in inquiry:
-        inquiry.say_of("cases", [])
-        for problem in file.problems:
+    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
+        if not inquiry.as_json:
+            print_case(file.path.name, problem)
+        for key, answer, printed in asked(file, problem):
+            entry[key.replace(" ", "_")] = answer.to_dict()
+            inquiry.codes.append(_code(answer))
             if not inquiry.as_json:
-                print_case(file.path.name, problem)
-            with inquiry.case(file, problem) as entry:
-                for key, answer, printed in asked(file, problem):
-                    entry[key.replace(" ", "_")] = answer.to_dict()
-                    inquiry.codes.append(_code(answer))
-                    if not inquiry.as_json:
-                        printed(answer)
-    inquiry.finish()
+                printed(answer)
+
+    inquiry.ask(answered)
 
 
 def _code(answer: Any) -> int:

@@ -7,7 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-from fcdm_opt.cli.common import BAD_INPUT, Cases, argument, code_of, finish, opened_files, option, problem_files, say
+from fcdm_opt.cli.common import Cases, argument, code_of, finish, opened_files, option, problem_files
+from fcdm_opt.cli.guarding import BAD_INPUT, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
@@ -69,7 +70,7 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
 def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
     """Return the report on one study."""
     from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.show.report.study_page import study_page
+    from fcdm_opt.show.report.page import study_page
 
     if len(sources) > 1:
         found = ", ".join(map(str, sources))

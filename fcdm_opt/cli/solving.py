@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, option, say
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, option
+from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,14 +27,17 @@ def curve_command(files: Files, as_json: AsJson = False, out: Out = None, case: 
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
     for file in inquiry:
-        found = _distinct_curves(file.problems)
+        found: dict[DecisionCurve, list[str]] = {}  # the same one for the same bodies and box
+        for problem in file.problems:
+            found.setdefault(problem.curve, []).append(problem.name)
         unit = next((problem.unit for problem in file.problems), "")  # a file has one
         shared = {"unit": unit} if unit else {}
-        inquiry.say_of("curves", [{"cases": names, **shared, **_curve_data(curve)} for curve, names in found])
+        inquiry.say_of("curves", [{"cases": names, **shared, **_curve_data(curve)} for curve, names in found.items()])
         if found and not as_json:
-            print_curves(file.path.name, file.title, file.note, found, unit=unit)
+            inquiry.print_head(file)
+            print_curves(found)
         if inquiry.pictures:
-            for number, (curve, _) in enumerate(found, 1):
+            for number, curve in enumerate(found, 1):
                 suffix = f"-pair{number}" if len(found) > 1 else ""
                 inquiry.pictures.add_curve(f"{file.path.stem}{suffix}", file.name, curve, unit=unit)
     inquiry.finish()
@@ -56,30 +59,21 @@ def solve_command(
     case: Cases = None,
 ) -> None:
     """Find the smallest motion of each case, verify it, and print one table a file."""
-    from rich.progress import track
-
-    from fcdm_opt.show.solved import solved_case
-    from fcdm_opt.show.tables import console, print_solutions
+    from fcdm_opt.show.solved import SolvedCase, solved_case
+    from fcdm_opt.show.tables import print_solutions
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
-    notes = console(stderr=True)
-    for file in inquiry:
-        inquiry.say_of("cases", [])
-        rows = []
-        for problem in track(
-            file.problems, file.path.name, console=notes, transient=True, disable=not notes.is_terminal
-        ):
-            with inquiry.case(file, problem) as entry:
-                row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
-                beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
-                entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
-                rows.append(row)
-                inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
-                if inquiry.pictures:
-                    inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
-        if rows and not as_json:
-            print_solutions(file.path.name, file.title, file.note, rows)
-    inquiry.finish()
+
+    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> SolvedCase:
+        row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
+        beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
+        entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
+        inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
+        if inquiry.pictures:
+            inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
+        return row
+
+    inquiry.ask(answered, print_solutions)
 
 
 def range_command(
@@ -92,24 +86,22 @@ def range_command(
     """Print how far the tracked features stay the contact along a motion, and what ends that on both sides."""
     from fcdm_opt.along.coherent_range import coherent_range
     from fcdm_opt.along.contact_times import contact_times
+    from fcdm_opt.show.family import family_figure
     from fcdm_opt.show.tables import print_ranges
 
     asked = None if direction is None else _direction(direction)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
-    for file in inquiry:
-        inquiry.say_of("cases", [])
-        rows: list[tuple[CoherentRange, ContactTimes]] = []
-        for problem in file.problems:
-            with inquiry.case(file, problem) as entry:
-                along = _default_direction(file, problem) if asked is None else asked
-                row = coherent_range(problem, along), contact_times(problem, along)
-                entry |= {**row[0].to_dict(), "contact_times": row[1].to_dict()}
-                rows.append(row)
-                if inquiry.pictures:
-                    inquiry.pictures.add_range(file.path.stem, file.name, row[0])
-        if rows and not as_json:
-            print_ranges(file.path.name, file.title, file.note, rows)
-    inquiry.finish()
+
+    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> tuple[CoherentRange, ContactTimes]:
+        along = _default_direction(file, problem) if asked is None else asked
+        coherent, times = coherent_range(problem, along), contact_times(problem, along)
+        entry |= {**coherent.to_dict(), "contact_times": times.to_dict()}
+        if inquiry.pictures:
+            figure = family_figure(coherent, title=f"{file.name}: case {problem.name}, coherent range")
+            inquiry.pictures.add(f"{file.path.stem}-{problem.name}", figure, ending="-range")
+        return coherent, times
+
+    inquiry.ask(answered, print_ranges)
 
 
 def _default_direction(file: OpenedFile, problem: Problem) -> Any:
@@ -148,15 +140,6 @@ def _direction(text: str) -> dict[str, float]:
             raise InputError("a parameter is given twice", key="--direction", found=item)
         found[short] = number if short == name else math.radians(number)
     return found
-
-
-def _distinct_curves(problems: Iterable[Problem]) -> list[tuple[DecisionCurve, list[str]]]:
-    """Return the decision curve of each pair of bodies in a box, with the cases that share it."""
-    found: dict[Any, tuple[DecisionCurve, list[str]]] = {}
-    for problem in problems:
-        key = (problem.movable, problem.static, problem.box)
-        found.setdefault(key, (problem.curve, []))[1].append(problem.name)
-    return list(found.values())
 
 
 def _curve_data(curve: DecisionCurve) -> dict[str, Any]:

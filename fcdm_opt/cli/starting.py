@@ -11,7 +11,8 @@ from typing import Annotated
 
 import typer
 
-from fcdm_opt.cli.common import OUTPUT, argument, option, say
+from fcdm_opt.cli.common import OUTPUT, argument, option
+from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
@@ -35,8 +36,7 @@ def init_command(
     Looks at where the parts are (apart, touching, overlapping), chooses goal and motion, and solves each case once.
     """
     from fcdm_opt.design.moved_files import write
-    from fcdm_opt.drafting.draft import draft
-    from fcdm_opt.drafting.writing import quoted
+    from fcdm_opt.drafting.draft import draft, quoted
 
     path = Path(f"{movable.stem}-{static.stem}{SUFFIX}") if out is None else out
     _check_place(path, (movable, static), force)
@@ -59,7 +59,7 @@ def schema_command(
     Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
     TOML (taplo) then complete keys, show what they mean, and mark what is wrong.
     """
-    from fcdm_opt.design.schemas import json_schema
+    from fcdm_opt.design.study.schema import json_schema
 
     typer.echo(json.dumps(json_schema(what), indent=2, ensure_ascii=False))
 

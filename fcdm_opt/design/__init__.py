@@ -2,7 +2,6 @@
 
 distributions    what sizes and other numbers are drawn from
 sizes            which size pairs are spoken of: a box, a list, what distributions give
-proportion       how well a share is known from a count
 places           a place in plain tables, as studies and files name keys of a problem
 moved_files      files that are there as a whole or not at all
 question         a problem as plain tables: any key can be changed

@@ -36,17 +36,6 @@ def written(place: Iterable[str | int]) -> str:
     return "".join(f"[{item + 1}]" if isinstance(item, int) else f".{item}" for item in place).removeprefix(".")
 
 
-def look_up(tables: Any, place: Place) -> Any:
-    """Return what stands at a place; raises `InputError` where nothing does."""
-    value = tables
-    for k, item in enumerate(place):
-        _check(value, place, k)
-        if item not in value if isinstance(item, str) else False:
-            raise _missing(value, place, k)
-        value = value[item]
-    return value
-
-
 def put(
     tables: Any,
     place: Place,
@@ -77,7 +66,7 @@ def put(
 
     def changed(tables: Any, k: int) -> Any:
         item, last = place[k], k + 1 == len(place)
-        _check(tables, place, k)
+        check_item(tables, place, k)
         if isinstance(item, int):
             rows = list(tables)
             rows[item] = value if last else changed(rows[item], k + 1)
@@ -86,7 +75,9 @@ def put(
         table = {key: inner for key, inner in tables.items() if key not in excluded}
         if not last:
             if item not in table and isinstance(place[k + 1], int):
-                raise _missing(tables, place, k)
+                what = f"nothing is given there{closest(str(item), tables)}"
+                allowed = f"{', '.join(map(str, tables)) or 'nothing'}; or the whole value"
+                raise InputError(what, key=written(place[: k + 1]), allowed=allowed)
             table[item] = changed(table.get(item, {}), k + 1)
         elif value is None:
             table.pop(item, None)
@@ -103,8 +94,8 @@ def overlap(one: Place, two: Place) -> bool:
     return one[:shorter] == two[:shorter]
 
 
-def _check(value: Any, place: Place, k: int) -> None:
-    """Refuse an item that the value cannot have."""
+def check_item(value: Any, place: Place, k: int) -> None:
+    """Refuse the k-th item of a place where the value that stands before it cannot have it."""
     item = place[k]
     if isinstance(item, str):
         if not isinstance(value, Mapping):
@@ -113,9 +104,3 @@ def _check(value: Any, place: Place, k: int) -> None:
         raise InputError("there is no list here", key=written(place[:k]), found=value, allowed="a place without [..]")
     elif item >= len(value):
         raise InputError("no such item", key=written(place[: k + 1]), allowed=f"1 to {len(value)}")
-
-
-def _missing(table: Mapping[str, Any], place: Place, k: int) -> InputError:
-    what = f"nothing is given there{closest(str(place[k]), table)}"
-    allowed = f"{', '.join(map(str, table)) or 'nothing'}; or the whole value"
-    return InputError(what, key=written(place[: k + 1]), allowed=allowed)

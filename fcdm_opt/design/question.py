@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.places import Place, look_up, parse, put, written
+from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion
@@ -233,7 +233,7 @@ class SceneTables:
             if isinstance(place[1], str):
                 allowed = "keep_out[1], ..."
                 raise InputError("keep-outs are counted", key=written(place), found=place[1], allowed=allowed)
-            look_up({"keep_out": [*self.tables][len(ROLES) :]}, place[:2])
+            check_item([*self.tables][len(ROLES) :], place, 1)
         elif table not in self.tables:
             role = str(place[1]) if len(place) > 1 else ""
             what = f"no such body{closest(role, ROLES)}" if role else "both bodies at once"

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
+from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.problem.problem import Problem
 
-DISTRIBUTIONS = (Uniform, Normal, Measured)
 MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
@@ -100,8 +99,8 @@ def size_box(value: Any, key: str) -> Array:
 def sources(value: Any) -> tuple[Distribution, Distribution] | Array:
     """Return a distribution of sizes for each body, or a list of size pairs, (n, 2), n > 0, all finite and > 0."""
     allowed = "an (n, 2) array of measured pairs (rho_1, rho_2) > 0, or a distribution for each body"
-    if isinstance(value, list | tuple) and any(isinstance(item, DISTRIBUTIONS) for item in value):
-        if len(value) != 2 or not all(isinstance(item, DISTRIBUTIONS) for item in value):
+    if isinstance(value, list | tuple) and any(isinstance(item, Distribution) for item in value):
+        if len(value) != 2 or not all(isinstance(item, Distribution) for item in value):
             raise InputError("not two distributions", key="sizes", found=value, allowed="one for each body")
         for source in value:
             if not source.range[0] > 0.0:
@@ -172,3 +171,11 @@ def drawn_pairs(sizes: Any, box: Any, count: int, seed: int) -> tuple[Array, str
         return box[:, 0] + u * (box[:, 1] - box[:, 0]), f"{count} pairs of sizes drawn evenly from the box"
     drawn = np.column_stack([source.quantile(u[:, k]) for k, source in enumerate(given)])
     return drawn, f"{count} pairs drawn from {given[0]} and {given[1]}"
+
+
+def proportion_interval(passed: int, count: int, confidence: float) -> tuple[float, float]:
+    """Return Clopper and Pearson's interval of a share of which `passed` of `count` independent draws are known."""
+    from scipy.stats import binomtest
+
+    low, high = binomtest(passed, count).proportion_ci(confidence, method="exact")
+    return float(low), float(high)

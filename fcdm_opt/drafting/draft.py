@@ -1,9 +1,11 @@
-"""A problem file for two mesh files, with a comment on everything that can be changed."""
+"""A problem file for two mesh files, with a comment on everything that can be changed, and on what is likely wrong."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
+import shlex
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,16 +15,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from fcdm_opt.drafting import remarks, writing
 from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, SECONDS, TOLERANCE, Choice, chosen, named
-from fcdm_opt.drafting.situation import Situation, rounded
+from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.files import NANOMETRES
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.problem.entries import plain_step
+from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT = "mm"
@@ -34,6 +38,10 @@ TILTED = (
     "fcdm_opt takes the corners as the file has them"
 )
 MOST_POINTS = 8  # switching points that are listed
+LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
+UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
+FAR = 5.0  # sizes between the parts at which they are likely to be drawn in different frames
+MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
 WHY = {
     "touch": "the parts made touch, by whatever features meet first",
     "clear": "the parts made are apart or just touch; with a line clearance = 0.1 besides, apart by at least that",
@@ -90,24 +98,24 @@ def draft(
     places = [_relative(path, Path(file)) for path in paths]
     bodies = []
     for path in paths:
-        at(f"reading {writing.shown(str(path))} and cutting it into convex parts")
+        at(f"reading {shown(str(path))} and cutting it into convex parts")
         bodies.append(Body.from_file(path, unit=lengths))
     at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     situation = Situation(*bodies)
     choice = chosen(situation, at=at)
-    warned = remarks.remarks(situation, lengths)
-    state = remarks.state(situation, lengths)
+    warned = remarks(situation, lengths)
+    state = state_text(situation, lengths)
     tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
     steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
         "extent": partial(_extent, unit=lengths),
         "limits": partial(_limits, situation, choice),
-        "steps": partial(writing.table, length=steps, angle="0.1"),
+        "steps": partial(parameter_table, length=steps, angle="0.1"),
         "moved": _moved,
     }
     text = _template(filters).render(
         title=f"{paths[0].stem} and {paths[1].stem}",
-        name=writing.shown(writing.quoted(Path(file).name)),
+        name=shown(quoted(Path(file).name)),
         warned=warned,
         unit=lengths,
         asked=unit is not None,
@@ -124,7 +132,7 @@ def draft(
         patience=SECONDS,
         tie=TIE,
     )
-    asked = f'goal "{choice.goal}", motion {writing.motion(choice.motion)}'
+    asked = f'goal "{choice.goal}", motion {motion_entry(choice.motion)}'
     summary = (
         *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
         f"as drawn: {state}",
@@ -147,11 +155,68 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     made = Environment(
         loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
-    written = ("motion", "point", "short", "shown", "sizes", "toml")
-    made.filters |= filters | {name: getattr(writing, name) for name in written}
-    made.filters |= {"wrapped": partial(wrap, width=110)}
+    made.filters |= filters | {"motion": motion_entry, "point": point, "short": short, "shown": shown}
+    made.filters |= {"sizes": sizes, "toml": toml, "wrapped": partial(wrap, width=110)}
     made.tests |= {"saying_its_unit": lambda place: Path(place).suffix.lower() in OWN_UNIT, "large": _is_large}
     return made.get_template("problem.toml.jinja")
+
+
+# ------------------------------------------------------------------------------------------------ what is to be said
+
+
+def remarks(situation: Situation, unit: str) -> list[str]:
+    """Return what is likely to be wrong with the drawing."""
+    one, two = situation.movable, situation.static
+    found = []
+    ratio = max(one.size, two.size) / min(one.size, two.size)
+    if ratio > UNLIKE:
+        found.append(f"one part is {ratio:.3g} times as large as the other: is one mesh in another unit? (file_unit)")
+    if situation.gap > FAR * situation.size:
+        found.append(f"the parts are {situation.gap / situation.size:.3g} sizes apart: are both drawn in one frame?")
+    if nearly(situation):
+        found.append(f"the parts nearly touch ({situation.gap:+.3g} {unit}). {_remedy(situation, unit)}")
+    if any(any(body.deviation) for body in (one, two)):
+        out, short = (max(ends) for ends in zip(one.deviation, two.deviation, strict=True))
+        found.append(f"the parts were approximated: up to {out:.3g} {unit} too large, {short:.3g} {unit} too small")
+    return found
+
+
+def nearly(situation: Situation) -> bool:
+    """Tell whether the parts are likely to have been meant to touch."""
+    return situation.state != "touching" and abs(situation.gap) <= MEANT * situation.size
+
+
+def state_text(situation: Situation, unit: str) -> str:
+    """Return how the parts lie, in a sentence."""
+    union = len(situation.movable.parts) > 1 or len(situation.static.parts) > 1
+    deepest = ", at the deepest pair of convex parts" if union else ""
+    words = {
+        "touching": "the parts touch",
+        "apart": f"the parts are {situation.gap:.6g} {unit} apart",
+        "overlapping": f"the parts overlap by {-situation.gap:.6g} {unit}{deepest}",
+    }
+    text = words[situation.state]
+    if situation.state == "touching":
+        near = situation.nearest
+        return text + (f": {short(near.features)}" if near is not None else "")
+    if math.isfinite(situation.growth):
+        return f"{text}; both made {situation.growth:.6g} times as large, they would touch"
+    low, high = WIDE[0]
+    return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
+
+
+def _remedy(situation: Situation, unit: str) -> str:
+    """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way."""
+    problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT)
+    solution = solve(problem, effort="quick")
+    if not solution.usable or solution.transform is None:
+        return f"If they are meant to, move the movable part by {abs(situation.gap):.6g} {unit} in the drawing"
+    shift = solution.transform[:3, 3]
+    by = point(np.where(np.abs(shift) <= NOISE * situation.size, 0.0, shift), 6)
+    return (
+        f"If they are meant to touch as drawn, move the movable part in the drawing (CAD) by {by} {unit}: "
+        f"the shortest way, {float(np.linalg.norm(shift)):.6g} {unit} along the contact normal"
+    )
 
 
 # --------------------------------------------------------------------------------------------------- what else could be
@@ -176,7 +241,7 @@ def _nominal(situation: Situation) -> dict[str, Any]:
     near = ((situation.nearest, "the contact nearest to drawn"), (situation.grown, "both scaled alike"))
     listed = situation.switching_points(MOST_POINTS)
     snap = 0.0
-    if remarks.nearly(situation):
+    if nearly(situation):
         moved = 0.0 if situation.nearest is None else float(np.abs(situation.nearest.pair - 1.0).max())
         snap = float(f"{2.0 * max(abs(situation.gap) / situation.size, moved):.1e}")
     return {
@@ -203,8 +268,8 @@ def _motions(situation: Situation, choice: Choice) -> list[tuple[Motion, str]]:
         others.append((Translation(named(offset / distance)), "along the line of the seeds"))
         others.append((Screw("seeds", pitch=math.degrees(0.01)), "a screw along the line of the seeds"))
     others.append((Free(), "all six: any shift and any turn about the seed"))
-    written = {writing.motion(motion): (motion, why) for motion, why in others}
-    written.pop(writing.motion(choice.motion), None)
+    written = {motion_entry(motion): (motion, why) for motion, why in others}
+    written.pop(motion_entry(choice.motion), None)
     return list(written.values())
 
 
@@ -213,7 +278,7 @@ def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
     shifts = [name for name, kind in choice.motion.parameters if kind == "translation"]
     longest = max((abs(answer.parameters[name]) for answer in choice.usable.values() for name in shifts), default=0.0)
     reach = rounded(max(min(situation.movable.size, situation.static.size) / 2.0, longest), math.ceil)
-    return writing.table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")
+    return parameter_table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")
 
 
 # --------------------------------------------------------------------------------------------------- parts of the text
@@ -242,7 +307,7 @@ def _is_large(solution: Solution, gap: float) -> bool:
 
 def _extent(body: Body, unit: str) -> str:
     sides = " x ".join(f"{x:.5g}" for x in np.ptp(body.vertices, axis=0).tolist())
-    return f"{writing.shown(body.name)}, {sides} {unit}, {len(body.parts)} convex part{'s' * (len(body.parts) > 1)}"
+    return f"{shown(body.name)}, {sides} {unit}, {len(body.parts)} convex part{'s' * (len(body.parts) > 1)}"
 
 
 def _relative(mesh: Path, file: Path) -> str:
@@ -254,3 +319,60 @@ def _relative(mesh: Path, file: Path) -> str:
     except UnicodeEncodeError as reason:
         raise InputError("a name that is no text", file=repr(str(mesh)), allowed="a name in UTF-8") from reason
     return full.as_posix() if place.startswith("~") else place  # "~" at the start means a home folder
+
+
+def motion_entry(motion: Motion) -> str:
+    """Return a motion as a problem file has it."""
+    names = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
+    words = []
+    for step in motion.steps:
+        entry = plain_step(step)
+        for key in ("translation", "rotation"):
+            if isinstance(entry.get(key), list):
+                entry[key] = names.get(tuple(entry[key]), entry[key])
+        if "pitch_per_rad" in entry:
+            entry["pitch_per_deg"] = float(f"{math.radians(entry.pop('pitch_per_rad')):.12g}")
+        words.append("{ " + ", ".join(f"{key} = {toml(value)}" for key, value in entry.items()) + " }")
+    return f"[{', '.join(words)}]"
+
+
+def toml(value: Any) -> str:
+    """Return a value as TOML has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return f"[{', '.join(map(toml, value))}]" if isinstance(value, list | tuple) else repr(value)
+
+
+def point(point: Array, digits: int = 9) -> str:
+    """Return a point, or a scale pair, as TOML has it, in so many digits."""
+    return toml([float(f"{x:.{digits}g}") + 0.0 for x in point.tolist()])
+
+
+def parameter_table(motion: Motion, length: str, angle: str) -> str:
+    """Return a table with an entry for each parameter of a motion."""
+    entries = [(f"{name}_deg", angle) if kind == "rotation" else (name, length) for name, kind in motion.parameters]
+    return "{ " + ", ".join(f"{name} = {value}" for name, value in entries) + " }"
+
+
+def sizes(pair: Array) -> str:
+    """Return a scale pair to be read."""
+    return ", ".join(f"{x:.6g}" for x in pair.tolist())
+
+
+def quoted(path: str | Path) -> str:
+    """Return a path as a shell takes it: in quotes where needed, and never for an option."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
+
+
+def short(label: str) -> str:
+    """Return a contact's label, its middle left out where it is very long."""
+    half = LONGEST // 2
+    return label if len(label) <= LONGEST else f"{label[:half]} ... {label[-half:]}"
+
+
+def shown(text: str) -> str:
+    """Return a text for a comment: in one line, without control characters."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -14,15 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
+TIE, PARALLEL = DEFAULT.tie, DEFAULT.line
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
-CHUNK = 1 << 19  # numbers that are worked on at once
-HOPEFUL = 64  # directions that are tried at once, of many
 
 
 # ------------------------------------------------------------------------------------------------------- whole bodies
@@ -139,7 +139,7 @@ def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Arr
     found = _ball_gaps(ones, twos, frames)
     for i, j in np.argwhere((found <= 0.0).any(axis=0)).tolist():
         at = np.flatnonzero(found[:, i, j] <= 0.0)
-        found[at, i, j] = np.maximum(found[at, i, j], _face_gaps(ones[i], twos[j], frames[at]))
+        found[at, i, j] = np.maximum(found[at, i, j], _widest(ones[i], twos[j], frames[at], False))
     return found
 
 
@@ -159,10 +159,7 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
             unknown = np.fmin(unknown, bounds[:, pair])
             continue
         at = np.flatnonzero(bounds[:, pair] <= least)
-        share = max(1, CHUNK // (len(one.edges) * len(two.edges)))
-        for some in (at[k : k + share] for k in range(0, len(at), share)):
-            gaps = _edge_gaps(one, two, frames[some], _face_gaps(one, two, frames[some]))
-            least[some] = np.minimum(least[some], gaps)
+        least[at] = np.minimum(least[at], _widest(one, two, frames[at], True))
     return np.where(np.isnan(frames[:, UNIT]) | ~(unknown > least), np.nan, least)
 
 
@@ -173,74 +170,89 @@ def _ball_gaps(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> A
     return np.asarray(apart - (frames[:, :1] * balls[:, 3])[:, :, None] - (frames[:, 1:2] * others[:, 3])[:, None])
 
 
-def _face_gaps(one: Solid, two: Solid, frames: Array) -> Array:
-    """Return the largest gap of two parts over their face normals in each frame, (k,)."""
-    x, y, turn = placed(one.points, frames, True), placed(two.points, frames, False), _turns(frames).mT
-    if len(frames) * (len(one.planes) + len(two.planes)) * (len(one.points) + len(two.points)) > CHUNK:
-        normals = (np.concatenate([one.planes[:, :3] @ turn[k], -two.planes[:, :3]]) for k in range(len(frames)))
-        return np.array([_largest(*each) for each in zip(normals, x, y, strict=True)])
-    n, m = (one.planes[:, :3] @ turn).mT, two.planes[:, :3].T
-    return np.asarray(
-        np.maximum(
-            ((y @ n).min(axis=1) - (x @ n).max(axis=1)).max(axis=1),
-            ((x @ m).min(axis=1) - (y @ m).max(axis=1)).max(axis=1),
-        )
-    )
+def _widest(one: Solid, two: Solid, frames: Array, edged: bool) -> Array:
+    """Return the largest gap of two parts over their face normals, and pairs of edges if asked, in each frame, (k,)."""
+    return np.asarray(widest_gaps(*one[:4], *two[:4], frames, edged))
 
 
-def _largest(n: Array, x: Array, y: Array) -> float:
-    """Return the largest gap of points y from points x along some directions.
-
-    The most hopeful first; those that two points of either part rule out are passed over.
-    """
-    best, way = -np.inf, y.mean(axis=0) - x.mean(axis=0)
-    while len(n):
-        hope = n @ (y[(y @ way).argmin()] - x[(x @ way).argmax()])
-        n, hope = n[hope > best], hope[hope > best]
-        n = n[hope.argsort()]
-        n, tried = n[:-HOPEFUL], n[-HOPEFUL:]
-        gaps = (y @ tried.T).min(axis=0) - (x @ tried.T).max(axis=0) if len(tried) else np.array([-np.inf])
-        if gaps.max() > best:
-            best, way = float(gaps.max()), tried[gaps.argmax()]
-    return best
-
-
-def _edge_gaps(one: Solid, two: Solid, frames: Array, best: Array) -> Array:
-    """Return the larger of the best gaps so far and those along the directions of pairs of edges, in each frame, (k,).
+@light
+@kernel
+def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours, frames, edged):
+    """Return the largest gap of two solids, as `Solid` has them, over directions that can separate most, (k,).
 
     Pairs of edges make a facet of the parts' difference only where the arcs between the normals of the faces beside
     them cross: where the faces of either lie on different sides of the other. Others are left out, unless rounding may
     have chosen the side; and parallel ones.
     """
-    turn = _turns(frames).mT
-    sides, planes, lengths, others = (
-        one.edges @ turn,
-        one.planes[:, :3] @ turn,
-        _lengths(one.edges),
-        _lengths(two.edges),
-    )
-    heights = sides @ two.planes[:, :3].T
-    doubt = lengths[:, None] * (DEFAULT.tie + two.planes[:, 4]) + ROUNDING * one.reach
-    hands = (heights > doubt).astype(np.int8) - (heights < -doubt)
-    apart = hands[..., two.beside[:, 1]] * hands[..., two.beside[:, 2]] > 0
-    heights, off = planes @ two.edges.T, DEFAULT.tie + one.planes[one.beside[:, 1:], 4].max(axis=1)
-    p, q = heights[:, one.beside[:, 1]], heights[:, one.beside[:, 2]]
-    doubt = off[:, None] * others + ROUNDING * two.reach
-    apart |= ((p > doubt) & (q > doubt)) | ((p < -doubt) & (q < -doubt))
-    k, first, second = np.nonzero(~apart)
-    n = _crosses(sides[k, first], two.edges[second])
-    length = _lengths(n)
-    kept = length > DEFAULT.line * lengths[first] * others[second]
-    k, first, second, n = k[kept], first[kept], second[kept], n[kept] / length[kept, None]
-    x, y = placed(one.points, frames, True), placed(two.points, frames, False)
-    between = _dots(n, y[k, two.beside[second, 0]] - x[k, one.beside[first, 0]])  # no gap along n is wider
-    there, back = between > best[k], -between > best[k]
-    k, n = np.concatenate([k[there], k[back]]), np.concatenate([n[there], -n[back]])
-    share = max(1, CHUNK // (3 * (len(one.points) + len(two.points))))
-    for start in range(0, len(k), share):
-        here, way = k[start : start + share], n[start : start + share, :, None]
-        np.maximum.at(best, here, ((y[here] @ way).min(axis=1) - (x[here] @ way).max(axis=1))[:, 0])
-    return best
+    found, x, y = np.empty(len(frames)), np.empty((len(points), 3)), np.empty((len(others), 3))
+    normals, hands = np.empty((len(planes), 3)), np.empty(len(faces), np.int8)
+    room, rooms = ROUNDING * _reach(points), ROUNDING * _reach(others)
+    for k in range(len(frames)):
+        frame = frames[k]
+        R, offset = frame[TURN:].reshape(3, 3), (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
+        for m in range(len(points)):
+            x[m, 0], x[m, 1], x[m, 2] = _plus(offset, frame[0], _turned(R, points[m]))
+        for m in range(len(others)):
+            y[m, 0], y[m, 1], y[m, 2] = _plus((0.0, 0.0, 0.0), frame[1], others[m])
+        best, far, near = -np.inf, 0, 0
+        for m in range(len(planes)):
+            n = normals[m, 0], normals[m, 1], normals[m, 2] = _turned(R, planes[m])
+            best, far, near = _wider(best, far, near, n, x, y)
+        for m in range(len(faces)):
+            best, far, near = _wider(best, far, near, (-faces[m, 0], -faces[m, 1], -faces[m, 2]), x, y)
+        for i in range(len(edges) if edged else 0):
+            u, a, b = _turned(R, edges[i]), beside[i, 1], beside[i, 2]
+            own, off = np.sqrt(_dot(u, u)), TIE + max(planes[a, 4], planes[b, 4])
+            for m in range(len(faces)):
+                height, doubt = _dot(u, faces[m]), own * (TIE + faces[m, 4]) + room
+                hands[m] = int(height > doubt) - int(height < -doubt)
+            for j in range(len(sides)):
+                if hands[neighbours[j, 1]] * hands[neighbours[j, 2]] > 0:
+                    continue
+                v = sides[j]
+                p, q, length = _dot(v, normals[a]), _dot(v, normals[b]), np.sqrt(_dot(v, v))
+                doubt = length * off + rooms
+                if (p > doubt and q > doubt) or (p < -doubt and q < -doubt):
+                    continue
+                n = _cross(u, v)
+                size = np.sqrt(_dot(n, n))
+                if size > PARALLEL * own * length:
+                    n = (n[0] / size, n[1] / size, n[2] / size)
+                    best, far, near = _wider(best, far, near, n, x, y)
+                    best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), x, y)
+        found[k] = best
+    return found
+
+
+@step
+def _wider(best, i, j, n, x, y):
+    """Return the larger of the best gap of points y from x and that along n, and points that came near the extremes.
+
+    Two points of either part, those of the last direction first, rule most directions out.
+    """
+    if _dot(n, y[j]) - _dot(n, x[i]) <= best:
+        return best, i, j
+    high, low = -np.inf, np.inf
+    for m in range(len(x)):
+        level = _dot(n, x[m])
+        if level > high:
+            high, i = level, m
+    for m in range(len(y)):
+        level = _dot(n, y[m])
+        if level < low:
+            low, j = level, m
+            if low - high <= best:
+                return best, i, j
+    return max(best, low - high), i, j
+
+
+@step
+def _reach(points):
+    """Return how far points are from the seed."""
+    square = 0.0
+    for m in range(len(points)):
+        square = max(square, _dot(points[m], points[m]))
+    return np.sqrt(square)
 
 
 # ----------------------------------------------------------------------------------------------------- claimed contacts
@@ -248,129 +260,168 @@ def _edge_gaps(one: Solid, two: Solid, frames: Array, best: Array) -> Array:
 # either part, 3 and none, none and 3, or 2 and 2, and its sign.
 
 
-def _normals(one: Array, two: Array, across: Ints, along: Ints, sign: int, R: Array) -> Array:
-    """Return the unit contact normal under each rotation, (k, 3); nan where two edges are parallel."""
-    if len(across) == 3:
-        u, v = ((one[row] - one[across[0]]) @ R.mT for row in across[1:])
-    elif len(along) == 3:
-        u, v = two[along[1:]] - two[along[0]]
-    else:
-        u, v = (one[across[1]] - one[across[0]]) @ R.mT, two[along[1]] - two[along[0]]
-    n = np.broadcast_to(_crosses(u, v), (len(R), 3))
-    length = _lengths(n)
-    length = np.where(length > DEFAULT.tie * _lengths(u) * _lengths(v), length, np.nan)
-    return np.asarray(sign * n / length[:, None])
-
-
-@np.errstate(all="ignore")
-def edge_sign(one: Array, two: Array, across: Ints, along: Ints, T: Array) -> int:
+@light
+@kernel
+def edge_sign(one, two, across, along, T):
     """Return the sign of edge 1 x edge 2 that leads out of part 1: the side on which less of it lies; 0 if parallel."""
-    n = _normals(one, two, across, along, 1, T[None, :3, :3])[0]
+    n = _normal(one, two, across, along, 1, T)
     if np.isnan(n[0]):
         return 0
-    heights = (one - one[across[0]]) @ (n @ T[:3, :3])
-    return 1 if heights.max() <= -heights.min() else -1
+    low, high, base = np.inf, -np.inf, one[across[0]]
+    for m in range(len(one)):
+        height = _dot(n, _turned(T, _minus(one[m], base)))
+        low, high = min(low, height), max(high, height)
+    return 1 if high <= -low else -1
 
 
-@np.errstate(all="ignore")
-def contact_rows(
-    one: Array, two: Array, first: Ints, second: Ints, across: Ints, along: Ints, sign: int, seeds: Array, poses: Array
-) -> Array:
+@light
+@kernel
+def contact_rows(one, two, first, second, across, along, sign, seeds, poses):
     """Return (n, a, b, c) at each pose, (k, 6): the unit normal and the contact line.
 
     The separation of two claimed vertices along the normal is affine in the scales, c - a rho_1 - b rho_2: three scale
     pairs give it.
     """
-    n = _normals(one, two, across, along, sign, poses[:, :3, :3])
-    x, y, offset = one[first[0]] @ poses[:, :3, :3].mT, two[second[0]], _offsets(seeds, poses)
-    base, wider, longer = (_dots(n, q * y - (offset + p * x)) for p, q in ((1.0, 1.0), (2.0, 1.0), (1.0, 2.0)))
-    return np.column_stack([n, base - wider, base - longer, 3.0 * base - wider - longer])
+    rows = np.empty((len(poses), 6))
+    for k in range(len(poses)):
+        n, offset = _normal(one, two, across, along, sign, poses[k]), _offset(seeds, poses[k])
+        x, y = _turned(poses[k], one[first[0]]), two[second[0]]
+        base = _dot(n, _minus(y, _plus(offset, 1.0, x)))
+        wider = _dot(n, _minus(y, _plus(offset, 2.0, x)))
+        longer = _dot(n, _minus(_plus(y, 1.0, y), _plus(offset, 1.0, x)))
+        rows[k, 0], rows[k, 1], rows[k, 2] = n
+        rows[k, 3], rows[k, 4], rows[k, 5] = base - wider, base - longer, 3.0 * base - wider - longer
+    return rows
 
 
-@np.errstate(all="ignore")
-def contact_errors(
-    one: Array, two: Array, first: Ints, second: Ints, across: Ints, along: Ints, sign: int, seeds: Array,
-    pairs: Array, poses: Array,
-) -> Array:  # fmt: skip
+@light
+@kernel
+def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, poses):
     """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
 
     The largest of: distance of a common point from either element, and how far either part reaches across the plane
     through it; infinite where there is none.
     """
-    R = poses[:, :3, :3]
-    n = _normals(one, two, across, along, sign, R)[:, :, None]
-    x = _offsets(seeds, poses)[:, None] + pairs[:, 0, None, None] * (one @ R.mT)
-    y = pairs[:, 1, None, None] * two
-    p, q = x[:, first], y[:, second]
-    if len(first) == 1:
-        point, error = p[:, 0], _off(q, p)[:, 0]
-    elif len(second) == 1:
-        point, error = q[:, 0], _off(p, q)[:, 0]
-    elif len(first) == len(second) == len(across) == len(along) == 2:
-        points = _crossings(p[:, 0], p[:, 1], q[:, 0], q[:, 1])[:, None]
-        point, error = points[:, 0], np.maximum(_off(p, points), _off(q, points))[:, 0]
+    errors, x, y = np.empty(len(poses)), np.empty((len(one), 3)), np.empty((len(two), 3))
+    for k in range(len(poses)):
+        n, offset = _normal(one, two, across, along, sign, poses[k]), _offset(seeds, poses[k])
+        for m in range(len(one)):
+            x[m, 0], x[m, 1], x[m, 2] = _plus(offset, pairs[k, 0], _turned(poses[k], one[m]))
+        for m in range(len(two)):
+            y[m, 0], y[m, 1], y[m, 2] = _plus((0.0, 0.0, 0.0), pairs[k, 1], two[m])
+        if len(first) == 1:
+            point = _plus(x[first[0]], 0.0, x[first[0]])
+            error = _off(y, second, point)
+        elif len(second) == 1:
+            point = _plus(y[second[0]], 0.0, y[second[0]])
+            error = _off(x, first, point)
+        elif len(first) == len(second) == len(across) == len(along) == 2:
+            point = _crossing(x[first[0]], x[first[1]], y[second[0]], y[second[1]])
+            error = _larger(_off(x, first, point), _off(y, second, point))
+        else:
+            error, point = _shared(x, first, y, second)
+        level = _dot(n, point)
+        for m in range(len(x)):
+            error = _larger(error, _dot(n, x[m]) - level)
+        for m in range(len(y)):
+            error = _larger(error, level - _dot(n, y[m]))
+        errors[k] = np.inf if np.isnan(error) else error
+    return errors
+
+
+@step
+def _normal(one, two, across, along, sign, T):
+    """Return the unit contact normal at a pose; nan where two edges are parallel."""
+    if len(across) == 3:
+        u, v = _minus(one[across[1]], one[across[0]]), _minus(one[across[2]], one[across[0]])
+        u, v = _turned(T, u), _turned(T, v)
+    elif len(along) == 3:
+        u, v = _minus(two[along[1]], two[along[0]]), _minus(two[along[2]], two[along[0]])
     else:
-        point, error = _shared(p, q)
-    level = (point[:, None] @ n)[:, 0, 0]
-    reach = np.maximum((x @ n).max(axis=(1, 2)) - level, level - (y @ n).min(axis=(1, 2)))
-    return np.nan_to_num(np.maximum(error, reach), nan=np.inf, posinf=np.inf)
+        u = _turned(T, _minus(one[across[1]], one[across[0]]))
+        v = _minus(two[along[1]], two[along[0]])
+    n = _cross(u, v)
+    length = np.sqrt(_dot(n, n))
+    if not length > TIE * np.sqrt(_dot(u, u)) * np.sqrt(_dot(v, v)):
+        return np.nan, np.nan, np.nan
+    return sign * n[0] / length, sign * n[1] / length, sign * n[2] / length
 
 
-def _offsets(seeds: Array, poses: Array) -> Array:
-    return np.asarray(seeds[0] @ poses[:, :3, :3].mT + poses[:, :3, 3] - seeds[1])
+@step
+def _offset(seeds, T):
+    seed = _turned(T, seeds[0])
+    return seed[0] + T[0, 3] - seeds[1, 0], seed[1] + T[1, 3] - seeds[1, 1], seed[2] + T[2, 3] - seeds[1, 2]
 
 
-def _crossings(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Return the point of each line a b that is nearest to the line c d, (..., 3)."""
-    u, v = b - a, d - c
-    n = _crosses(u, v)
-    return np.asarray(a + (_dots(_crosses(c - a, v), n) / _dots(n, n))[..., None] * u)
+@step
+def _crossing(a, b, c, d):
+    """Return the point of the line a b that is nearest to the line c d."""
+    u, v = _minus(b, a), _minus(d, c)
+    n = _cross(u, v)
+    return _plus(a, _dot(_cross(_minus(c, a), v), n) / _dot(n, n), u)
 
 
-def _shared(p: Array, q: Array) -> tuple[Array, Array]:
-    """Return a point of each two flush elements, (k, 3), and its distances from both together, (k,).
+@step
+def _shared(x, first, y, second):
+    """Return a point of two flush elements, and its distances from both together, these first.
 
     A corner of what they share: of one of them, or where their sides cross.
     """
-    points = np.concatenate([p, q], axis=1)
-    off = np.concatenate([_off(q, p), _off(p, q)], axis=1)
-    if (off.min(axis=1) > DEFAULT.line * _lengths(p[:, 1] - p[:, 0])).any():
-        ends = (np.stack([own, np.roll(own, -1, axis=1)]) for own in (p, q))
-        (a, b), (c, d) = (own if own.shape[2] > 2 else own[:, :, :1] for own in ends)
-        crossings = _crossings(a[:, :, None], b[:, :, None], c[:, None], d[:, None]).reshape(len(p), -1, 3)
-        points = np.concatenate([points, crossings], axis=1)
-        off = np.concatenate([off, _off(p, crossings) + _off(q, crossings)], axis=1)
-    off = np.where(np.isnan(off), np.inf, off)
-    best = off.argmin(axis=1)
-    rows = np.arange(len(p))
-    return points[rows, best], off[rows, best]
+    way = _minus(x[first[1]], x[first[0]])
+    best, point, enough = np.inf, _plus(way, -1.0, way), PARALLEL * np.sqrt(_dot(way, way))
+    for m in range(len(first) + len(second)):
+        corner = x[first[m]] if m < len(first) else y[second[m - len(first)]]
+        off = _off(y, second, corner) if m < len(first) else _off(x, first, corner)
+        if off < best:
+            best, point = off, _plus(corner, 0.0, corner)
+        if best <= enough:
+            return best, point
+    for m in range(len(first) if len(first) > 2 else 1):
+        a, b = x[first[m]], x[first[(m + 1) % len(first)]]
+        for other in range(len(second) if len(second) > 2 else 1):
+            crossing = _crossing(a, b, y[second[other]], y[second[(other + 1) % len(second)]])
+            off = _off(x, first, crossing) + _off(y, second, crossing)
+            if off < best:
+                best, point = off, crossing
+            if best <= enough:
+                return best, point
+    return best, point
 
 
-def _off(element: Array, points: Array) -> Array:
-    """Return how far points, (k, m, 3), are from a vertex, a segment or a planar convex polygon, (k, l, 3)."""
-    if element.shape[1] == 1:
-        return _lengths(points - element)
-    ends = np.roll(element, -1, axis=1)
-    if element.shape[1] == 2:
-        return _off_segments(element[:, :1], ends[:, :1], points)
-    base = element[:, :1]
-    normal = _crosses(element - base, ends - base).sum(axis=1)
-    normal /= _lengths(normal)[:, None]
-    height = np.abs(((points - element.mean(axis=1, keepdims=True)) @ normal[:, :, None])[..., 0])
-    outward = _crosses(ends - element, normal[:, None])
-    outward /= _lengths(outward)[..., None]
-    outside = (points @ outward.mT - _dots(element, outward)[:, None]).max(axis=2)
-    beyond = outside > 0.0
-    if beyond.any():
-        nearest = _off_segments(element[:, None], ends[:, None], points[:, :, None]).min(axis=2)
-        height = np.where(beyond, np.maximum(height, np.maximum(outside, nearest)), height)
-    return np.where(np.isnan(outside), np.nan, height)
+@step
+def _off(points, rows, p):
+    """Return how far p is from a vertex, a segment or a planar convex polygon in loop order."""
+    count, base = len(rows), points[rows[0]]
+    if count <= 2:
+        return _off_segment(base, points[rows[count - 1]], p)
+    middle, normal = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for m in range(count):
+        corner, following = points[rows[m]], points[rows[(m + 1) % count]]
+        middle = _plus(middle, 1.0 / count, corner)
+        normal = _plus(normal, 1.0, _cross(_minus(corner, base), _minus(following, corner)))
+    length = np.sqrt(_dot(normal, normal))
+    height, outside, nearest = abs(_dot(_minus(p, middle), normal)) / length, 0.0, np.inf
+    for m in range(count):
+        corner, following = points[rows[m]], points[rows[(m + 1) % count]]
+        outward = _cross(_minus(following, corner), normal)
+        outside = _larger(outside, _dot(_minus(p, corner), outward) / np.sqrt(_dot(outward, outward)))
+        nearest = min(nearest, _off_segment(corner, following, p))
+    return _larger(height, outside) if outside == 0.0 else _larger(height, _larger(outside, nearest))
 
 
-def _off_segments(a: Array, b: Array, p: Array) -> Array:
-    u, w = b - a, p - a
-    t = np.clip(_dots(w, u) / _dots(u, u), 0.0, 1.0)
-    return _lengths(w - t[..., None] * u)
+@step
+def _off_segment(a, b, p):
+    """Return how far p is from a segment, which may be a point."""
+    u, w = _minus(b, a), _minus(p, a)
+    square = _dot(u, u)
+    way = _plus(w, -min(max(_dot(w, u) / square, 0.0), 1.0) if square > 0.0 else 0.0, u)
+    return np.sqrt(_dot(way, way))
+
+
+@step
+def _larger(a, b):
+    """Return the larger one, nan if either is."""
+    return b if b > a or np.isnan(b) else a
 
 
 # ------------------------------------------------------------------------------------------------------------- vectors
@@ -388,11 +439,28 @@ def _lengths(u: Array) -> Array:
     return np.asarray(np.sqrt(_dots(u, u)))
 
 
-def _crosses(u: Array, v: Array) -> Array:
-    """Return cross products, in a third of the time that numpy's takes."""
-    u, v = np.broadcast_arrays(u, v)
-    n = np.empty(u.shape)
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        n[..., i] = u[..., j] * v[..., k] - u[..., k] * v[..., j]
-    return n
+@step
+def _dot(u, v):
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@step
+def _cross(u, v):
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+@step
+def _minus(u, v):
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+@step
+def _plus(u, s, v):
+    """Return u + s v."""
+    return u[0] + s * v[0], u[1] + s * v[1], u[2] + s * v[2]
+
+
+@step
+def _turned(R, v):
+    """Return R v for the rotation in the first three columns."""
+    return _dot(R[0], v), _dot(R[1], v), _dot(R[2], v)

@@ -1,14 +1,14 @@
 """What is shown: pictures for print and screen, tables on a terminal, cards of notebooks, and reports.
 
 texts            numbers, questions and answers in words, for all of these; `remarks` are sentences
-scales           the plane of scales: windows, and what lies inside
-rendering        HTML from `templates`, for `notebook` and `report`
-solved           cases as tables and reports show them; the one place that calls the solver
-tables           what the command line prints; `design_tables` for studies, what-ifs, maps, yields and poses
+rendering        HTML from `templates`, for `cards` and `report`
+cards            what notebooks show
+solved           cases as tables and reports show them
+tables           what the command line prints, by `printing`
 
 Pictures, and here what they share:
 
-plots            decision curves, before and after a motion
+plots            decision curves, before and after a motion; the plane of scales
 scene            the pair of bodies in space
 family           the curves over a coherent range
 maps             compensation maps, and the yield of a fit
@@ -28,6 +28,8 @@ from typing import IO, TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:
+    Figure = Any  # matplotlib is imported when something is drawn
 
 # Okabe and Ito's palette: told apart with any kind of colour vision, and in grey.
 BLACK, BLUE, VERMILLION, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"

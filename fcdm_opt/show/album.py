@@ -1,24 +1,19 @@
-"""Pictures of curves, solutions and ranges, written to one directory; every name is given once."""
+"""Pictures, written to one directory; every name is given once."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.errors import InputError
-from fcdm_opt.show import save
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fcdm_opt.along.coherent_range import CoherentRange
-    from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
-    from fcdm_opt.design.compensation.compensation_map import CompensationMap
-    from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show import Figure, save
+from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
+from fcdm_opt.show.scene import ShownPair, scene_figure
+from fcdm_opt.show.sensitivities import sensitivities_figure
+from fcdm_opt.show.texts import amount_text, asked_text, motion_text
 
 LONGEST_NAME = 100
 """Characters of a picture's file name, before its number and ending."""
@@ -58,22 +53,13 @@ class Album:
 
     def add_curve(self, stem: str, title: str, curve: DecisionCurve, *, unit: str = "") -> None:
         """Add a decision curve, and its bodies as drawn, in a unit of length."""
-        from fcdm_opt.show.plots import decision_curve_figure
-        from fcdm_opt.show.scene import scene_figure
-
         name = self._once(stem)
         self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
-        scene = scene_figure(curve.movable, curve.static, unit=unit, title=title, caption="as drawn")
-        self._write(f"{name}-scene", scene)
+        drawn = ShownPair.of(curve.movable, curve.static)
+        self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption="as drawn"))
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
-        from fcdm_opt.curve.decision_curve import decision_curve
-        from fcdm_opt.show.plots import before_after_figure
-        from fcdm_opt.show.scene import scene_figure
-        from fcdm_opt.show.sensitivities import sensitivities_figure
-        from fcdm_opt.show.texts import amount_text, asked_text, motion_text
-
         problem, found, motion = solution.problem, solution.status.found, motion_text(solution)
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
@@ -85,14 +71,11 @@ class Album:
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho
         moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+        keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
         scene = scene_figure(
-            problem.movable,
-            problem.static,
-            rho=rho,
-            transform=solution.transform,
+            ShownPair.of(problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out),
             features=solution.features,
             contacts=moved.contact_points(rho),
-            keep_out=[keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out],
             unit=problem.unit,
             title=title,
             caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion}",
@@ -101,33 +84,11 @@ class Album:
         if found and solution.amount > 0.0:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
 
-    def add_range(self, stem: str, title: str, coherent: CoherentRange) -> None:
-        """Add the family of decision curves over a coherent range."""
-        from fcdm_opt.show.family import family_figure
-
-        case, caption = coherent.problem.name, " & ".join(feature.label for feature in coherent.features)
-        figure = family_figure(coherent, title=f"{title}: case {case}, coherent range", caption=caption)
-        self._write(f"{self._once(f'{stem}-{case}')}-range", figure)
-
-    def add_yield(self, stem: str, result: AssemblyYield, *, title: str = "") -> None:
-        """Add how the amounts of all part pairs are spread about the budget."""
-        from fcdm_opt.show.maps import yield_figure
-
-        self._write(self._once(stem), yield_figure(result, title=title or f"yield: {stem}"))
-
-    def add_map(self, stem: str, title: str, sizes: CompensationMap) -> str:
-        """Add the amount over the box of sizes, with the regions of a compensation map; return the picture's stem."""
-        from fcdm_opt.show.maps import map_figure
-
-        name = f"{self._once(stem)}-map"
-        self._write(name, map_figure(sizes, title=title))
+    def add(self, stem: str, figure: Figure, *, ending: str = "") -> str:
+        """Add a figure; return its name: the stem, which is given once, and what kind of picture it is."""
+        name = f"{self._once(stem)}{ending}"
+        self._write(name, figure)
         return name
-
-    def add_study(self, stem: str, result: StudyResult) -> None:
-        """Add the amount over what a study varied."""
-        from fcdm_opt.show.studies import study_figure
-
-        self._write(self._once(stem), study_figure(result))
 
     def _once(self, wanted: str) -> str:
         safe = re.sub(r"[^A-Za-z0-9._-]+", "_", wanted).lstrip(".")[:LONGEST_NAME]

@@ -9,14 +9,11 @@ import numpy as np
 
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, styled
+from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet
-from fcdm_opt.show.plots import ALONG, plane
-from fcdm_opt.show.scales import path, pieces
+from fcdm_opt.show.plots import ALONG, path, pieces, plane
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from fcdm_opt.along.coherent_range import CoherentRange, Event
 
 CURVES = 5
@@ -39,7 +36,7 @@ INSIDE = 1.0 - 2.0**-20
 
 
 @styled
-def family_figure(coherent: CoherentRange, *, title: str = "", caption: str = "") -> Figure:
+def family_figure(coherent: CoherentRange, *, title: str = "") -> Figure:
     """Draw the decision curves over a coherent range, and the tracked scale pair against the motion.
 
     Left: the family, from the lower end (blue) over rest (black) to the upper end (vermillion); what the tracked
@@ -49,12 +46,13 @@ def family_figure(coherent: CoherentRange, *, title: str = "", caption: str = ""
     Parameters
     ----------
     coherent : CoherentRange
-    title, caption : str
-        Text above and below the picture.
+    title : str
+        Text above the picture.
     """
     named = zip(("low", "high"), coherent.events, strict=True)
     words = [f"{name} x = {event.x:.9g}: {_short(event)}" for name, event in named]
-    sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join([*words, caption] if caption else words))
+    tracked = " & ".join(feature.label for feature in coherent.features)
+    sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join([*words, tracked]))
     left, right = (sheet.axes(x, 0.9, 2.62, 2.62) for x in (0.48, 3.88))
     ends = [drawn_end(coherent, sign) for sign in (-1.0, 1.0)]
     draw_family(left, coherent, ends)

@@ -5,17 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.show import DARK, NOTE, TITLE, new_figure
-from fcdm_opt.show.scales import clipped
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from fcdm_opt.show import DARK, NOTE, TITLE, Figure, new_figure
 
 SPACING = 1.45
 """Distance of lines, in sizes of their text."""
@@ -226,3 +222,33 @@ class Names:
 
     def _page(self, points: Array) -> Array:
         return np.asarray(self._axes.transData.transform(points))
+
+
+def clipped(lines: ArrayLike, window: ArrayLike) -> tuple[Array, Any]:
+    """Return the parts inside a window of straight pieces (n, 2, 2) that pass through it, and which these are.
+
+    Parameters
+    ----------
+    lines : (n, 2, 2) array
+        Both ends of each piece; those that are not finite are outside.
+    window : (2, 2) array
+        Low and high of both scales.
+
+    Returns
+    -------
+    parts : (k, 2, 2) array
+    inside : (n,) array of bool
+    """
+    whole = np.asarray(lines, dtype=float).reshape(-1, 2, 2)
+    low, high = np.asarray(window, dtype=float).T
+    start = whole[:, 0]
+    with np.errstate(all="ignore"):
+        step = whole[:, 1] - start
+        ends = np.sort((np.array([low, high]) - start[:, None]) / step[:, None], axis=1)  # (n, low or high, axis)
+    still = step == 0.0
+    within = (low <= start) & (start <= high)
+    enter = np.where(still, np.where(within, -np.inf, np.inf), ends[:, 0]).max(axis=1, initial=0.0)
+    leave = np.where(still, np.where(within, np.inf, -np.inf), ends[:, 1]).min(axis=1, initial=1.0)
+    inside = np.isfinite(start + step).all(axis=1) & (enter < leave)
+    shares, kept = np.array([enter, leave]).T[inside], whole[inside]
+    return kept[:, :1] + shares[:, :, None] * (kept[:, 1:] - kept[:, :1]), inside

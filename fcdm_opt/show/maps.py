@@ -9,13 +9,11 @@ import numpy as np
 
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import SIGNS
-from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.plots import plane
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.compensation.compensation_map import CompensationMap
 
@@ -109,7 +107,7 @@ def _mark(axes: Any, sizes: CompensationMap) -> None:
         axes.plot(*sizes.nominal, marker="*", markersize=9, markerfacecolor="white", markeredgecolor=BLACK, zorder=6)
 
 
-# ---------------------------------------------------------------------------------------------------------- yield
+# ---------------------------------------------------------------------------------------------------------------- yield
 
 
 @styled

@@ -1,26 +1,26 @@
-"""Decision curves in the plane of scales, before and after a motion."""
+"""Decision curves in the plane of scales, before and after a motion, and what of that plane a picture shows."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.problem import TRACKING, Problem
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, VERMILLION, styled
-from fcdm_opt.show.lettering import Names, Sheet
-from fcdm_opt.show.scales import clipped, marked, path, pieces, reaching, tolerance_box, window
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fcdm_opt.curve.decision_curve import DecisionCurve
-    from fcdm_opt.problem.solution import Solution
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show.lettering import Names, Sheet, clipped
 
 ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)
 """Where along a segment its name stands, the best place first."""
+
+MARGIN, LEAST_EXTENT = 0.3, 0.05
+"""Room around what must be seen, as a share of its extent; the extent is at least this share of rho."""
 
 MOST_NAMED = 200
 """Segments that are named: of more none could be told from the others."""
@@ -78,8 +78,6 @@ def before_after_figure(
     title, caption : str
         Text above and below the picture.
     """
-    from fcdm_opt.curve.decision_curve import decision_curve
-
     before, after = problem.curve, None
     pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)
     if pose is not None:
@@ -195,3 +193,51 @@ def draw_points(axes: Any, problem: Problem, rho: Array | None, size: float) -> 
     for place, marker, extent, look, label in points:
         axes.plot(*place, marker=marker, markersize=extent * size, markeredgewidth=1.3 * size, linestyle="none",
                   zorder=5, label=label, **look)  # fmt: skip
+
+
+# -------------------------------------------------------------------------------------------------- the plane of scales
+
+
+def marked(problem: Problem, solution: Solution | None) -> list[Array]:
+    """Return the points that are marked: nominal pair, target, and the tracked point after the motion."""
+    after = None if solution is None else solution.rho
+    return [problem.nominal_pair, problem.target, *([] if after is None else [after])]
+
+
+def tolerance_box(problem: Problem) -> Array:
+    """Corners (2, 2) of the tolerance box around the nominal pair, lower then upper; without tolerances the pair."""
+    minus, plus = np.zeros((2, 2)) if problem.tolerance is None else np.transpose(problem.tolerance)
+    return np.array([problem.nominal_pair * (1.0 - minus), problem.nominal_pair * (1.0 + plus)])
+
+
+def window(problem: Problem, solution: Solution | None, more: Sequence[Array] = ()) -> Array:
+    """Limits (2, 2) of an enlarged picture: tolerance box, marked points and `more`, with a margin; never empty."""
+    points = [*marked(problem, solution), *tolerance_box(problem), *more]
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    extent = np.maximum(high - low, LEAST_EXTENT * high)
+    margin = MARGIN * np.maximum(extent, extent.max() / 2)
+    return np.column_stack([np.maximum(low - margin, low / 2.0), high + margin])
+
+
+def reaching(curve: DecisionCurve, window: ArrayLike) -> DecisionCurve:
+    """Return the curve listed over its box and a window, which may reach beyond it."""
+    box, seen = np.asarray(curve.box), np.asarray(window, dtype=float)
+    low, high = np.minimum(box[:, 0], seen[:, 0]), np.maximum(box[:, 1], seen[:, 1])
+    if (low == box[:, 0]).all() and (high == box[:, 1]).all():
+        return curve
+    (a, b), (c, d) = np.column_stack([low, high]).tolist()
+    return replace(curve, box=((a, b), (c, d)))
+
+
+def pieces(curve: DecisionCurve) -> Array:
+    """Return the ends of a curve's segments, (n, 2, 2)."""
+    return np.array([[segment.start, segment.end] for segment in curve.segments]).reshape(-1, 2, 2)
+
+
+def path(ends: Array) -> Array:
+    """Return straight pieces (n, 2, 2) as one path (m, 2) that a picture draws: nan parts what does not go on."""
+    joins = np.abs(ends[1:, 0] - ends[:-1, 1]).max(axis=1, initial=0.0) == 0.0
+    corners = []
+    for (start, end), goes_on in zip(ends, [False, *joins], strict=True):
+        corners += [end] if goes_on else [(np.nan, np.nan), start, end]
+    return np.array(corners[1:], dtype=float).reshape(-1, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Any
 
@@ -39,30 +39,48 @@ def _console(stderr: bool, terminal: bool, plain: bool) -> Any:
     )
 
 
-def print_rows(rows: Sequence[dict[str, str]], numbers: Sequence[str] = ()) -> None:
-    """Print rows as a table, closer set where it is too wide, and one below the other where that does not do."""
+def print_rows(
+    rows: Sequence[dict[str, str]],
+    numbers: Sequence[str] = (),
+    *,
+    optional: Sequence[str] = (),
+    notes: Iterable[str] = (),
+) -> None:
+    """Print rows as a table, closer set where it is too wide, and one below the other where that does not do.
+
+    Notes stand below it, then an empty line. An optional column is left out where no row has anything in it.
+    """
     from rich import box
     from rich.table import Table
 
     out = console()
+    left_out = [column for column in optional if not any(row[column] for row in rows)]
+    kept = [{column: cell for column, cell in row.items() if column not in left_out} for row in rows]
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
-    for column in rows[0]:
+    for column in kept[0]:
         justify: Any = "right" if column in numbers else "left"
         table.add_column(column, no_wrap=True, justify=justify, vertical="top")
-    for row in rows:
+    for row in kept:
         table.add_row(*row.values())
     unlimited = out.options.update(width=PIPED_WIDTH)
     if out.measure(table, options=unlimited).maximum > out.width:
         table.padding = 0
     if out.measure(table, options=unlimited).maximum <= out.width:
         out.print(table)
-        return
-    for row in rows:
-        (_, head), *rest = row.items()
-        out.print(head, style="bold")
-        for column, cell in rest:
-            name = column.replace("-\n", "").replace("\n", " ")
-            out.print(f"  {name}: {' '.join(cell.split())}")
+    else:
+        for (_, head), *rest in (row.items() for row in kept):
+            out.print(head, style="bold")
+            for column, cell in rest:
+                name = column.replace("-\n", "").replace("\n", " ")
+                out.print(f"  {name}: {' '.join(cell.split())}")
+    print_lines(notes)
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Print lines, each broken between words where it is too long, and an empty one."""
+    for line in lines:
+        print_text(line, indent="   ")
+    print_text()
 
 
 def print_text(text: str = "", indent: str = "") -> None:

@@ -1,4 +1,4 @@
-"""HTML from the folder `templates`: texts are escaped wherever they stand, equal data give equal bytes."""
+"""Texts from the folder `templates`: in HTML all is escaped wherever it stands, and equal data give equal bytes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.show.texts import NONE, number, shown, status_text
+from fcdm_opt.show.texts import NONE, numbers, shown, status_text
 
 LONGEST = 160
 """Characters of a text that a card shows; faces with hundreds of corners have labels of thousands."""
@@ -67,11 +67,11 @@ def _packed(text: str) -> str:
 @cache
 def environment() -> Any:
     """Return where templates are found, with the filters that they use; jinja2 is imported here, when one is drawn."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
     made = Environment(
         loader=PackageLoader("fcdm_opt.show"),
-        autoescape=True,
+        autoescape=select_autoescape(["html"]),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -79,7 +79,7 @@ def environment() -> Any:
     made.filters |= {
         "clean": cleaned,
         "in_unit": in_unit,
-        "number": number,
+        "numbers": numbers,
         "paragraphs": paragraphs,
         "shown": shown,
         "words": status_text,

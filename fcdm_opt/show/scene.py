@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, styled
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, literal
 from fcdm_opt.show.texts import shortened
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fcdm_opt.curve.features import Feature
-    from fcdm_opt.geometry.elements import Element
 
 WIDTH = 12.0 / 2.54
 """Inches: between a column and the page."""
@@ -42,14 +38,10 @@ world shorter than this on the page gets no name."""
 
 @styled
 def scene_figure(
-    movable: Body,
-    static: Body,
+    shown: ShownPair,
     *,
-    rho: ArrayLike = (1.0, 1.0),
-    transform: ArrayLike | None = None,
     features: Sequence[Feature] = (),
     contacts: ArrayLike = (),
-    keep_out: Sequence[Body] = (),
     unit: str = "",
     title: str = "",
     caption: str = "",
@@ -60,24 +52,16 @@ def scene_figure(
 
     Parameters
     ----------
-    movable, static : Body
-        As drawn.
-    rho : (2,) array
-        Scales at which they are shown.
-    transform : (4, 4) array, optional
-        Rigid motion of body 1.
+    shown : ShownPair
     features : sequence of Feature
         Elements in contact, drawn with emphasis.
     contacts : (k, 3) array
         Contact points, world frame.
-    keep_out : sequence of Body
-        Further static bodies, as they are; those far away are left out.
     unit : str
         Of lengths, beside the bar of known length.
     title, caption : str
         Text above and below the picture.
     """
-    shown = ShownPair.of(movable, static, rho=rho, transform=transform, keep_out=keep_out)
     rows = 2 + len(shown.keep_out) + (len(features) > 0) + (np.size(contacts) > 0)
     foot = max(FOOT, 0.16 * rows)
     height = float(np.clip(shown.slenderness * (WIDTH - 0.3), LEAST, MOST))
@@ -132,7 +116,19 @@ class ShownPair:
         transform: ArrayLike | None = None,
         keep_out: Sequence[Body] = (),
     ) -> ShownPair:
-        """Return the bodies at given scales and pose, seen from where they hide least of each other."""
+        """Return the bodies at given scales and pose, seen from where they hide least of each other.
+
+        Parameters
+        ----------
+        movable, static : Body
+            As drawn.
+        rho : (2,) array
+            Scales at which they are shown.
+        transform : (4, 4) array, optional
+            Rigid motion of body 1.
+        keep_out : sequence of Body
+            Further static bodies, as they are; those far away are left out.
+        """
         sizes = np.asarray(rho, dtype=float)
         one, two = movable.scaled(float(sizes[0])), static.scaled(float(sizes[1]))
         one = one if transform is None else one.moved(transform)
@@ -266,7 +262,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[flo
     axes.annotate(f"{length:g} {word}", left + np.array([0.0, 4.0]), ha="left", va="bottom", **small)
 
 
-# ------------------------------------------------------------------------------------------------------------ the view
+# ------------------------------------------------------------------------------------------------------------- the view
 
 
 def page_directions(elevation: float, azimuth: float) -> Array:

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, styled
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Sensitivity, Solution
+from fcdm_opt.show import BLACK, BLUE, DARK, NOTE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.texts import shortened
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fcdm_opt.along.sensitivity import Sensitivity
-    from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.problem.solution import Solution
 
 STEP = 0.01
 """Relative step of every datum: 1 %."""

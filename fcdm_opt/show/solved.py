@@ -1,13 +1,9 @@
-"""Cases as tables and reports show them: solved, proof checked, and beside them what else is known.
-
-Nothing else in `show` solves.
-"""
+"""Cases as tables and reports show them: solved, proof checked, and beside them what else is known."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
@@ -60,12 +56,7 @@ def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seco
         published = Task.of(problem).amount(np.array(problem.published))
     touch = None
     if problem.goal == "beyond":
-        answer = solved_again(problem, effort=effort, seconds=seconds, goal="touch", pair="any", clearance=0.0)
+        answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
         touch = answer.amount if answer.usable else None
     misfits = solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
     return SolvedCase(solution, published, touch, fits_up_to(problem) if misfits else None)
-
-
-def solved_again(problem: Problem, *, effort: str = "proved", seconds: float | None = None, **changes: Any) -> Solution:
-    """Solve a case with something changed, as `Problem.changed` and `solve` take it; they raise `InputError`."""
-    return solve(problem.changed(**changes), effort=effort, seconds=seconds)

@@ -11,13 +11,11 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.texts import shortened, status_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from fcdm_opt.design.study.results import StudyResult
 
 COLOURS, DASHES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, BLACK), ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
@@ -64,24 +62,19 @@ class _StudyAxis(NamedTuple):
 
 
 @styled
-def study_figure(result: StudyResult, *, title: str = "", caption: str = "") -> Figure:
+def study_figure(result: StudyResult) -> Figure:
     """Draw the amount over what a study varied.
 
     Over one numeric axis: a line for each other value, a panel for each case where there is more besides. Over two
     numeric axes with many values: a field for each. For draws, and where nothing is a number: the share of points whose
     amount is at most so much. Points without a usable motion are marked by status.
-
-    Parameters
-    ----------
-    result : StudyResult
-    title, caption : str
-        Text above and below the picture; by default the study's title, and how its points ended.
+    Above it stands the study's title, below it how its points ended.
     """
     axes = [_StudyAxis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -len(axis.values))
     data = _StudyAmounts.of(result)
     counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
-    words = title or result.definition.get("title", ""), caption or f"{len(result.points)} points: {counts}"
+    words = result.definition.get("title", ""), f"{len(result.points)} points: {counts}"
     if "draw" in result.axes or not numeric:
         return _shares(data, [axis for axis in axes if axis.label == "case"], result, words)
     if len(numeric) > 1 and len(numeric[1].values) > FEW:
@@ -124,10 +117,8 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
     keys = [*(name for _, name in _combinations(lines)), *map(status_text, markers)]
     sheet, spots = _panels(panels, data.amount, words, keys)
     for place, axes in spots:
-        chosen = data.at(panels, place)
-        left = [axis._replace(place=axis.place - len(panels)) for axis in lines]
-        for k, (at, name) in enumerate(_combinations(left)):
-            part = chosen.at(left, at)
+        for k, (at, name) in enumerate(_combinations(lines)):
+            part = data.at([*panels, *lines], [*place, *at])
             spot = SPOTS[k % len(SPOTS)]
             axes.plot(along.values, part.amounts, marker=spot, markersize=2.8, label=name, **_look(k))
             for status, marker in markers.items():

@@ -1,23 +1,42 @@
-"""What the command line prints: tables of curves and solutions, readable on a terminal and through a pipe."""
+"""What the command line prints: tables of curves, solutions and ranges, of what-ifs, yields and poses."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fcdm_opt.show.printing import CELL_WIDTH, console, print_head, print_rows, print_text, wrapped
+from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
-from fcdm_opt.show.texts import NOTHING, advised, amount_text, asked_text, bound_text, motion_text
+from fcdm_opt.show.texts import (
+    NOTHING,
+    advised,
+    amount_text,
+    asked_text,
+    bound_line,
+    bound_text,
+    motion_text,
+    numbers,
+    outcome_text,
+    units_text,
+)
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
+    from fcdm_opt.design.fixed_pose.clearances import Clearances
+    from fcdm_opt.design.whatif.budget import Budgets
+    from fcdm_opt.design.whatif.compare import Comparison
+    from fcdm_opt.design.whatif.drop import Costs, Dropped
+    from fcdm_opt.design.whatif.whatif import WhatIf
+    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
     from fcdm_opt.show.solved import SolvedCase
 
-NUMBERS = ("published\namount", "found\namount", "proved\nat least", "new/old\npair", 'least\n"touch"')
+OPTIONAL = ("published\namount", 'least\n"touch"')
+NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\npair")
 SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
 DOUBT_WIDTH = 12  # characters, of what is said below an amount
 
@@ -28,12 +47,9 @@ def slope(segment: Any) -> float:
     return float(-a / b) if b else math.inf
 
 
-def print_curves(
-    name: str, title: str, note: str, curves: Sequence[tuple[DecisionCurve, list[str]]], *, unit: str = ""
-) -> None:
+def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
-    print_head(name, title, note, unit=unit)
-    for curve, names in curves:
+    for curve, names in curves.items():
         (low_1, high_1), (low_2, high_2) = curve.box
         text = (
             f"{curve.movable.name}, movable, and {curve.static.name}, static; cases {', '.join(names)}: "
@@ -56,7 +72,6 @@ def print_curves(
         ]
         if segments:
             print_rows(segments, numbers=("a", "b", "c", "slope"))
-            print_text()
         points = [
             {
                 "switching point": f"SW{p.index}",
@@ -69,7 +84,6 @@ def print_curves(
         ]
         if points:
             print_rows(points)
-            print_text()
 
 
 def _label(feature: Any) -> str:
@@ -82,14 +96,9 @@ def _point(values: Iterable[float]) -> str:
     return ", ".join(f"{x:.6f}" for x in values)
 
 
-def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]) -> None:
+def print_solutions(rows: Sequence[SolvedCase]) -> None:
     """Print one table for the cases of a file, the advice where a case needs some, and where the time went."""
-    print_head(name, title, note, unit=rows[0].solution.problem.unit)
-    lines = [_cells(row) for row in rows]
-    columns = [column for column in lines[0] if any(line[column] for line in lines)]
-    kept = [{column: line[column] for column in columns} for line in lines]
-    print_rows(kept, numbers=NUMBERS)
-    print_text()
+    print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
     for row in rows:
         solution = row.solution
         if solution.status.name != "SOLVED":
@@ -99,9 +108,7 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
         for remark in remarks(solution):
             print_text(f"{solution.problem.name}: {remark}", indent="   ")
     asked = [row.solution.problem for row in rows]
-    bodies = [
-        body for each in asked for body in (each.movable, each.static, *(keep_out.body for keep_out in each.keep_out))
-    ]
+    bodies = [body for each in asked for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
         print_text(text, indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
@@ -111,7 +118,7 @@ def print_solutions(name: str, title: str, note: str, rows: Sequence[SolvedCase]
 
 
 def _cells(row: SolvedCase) -> dict[str, str]:
-    """Return the table's cells for one case; a column that is empty for every case is left out."""
+    """Return the table's cells for one case."""
     solution, problem = row.solution, row.solution.problem
     ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
     gap = 0.0 if abs(solution.pair_gap) <= NOTHING * problem.size else solution.pair_gap  # rounding
@@ -138,9 +145,8 @@ def _verdict(solution: Solution) -> str:
     return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
 
 
-def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
+def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
     """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
-    print_head(name, title, note, unit=rows[0][0].problem.unit)
     lines = []
     for coherent, _ in rows:
         problem = coherent.problem
@@ -159,7 +165,6 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
                 }
             )
     print_rows(lines, numbers=("x",))
-    print_text()
     for coherent, times in rows:
         problem = coherent.problem
         tracked = " & ".join(feature.label for feature in coherent.features)
@@ -172,3 +177,131 @@ def print_ranges(name: str, title: str, note: str, rows: Sequence[tuple[Coherent
         states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
         print_text(f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
     print_text()
+
+
+# -------------------------------------------------------------------------------------------------------------- what if
+
+
+def print_case(file: str, problem: Problem) -> None:
+    """Print which case is asked about, and once what its numbers are in."""
+    console().print(f"{file}: {problem.name} ({asked_text(problem)}, goal {problem.goal})", style="bold")
+    if problem.unit:
+        console().print(units_text(problem.unit))
+
+
+def print_said(result: Any) -> None:
+    """Print what a result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
+    print_lines(str(result).splitlines())
+
+
+def print_whatif(answer: WhatIf) -> None:
+    """Print both answers, what the derivatives foretold, and what else changed."""
+    rows = [_solved("before", answer.before), _solved("after", answer.after)]
+    foretold = amount_text(answer.predicted_amount)
+    rows.append({**dict.fromkeys(rows[0], ""), "": "foretold", "amount": foretold})
+    notes = [f"foretold: {reason}" for reason in answer.prediction.reasons]
+    telling = [what for what in answer.differences if what.name in ("features", "active", "status")]
+    notes += [f"{what.name}: {_words(what.before)} -> {_words(what.after)}" for what in telling]
+    print_rows(rows, numbers=("amount",), notes=notes)
+
+
+def print_budgets(budgets: Budgets) -> None:
+    """Print the largest tolerance of each requirement, and what ends it."""
+    limit = "its own limits" if budgets.limit is None else f"an amount of {budgets.limit:g}"
+    console().print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
+    rows = [
+        {
+            "requirement": budget.requirement,
+            "tolerance": f"{100 * budget.tolerance:.7g} %",
+            "amount there": amount_text(budget.amount),
+            "above it": budget.end.value,
+            "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
+        }
+        for budget in budgets.values()
+    ]
+    notes = [f"{budget.requirement}: {budget.reason}" for budget in budgets.values()]
+    print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
+
+
+def print_costs(costs: Costs) -> None:
+    """Print what each constraint costs."""
+    amount = amount_text(costs.solution.amount, costs.solution.problem.amount_unit)
+    console().print(f"as asked: amount {amount}, {motion_text(costs.solution)}")
+    rows = [_dropped("drop", row) for row in costs.rows] + [_dropped("ask for", row) for row in costs.goals]
+    if not rows:
+        print_lines(["Nothing to drop: no constraint but the goal itself."])
+        return
+    foretold = any(row["foretold"] for row in rows)
+    more = '; "foretold": what its multiplier (first derivative) says is saved' if foretold else ""
+    note = f"One change at a time, all else as asked; below 0 saved: the motion gets larger{more}."
+    print_rows(rows, numbers=("least amount then", "saved", "foretold"), optional=("foretold",), notes=[note])
+
+
+def print_comparison(comparison: Comparison) -> None:
+    """Print the families of motions, the cheapest first."""
+    console().print(str(comparison))
+    rows = [
+        {
+            "family": row.name,
+            "amount": amount_text(row.amount),
+            "proved at least": "" if row.solution is None else bound_line(row.solution),
+            "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
+            "pair made": row.solution.pair_state if row.solution is not None and row.solution.status.found else "",
+            "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
+        }
+        for row in comparison.table
+    ]
+    notes = [f"{row.name}: {row.note}" for row in comparison.table if row.note]
+    print_rows(rows, numbers=("amount", "proved at least"), notes=notes)
+
+
+def print_yield(result: AssemblyYield) -> None:
+    """Print the share of pairs that pass, and which body's tolerance contributes how much."""
+    print_text(str(result), indent="   ")
+    rows = [
+        {
+            "body": share.body,
+            "of the variance alone": f"{share.first_order:.2%}",
+            "with the other": f"{share.total:.2%}",
+            "yield without its scatter": f"{share.share_without:.3%}",
+        }
+        for share in result.contributions
+    ]
+    print_rows(rows, numbers=tuple(rows[0])[1:])
+
+
+def print_clearances(clearances: Clearances, *, where: str = "") -> None:
+    """Print the range of the gap over all sizes at a pose, and how it is spread."""
+    print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
+    ends = (("least", clearances.least), ("largest", clearances.most))
+    rows = [
+        {"end": name, "gap": f"{end.gap:+.6g}", "at sizes": numbers(end.rho), "between": end.feature}
+        for name, end in ends
+    ]
+    print_rows(rows, numbers=("gap",))
+
+
+def _solved(name: str, solution: Solution) -> dict[str, str]:
+    return {
+        "": name,
+        "asked": asked_text(solution.problem),
+        "amount": amount_text(solution.amount),
+        "motion": motion_text(solution, unit=False),
+        "pair made": solution.pair_state,
+        "outcome": outcome_text(solution),
+    }
+
+
+def _dropped(word: str, row: Dropped) -> dict[str, str]:
+    nothing = row.saving == 0.0
+    return {
+        "change": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
+        "least amount then": amount_text(row.amount),
+        "saved": "nothing" if nothing else f"{row.saving:.5g}" if math.isfinite(row.saving) else "",
+        "foretold": f"{row.estimate:.5g}" if math.isfinite(row.estimate) and not nothing else "",
+        "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
+    }
+
+
+def _words(value: Any) -> str:
+    return ", ".join(map(str, value)) or "none" if isinstance(value, list | tuple) else str(value)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.table import MapPoints
 from fcdm_opt.design.distributions import Distribution, Measured
-from fcdm_opt.design.proportion import proportion_interval
-from fcdm_opt.design.sizes import drawn_pairs, sources
+from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
@@ -34,14 +32,7 @@ BODIES = ("movable", "static")
 OTHERS = ("outside", "impossible", "undecided")
 
 
-class SizeMap(Protocol):
-    """What a yield is worked out from: a `Table`, a `CompensationMap`, or anything else that answers alike."""
-
-    def at(self, rho1: ArrayLike, rho2: ArrayLike, /) -> MapPoints:
-        """Return the motions for size pairs."""
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Contribution(Plain):
     """How much of the amount's variance, and of the failures, is due to one body's tolerance.
 
@@ -135,7 +126,7 @@ class AssemblyYield(Plain, Shown):
 
 
 def assembly_yield(
-    sizes_map: SizeMap,
+    sizes_map: Any,
     *,
     sizes: tuple[Distribution, Distribution] | Array,
     budget: float | None = None,
@@ -148,7 +139,7 @@ def assembly_yield(
 
     Parameters
     ----------
-    sizes_map : Table or CompensationMap
+    sizes_map : Table or CompensationMap, or anything else with an `at` that answers alike
         The motion for every size pair, with its error.
     sizes : pair of distributions, or array (n, 2)
         What the sizes of body 1 and body 2 are drawn from, independently of each other; or measured pairs, which are
@@ -184,10 +175,7 @@ def assembly_yield(
     kept = {name: interval(ends, f"limits.{name}") for name, ends in by_parameter(limits, "limits", names).items()}
     if not is_real(confidence) or not 0.0 < confidence < 1.0:
         raise InputError("unusable confidence", key="confidence", found=confidence, allowed="between 0 and 1")
-
-    def looked_up(x: Array, y: Array) -> _LookedUp:
-        return _looked_up(sizes_map, most, {names.index(name): ends for name, ends in kept.items()}, x, y)
-
+    looked_up = partial(_looked_up, sizes_map, most, {names.index(name): ends for name, ends in kept.items()})
     given = sources(sizes)
     scatter = given if isinstance(given, tuple) else (Measured(given[:, 0]), Measured(given[:, 1]))
     drawn, _ = drawn_pairs(scatter, None, count, seed)
@@ -204,25 +192,17 @@ def assembly_yield(
     bins = BINS if high - low > DEFAULT.tie * high else 1  # else the bins were narrower than digits tell apart
     counts, edges = np.histogram(amounts, bins, (low, high if high > low else low + 1.0))
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
+    (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     contributions = []
     for k, body in enumerate(BODIES):
         held = pairs.T.copy()
         held[k] = scatter[k].quantile(0.5)
-        first, total = indices[k].tolist()
-        first_error, total_error = deviations[k].tolist()
-        contributions.append(
-            Contribution(
-                body=body,
-                first_order=first,
-                first_order_error=first_error,
-                total=total,
-                total_error=total_error,
-                share_without=float(looked_up(*held).passed.mean()),
-            )
-        )
+        (first, total), (first_error, total_error) = indices[k].tolist(), deviations[k].tolist()
+        without = float(looked_up(*held).passed.mean())
+        contributions.append(Contribution(body, first, first_error, total, total_error, without))
     return AssemblyYield(
         share=float(points.passed.mean()),
-        interval=proportion_interval((surely, possibly), of, confidence),
+        interval=(low, high),
         confidence=float(confidence),
         count=of,
         passed=int(points.passed.sum()),
@@ -252,9 +232,7 @@ class _LookedUp(NamedTuple):
     outside: Flags
 
 
-def _looked_up(
-    sizes_map: SizeMap, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array
-) -> _LookedUp:
+def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], x: Array, y: Array) -> _LookedUp:
     """Return what a map says of size pairs, block by block; parameters that have limits are told by their number."""
     blocks = []
     for start in range(0, max(len(x), 1), BLOCK):

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.interpolate import KroghInterpolator
 from scipy.optimize import brentq
 
-from fcdm_opt.design.compensation.active_sets import ActiveSet
-from fcdm_opt.design.compensation.sampling import Asking, Sample
+from fcdm_opt.design.compensation.sampling import ActiveSet, Asking, Sample
 from fcdm_opt.geometry.arrays import Array
 
 NARROW = 1e-5  # of the box: brackets are closed to this, then both sides' continuations are intersected; nearer, two

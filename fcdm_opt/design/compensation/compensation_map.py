@@ -12,9 +12,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.active_sets import ActiveSet
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
-from fcdm_opt.design.compensation.sampling import Sampler, covered
+from fcdm_opt.design.compensation.sampling import ActiveSet, Sampler, covered
 from fcdm_opt.design.compensation.size_mesh import areas
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
@@ -32,17 +31,11 @@ _FORMAT = "fcdm_opt compensation map 1"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MapRegion(Plain):
-    """Pairs of sizes for which the motion is held by the same constraints.
+class MapRegion(ActiveSet, Plain):
+    """Pairs of sizes for which the motion is held by the same constraints, an active set.
 
     Attributes
     ----------
-    kind : str
-        "motion", "already satisfied", "no motion", "outside the fit" or "not verified".
-    features : tuple of str
-        Labels of the features in contact after the motion, or as near as they may be.
-    active : tuple of str
-        What else holds the motion, and which side of contact the pair is on at rest.
     share : float
         Of the box's area.
     place : (2,) array
@@ -51,15 +44,9 @@ class MapRegion(Plain):
         Least and largest amount at the table's nodes, length units; nan without a motion.
     """
 
-    kind: str
-    features: tuple[str, ...]
-    active: tuple[str, ...]
     share: float
     place: Array
     amounts: tuple[float, float]
-
-    def __str__(self) -> str:
-        return "; ".join((*self.features, *self.active)) or self.kind
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -219,11 +206,8 @@ def compensation_map(
     if not (is_real(seconds) and seconds > 0):
         raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
     sampler = Sampler(problem, made, budget, jobs, seconds)
-    while True:
-        mesh = RefinedMesh(sampler, error)
-        mesh.refine()
-        if sampler.careful or sampler.spent or sampler.agree(mesh.centres()):
-            break
+    mesh = RefinedMesh(sampler, error)
+    mesh.refine()
     table, sets = _table(mesh)
     smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
     return CompensationMap(
@@ -268,7 +252,7 @@ def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
         finite = amounts[np.isfinite(amounts)]
         regions.append(
             MapRegion(
-                **one._asdict(),
+                **vars(one),
                 share=float(sizes[members].sum() / sizes.sum()),
                 place=frozen(table.corners[members[np.argmax(sizes[members])]].mean(axis=0)),
                 amounts=(max(float(finite.min()), 0.0), float(finite.max())) if len(finite) else (math.nan, math.nan),

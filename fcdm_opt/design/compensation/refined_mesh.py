@@ -11,10 +11,9 @@ from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.design.compensation.active_sets import REJECTED, ActiveSet
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
-from fcdm_opt.design.compensation.sampling import Asking, Sample, Sampler
-from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values, areas
+from fcdm_opt.design.compensation.sampling import REJECTED, ActiveSet, Asking, Sample, Sampler
+from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -27,7 +26,6 @@ ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its bo
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
-CHECKED = 24  # triangles in whose centres motions are compared with those of `solve`
 
 
 class RefinedMesh(SizeMesh):
@@ -63,11 +61,6 @@ class RefinedMesh(SizeMesh):
             fresh = [one.split for one in self.triangles if one.split is not None and not one.finished]
             self._run([self._fill(vertex) for vertex in fresh])
             self.subdivide()
-
-    def centres(self) -> Array:
-        """Return the centres of the largest triangles, (n, 2): where the samples around are put to the test."""
-        order = sorted(self.triangles, key=lambda one: (-areas(self.places(one)), one.corners))
-        return np.array([self.places(one).mean(axis=0) for one in order[:CHECKED]])
 
     def _run(self, searches: Sequence[Asking[None]]) -> None:
         """Run searches side by side: what they ask for is solved in one go."""

@@ -1,36 +1,61 @@
-"""Least motions at single pairs of sizes, each solved and judged once."""
+"""Least motions at single pairs of sizes, each solved and judged once, and what holds them."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from itertools import chain, pairwise
 from time import perf_counter
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from fcdm_opt.design.compensation.active_sets import ActiveSet, active_set
+from fcdm_opt.along.holding import Holding
+from fcdm_opt.along.variation import Layout
+from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import Contact, located, supporting_contact, touching_contact
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import size_box, tolerance_box
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.judge.certificate import verify
-from fcdm_opt.judge.engagement import inside_fit
-from fcdm_opt.model.reported import reported
-from fcdm_opt.model.task import Task
+from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
-from fcdm_opt.stages.order import STAGES
 from fcdm_opt.tolerances import DEFAULT
 
-QUICK = ("satisfied", "shift", "straight", "one parameter", "rotations", "descent", "translations")  # dearest last
 CHUNK = 16  # pairs that a process is handed at once
 
 Pair = tuple[float, float]
 Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, order=True)
+class ActiveSet:
+    """What holds a motion: pairs of sizes that share it make a region of the map.
+
+    Attributes
+    ----------
+    kind : str
+        "motion", "already satisfied", "no motion", "outside the fit" or "not verified".
+    features : tuple of str
+        Labels of the features that are in contact after the motion, or as near as they may be.
+    active : tuple of str
+        Limits that are reached, and what else holds the motion besides the features.
+    """
+
+    kind: str
+    features: tuple[str, ...] = ()
+    active: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return "; ".join((*self.features, *self.active)) or self.kind
+
+
+SATISFIED, NOTHING, REJECTED = ActiveSet("already satisfied"), ActiveSet("no motion"), ActiveSet("not verified")
+OUTSIDE = ActiveSet("outside the fit")
 
 
 class Sample(NamedTuple):
@@ -49,18 +74,9 @@ def asked(problem: Problem, pair: Sequence[float] | Array) -> Problem:
     return problem.changed(target=(float(pair[0]), float(pair[1])), requirement=None, tolerance=None, goal=problem.goal)
 
 
-def sample_at(problem: Problem, pair: Pair, *, careful: bool = False) -> Sample:
-    """Return the least motion for one pair of sizes: by local searches where they do, or as `solve` finds it."""
-    one, solution = asked(problem, pair), None
-    if not careful and problem.amount == "weighted" and not problem.feature_pairs:
-        task = Task.of(one)
-        tried = (STAGES[name](task) for name in QUICK)
-        answer = next((answer for answer in tried if answer is not None and answer.settles), None)
-        if answer is not None:
-            solution = reported(one, task, answer)
-            solution = inside_fit(solution.with_certificate(verify(solution), {}))
-    if solution is None or (solution.status.found and not solution.usable):
-        solution = solve(one, effort="quick")
+def sample_at(problem: Problem, pair: Pair) -> Sample:
+    """Return the least motion for one pair of sizes."""
+    solution = solve(asked(problem, pair), effort="quick")
     values = [solution.amount, *solution.parameters.values()] if solution.usable else [math.nan]
     return Sample(active_set(solution), np.resize(values, 1 + len(problem.weights)))
 
@@ -70,9 +86,9 @@ def _read(text: str) -> Problem:
     return Problem.from_dict(json.loads(text))
 
 
-def samples_at(text: str, pairs: Iterable[Pair], careful: bool) -> list[Sample]:
-    """Return the samples of a problem in plain data: what a worker process does."""
-    return [sample_at(_read(text), pair, careful=careful) for pair in pairs]
+def sample_of(text: str, pair: Pair) -> Sample:
+    """Return the sample of a problem in plain data: what a worker process does."""
+    return sample_at(_read(text), pair)
 
 
 @dataclass(eq=False)
@@ -80,7 +96,7 @@ class Sampler:
     """Finds least motions, in `jobs` processes, and remembers them.
 
     Places are relative to the box: (0, 0) is its lower, (1, 1) its upper corner. After as many samples as `budget`, or
-    as many `seconds`, it is `spent`. Local searches are asked first, unless it is `careful`: see `agree`.
+    as many `seconds`, it is `spent`.
     """
 
     problem: Problem
@@ -89,7 +105,6 @@ class Sampler:
     jobs: int = 1
     seconds: float = math.inf
     known: dict[Pair, Sample] = field(default_factory=dict)
-    careful: bool = False
     _start: float = field(default_factory=perf_counter)
 
     @property
@@ -114,27 +129,14 @@ class Sampler:
         self.known.update(zip(missing, self._solved(missing), strict=True))
         return [self.known[pair] for pair in pairs]
 
-    def agree(self, places: Array) -> bool:
-        """Tell whether `solve` finds no less at some places; if it does, forget all, and take it everywhere."""
-        before, self.careful = self.samples(list(places)), True
-        after = self._solved([(float(x), float(y)) for x, y in self.pair(places)])
-        for one, two in zip(before, after, strict=True):
-            less = one.values[0] - two.values[0] > DEFAULT.touch * self.problem.size
-            if less or np.isnan(one.values[0]) != np.isnan(two.values[0]):
-                self.known.clear()
-                return False
-        return True
-
-    def _solved(self, pairs: list[Pair]) -> Iterable[Sample]:
+    def _solved(self, pairs: list[Pair]) -> list[Sample]:
         if self.jobs == 1 or len(pairs) < 2 * self.jobs:
-            return [sample_at(self.problem, pair, careful=self.careful) for pair in pairs]
+            return [sample_at(self.problem, pair) for pair in pairs]
         from joblib import Parallel, delayed
 
-        count = min(len(pairs), max(self.jobs, len(pairs) // CHUNK))
-        ends = np.linspace(0, len(pairs), count + 1).astype(int)
-        with Parallel(n_jobs=self.jobs, inner_max_num_threads=1, backend="loky") as run:
-            chunks = (delayed(samples_at)(self._plain, pairs[a:b], self.careful) for a, b in pairwise(ends))
-            return chain.from_iterable(run(chunks))
+        run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
+        found: list[Sample] = run(delayed(sample_of)(self._plain, pair) for pair in pairs)
+        return found
 
     @cached_property
     def _plain(self) -> str:
@@ -172,3 +174,71 @@ def covered(problem: Problem, box: Any) -> Array:
             "a box this narrow has no map", key="box", found=made.tolist(), allowed="low < high, for both sizes"
         )
     return made
+
+
+# ------------------------------------------------------------------------------------------------- what holds them
+
+
+def active_set(solution: Solution) -> ActiveSet:
+    """Return what holds the motion of a solution, read off the geometry: the same whichever stage found it."""
+    if solution.status is Status.OUTSIDE_FIT:
+        return OUTSIDE
+    if not solution.usable:
+        return REJECTED if solution.status.found else NOTHING
+    if solution.amount == 0.0:
+        return SATISFIED
+    task, q = Task.of(solution.problem), np.array(list(solution.parameters.values()))
+    features = [feature.label for feature in solution.features] if task.tracked else []
+    if np.isfinite(task.needs).any():
+        features += [label for label in _nearest(task, q) if label not in features]
+    active = list(_side(task))
+    slack = DEFAULT.touch * task.size
+    for k, name in enumerate(solution.parameters):
+        low, high = solution.problem.limits[k]
+        for limit, which in ((low, "lower"), (high, "upper")):
+            if abs(q[k] - limit) * task.weights[k] <= slack:
+                active.append(f"{which} limit of {name}")
+    if task.tracked:
+        groups = Holding(task, q, Layout.of(task), solution.problem.limits).groups()
+        names = {rate.name for group in groups for rates in group for rate in rates}
+        active += sorted(name for name in names if "limit of" not in name)
+    return ActiveSet("motion", tuple(sorted(features)), tuple(active))
+
+
+def _side(task: Task) -> Iterator[str]:
+    """Yield which side of contact the pair is on at rest: the amount, not the motion, has a kink where it touches."""
+    if task.must_touch:
+        yield "closes a gap" if task.gap(task.rest) > 0 else "removes an overlap"
+    elif task.tracked:
+        gaps = task.line_gaps(task.rest)[1]
+        if len(gaps) == 1:
+            yield "closes a gap" if gaps[0] > 0 else "removes an overlap"
+
+
+def _nearest(task: Task, q: Array) -> list[str]:
+    """Return the features of the part pairs that are just as far apart as they must be."""
+    slack = DEFAULT.touch * task.size
+    near = task.pair_gaps(q) - task.needs <= slack
+    labels = []
+    for i, j in np.argwhere(near).tolist():
+        prefix = "" if task.opponents[j].keep_out < 0 else f"{task.named((i, j))} "
+        labels.append(f"{prefix}{_feature(task, q, (i, j), slack).label}")
+    return list(dict.fromkeys(labels))
+
+
+def _feature(task: Task, q: Array, parts: Parts, slack: float) -> Feature:
+    one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
+    two, rho = opponent.part, np.array([task.target[0], opponent.scale])
+    pose = task.pose(q)
+    _, rows, separations = task.separations(parts, pose)
+    pose = np.append(pose[:9], pose[9:] + two.seed - task.static.seed)
+    contact: Contact
+    if opponent.need > slack:
+        normal = task.way_between(parts, q)
+        normal = normal / np.linalg.norm(normal)
+        gap = kernels.separation(*one.packed, *two.packed, pose, rho, normal)
+        pose = np.append(pose[:9], pose[9:] - gap * normal)
+        contact = supporting_contact(one, two, normal, pose, DEFAULT.touch)
+    else:
+        contact = touching_contact(one, two, rows[separations >= separations.max() - slack, :3], pose, DEFAULT.touch)
+    return located(one, two, pose, contact, rho).feature

@@ -12,8 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
-from fcdm_opt.design.compensation.active_sets import NOTHING, ActiveSet
 from fcdm_opt.design.compensation.changeover import NARROW
+from fcdm_opt.design.compensation.sampling import NOTHING, ActiveSet
 from fcdm_opt.design.compensation.table import quadratic_basis
 from fcdm_opt.geometry.arrays import Array
 

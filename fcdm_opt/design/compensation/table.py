@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.design.compensation.lookup import Locator
-from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
+from fcdm_opt.design.moved_files import to_csv
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, numbers
 from fcdm_opt.plain import Plain
@@ -23,17 +21,7 @@ from fcdm_opt.tolerances import DEFAULT
 NODES = 6
 """Nodes of a triangle: its corners 1, 2, 3 and the midpoints of its edges 12, 23, 31."""
 
-_FORMAT = "fcdm_opt compensation table 1"
-_INNER = np.array([[1.0, 1.0, 1.0], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]]) / 3.0
-"""Points well inside a triangle, as weights of its corners: its middle, and one near each corner."""
-
-_NUMBERS = {
-    "corners": (lambda x: np.isfinite(x) & (x > 0.0), "finite sizes > 0"),
-    "values": (lambda x: ~np.isinf(x), "finite numbers, nan: no motion"),
-    "errors": (lambda x: ~(np.isinf(x) | (x < 0.0)), "finite lengths >= 0, nan: no bound"),
-    "regions": (lambda x: (x == np.rint(x)) & (x >= 0.0), "whole numbers >= 0"),
-}
-"""Which numbers each array may hold."""
+_BUCKETS = 16  # a triangle: most points then have one triangle to look at, or two
 
 
 def quadratic_basis(weights: Array) -> Array:
@@ -91,11 +79,11 @@ class Table(Plain):
     Raises
     ------
     InputError
-        Where shapes do not match, a triangle is flat, or the triangles leave part of the rectangle uncovered.
+        Where shapes do not match.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = ("format", "names", "corners", "values", "errors", "regions")
-    format: ClassVar[str] = _FORMAT
+    format: ClassVar[str] = "fcdm_opt compensation table 1"
 
     corners: Array
     values: Array
@@ -104,51 +92,14 @@ class Table(Plain):
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        names = tuple(self.names) if isinstance(self.names, list | tuple) else (None,)
-        if not all(isinstance(name, str) for name in names) or len({*names, "amount"}) != len(names) + 1:
-            raise InputError("parameters need names of their own", key="names", found=self.names)
-        object.__setattr__(self, "names", names)
-        corners = numbers(self.corners, "corners")
-        count = len(corners) if corners.ndim else 0
-        shapes = ((count, 3, 2), (count, NODES, 1 + len(names)), (count, 2), (count,))
-        for (key, (passes, allowed)), shape in zip(_NUMBERS.items(), shapes, strict=True):
+        count = len(np.atleast_1d(numbers(self.corners, "corners")))
+        shapes = {"corners": (3, 2), "values": (NODES, 1 + len(self.names)), "errors": (2,), "regions": ()}
+        for key, shape in shapes.items():
             array = numbers(getattr(self, key), key)
-            if array.shape != shape or not count:
-                raise InputError("wrong shape", key=key, found=array.shape, allowed=f"{shape}, at least one triangle")
-            wrong = np.argwhere(~passes(array))
-            if len(wrong):
-                first = int(wrong[0, 0])
-                found = array[first].tolist()
-                raise InputError("unusable number", key=f"{key}[{first}]", found=found, allowed=allowed)
+            if array.shape != (count, *shape) or not count:
+                allowed = f"{(count, *shape)}, at least one triangle"
+                raise InputError("wrong shape", key=key, found=array.shape, allowed=allowed)
             object.__setattr__(self, key, frozen(array, np.int64 if key == "regions" else np.float64))
-        self._check_cover()
-
-    def _check_cover(self) -> None:
-        """Raise `InputError` unless the triangles' areas add up to their box's, and none lies on another."""
-        edges = np.roll(self.corners, -1, axis=1) - self.corners
-        lengths = np.hypot(edges[..., 0], edges[..., 1])
-        areas = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2.0
-        flat = np.flatnonzero(2.0 * areas <= DEFAULT.point * self.corners.max() * lengths.max(axis=1))
-        if flat.size:
-            raise InputError("a flat triangle", key=f"corners[{flat[0]}]", found=self.corners[flat[0]].tolist())
-        whole = float(np.prod(np.ptp(self.box, axis=1)))
-        if not abs(areas.sum() - whole) <= self._locator.seam * lengths.sum():
-            raise InputError(
-                "the triangles do not cover their box exactly once",
-                key="corners",
-                found=f"{areas.sum():.9g} of {whole:.9g}",
-            )
-        # points well inside a triangle that are in another: what is there twice lacks elsewhere; points nearer to the
-        # rim of their triangle than seams may be wide tell nothing
-        points = np.einsum("kc,mcx->mkx", _INNER, self.corners).reshape(-1, 2)
-        found, own = self._locator.locate(*points.T)[0], np.repeat(np.arange(len(self)), len(_INNER))
-        told = _INNER.min() * 2.0 * areas / lengths.max(axis=1) > 2.0 * self._locator.seam
-        wrong = np.flatnonzero(told[own] & (found != own))
-        if wrong.size:
-            one, two = sorted((int(own[wrong[0]]), int(found[wrong[0]])))
-            raise InputError(
-                "triangles overlap", key=f"corners[{one}], corners[{two}]", found=points[wrong[0]].tolist()
-            )
 
     @cached_property
     def box(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -208,29 +159,6 @@ class Table(Plain):
         (low_1, high_1), (low_2, high_2) = self.box
         return f"Table({len(self)} triangles over [{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}])"
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Table:
-        """Return the table that `to_dict` gave, bit for bit.
-
-        Raises
-        ------
-        InputError
-            For anything else.
-        """
-        if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
-            raise InputError("not a compensation table", allowed=f"format = {_FORMAT!r}")
-        keys = set(cls.plain_names)
-        if set(data) != keys:
-            odd = sorted(set(data) ^ keys, key=str)
-            raise InputError("keys are missing or unknown", found=odd, allowed=", ".join(sorted(keys)))
-        if not isinstance(data["names"], list):
-            raise InputError("a list of names is wanted", key="names", found=data["names"])
-        return cls(**{name: data[name] for name in cls.plain_names[1:]})
-
-    def to_json(self, path: str | Path) -> None:
-        """Write the table as JSON; the file is there as a whole or not at all."""
-        to_json(path, self.to_dict())
-
     def to_csv(self, path: str | Path) -> None:
         """Write the table as CSV, a row a triangle: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4."""
         columns = (self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2))
@@ -238,46 +166,96 @@ class Table(Plain):
                 for region, errors, corners, values in zip(*columns, strict=True))  # fmt: skip
         to_csv(path, [_columns(self.names), *rows])
 
-    @classmethod
-    def read(cls, path: str | Path) -> Table:
-        """Read what `to_json` (a name that ends in .json) or `to_csv` wrote, bit for bit.
-
-        Raises
-        ------
-        InputError
-            Naming the file, and what in it cannot be used.
-        """
-        is_json = str(path).lower().endswith(".json")
-        return read(path, (lambda text: cls.from_dict(of_json(text))) if is_json else cls._from_csv)
-
-    @classmethod
-    def _from_csv(cls, text: str) -> Table:
-        """Return the table in a CSV text."""
-        try:
-            header, *rows = [row for row in csv.reader(io.StringIO(text), strict=True) if row] or [[]]
-        except csv.Error as reason:
-            raise InputError(f"not CSV: {reason}") from reason
-        fixed = len(_columns(()))
-        names = tuple(column[:-2] for column in header[fixed::NODES])
-        if header != _columns(names):
-            raise InputError("not the columns of a compensation table", found=header[:12], allowed=f"{_columns(())}")
-        table = np.empty((len(rows), len(header)))
-        for number, row in enumerate(rows):
-            try:
-                table[number] = [float(cell) for cell in row]
-            except ValueError as reason:
-                raise InputError(f"not {len(header)} numbers", key=f"row {number + 2}", found=row) from reason
-        arrays: dict[str, Any] = {
-            "corners": table[:, 3:9].reshape(-1, 3, 2),
-            "values": np.swapaxes(table[:, 9:].reshape(-1, 1 + len(names), NODES), 1, 2),
-            "errors": table[:, 1:3],
-            "regions": table[:, 0],
-        }
-        return cls(**arrays, names=names)
-
 
 def _columns(names: Sequence[str]) -> list[str]:
     """Return the names of a CSV file's columns."""
     corners = [f"{rho}_{corner}" for corner in (1, 2, 3) for rho in ("rho1", "rho2")]
     nodes = [f"{name}_{node}" for name in ("amount", *names) for node in range(1, NODES + 1)]
     return ["region", "error", "displacement_error", *corners, *nodes]
+
+
+class Locator:
+    """Finds triangles by equal buckets of their box: each lists the triangles whose boxes meet it, in increasing order.
+
+    Parameters
+    ----------
+    corners : array (m, 3, 2)
+        Of triangles, none of them flat.
+
+    Attributes
+    ----------
+    rounding : float
+        Size pairs nearer to each other than this are one.
+    seam : float
+        Triangles may be apart, or overlap, by this.
+    """
+
+    def __init__(self, corners: Array) -> None:
+        self.rounding = float(DEFAULT.point * corners.max())
+        self._low, self._high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        self._side = math.ceil(math.sqrt(_BUCKETS * len(corners)))
+        first, (p, q) = corners[:, 0], np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
+        twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+        longest = np.sqrt(np.max([(p**2).sum(1), (q**2).sum(1), ((q - p) ** 2).sum(1)], axis=0))
+        height = np.abs(twice) / longest
+        # first corner, and the slopes of the second and third barycentric coordinate along both sizes; by columns
+        self._frames = *first.T.copy(), *np.array([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]]) / twice
+        # how far below zero a coordinate may be for a point that is in the triangle but for rounding, and on a seam
+        self.seam = float(DEFAULT.line * corners.max())
+        self._slack = self.rounding / height, self.seam / height
+        width, near = (self._high - self._low) / self._side, 2.0 * self.seam
+        first, last = (
+            np.clip((ends - self._low) // width, 0, self._side - 1).astype(np.int64)
+            for ends in (corners.min(axis=1) - near, corners.max(axis=1) + near)
+        )
+        spans = last - first + 1
+        counts = spans.prod(axis=1)
+        triangle = np.repeat(np.arange(len(corners)), counts)
+        place = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+        row, column = first[triangle, 0] + place // spans[triangle, 1], first[triangle, 1] + place % spans[triangle, 1]
+        bucket = row * self._side + column
+        self._members = triangle[np.argsort(bucket, kind="stable")]
+        self._starts = np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=self._side**2))])
+
+    def _weights(self, triangle: Ints, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return the barycentric coordinates of size pairs in triangles."""
+        first_x, first_y, second_x, second_y, third_x, third_y = (column.take(triangle) for column in self._frames)
+        x, y = x - first_x, y - first_y
+        s, t = second_x * x + second_y * y, third_x * x + third_y * y
+        return 1.0 - s - t, s, t
+
+    def locate(self, x: Array, y: Array) -> tuple[Ints, Array]:
+        """Return the first triangle that holds each size pair, and the pair's barycentric coordinates there.
+
+        Parameters
+        ----------
+        x, y : array (n,)
+
+        Returns
+        -------
+        array of int (n,), array (3, n)
+            -1 and nan for what is in no triangle.
+        """
+        low, high = self._low - self.rounding, self._high + self.rounding
+        inside = np.flatnonzero((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))  # nan is not
+        triangles, weights = np.full(len(x), -1), np.full((3, len(x)), np.nan)
+        x, y = np.clip([x[inside], y[inside]], self._low[:, None], self._high[:, None])
+        scale = self._side / (self._high - self._low)
+        row, column = ((x - self._low[0]) * scale[0]).astype(np.int64), ((y - self._low[1]) * scale[1]).astype(np.int64)
+        bucket = np.minimum(row, self._side - 1) * self._side + np.minimum(column, self._side - 1)
+        for slack in self._slack:
+            left = np.arange(len(x)) if slack is self._slack[0] else np.flatnonzero(triangles[inside] < 0)
+            place, end = self._starts[bucket[left]], self._starts[bucket[left] + 1]
+            while len(left):
+                full = place < end
+                if not full.all():
+                    left, place, end = left[full], place[full], end[full]
+                member = self._members[place]
+                there = self._weights(member, x[left], y[left])
+                hit = np.minimum(np.minimum(*there[:2]), there[2]) >= -slack[member]
+                where = inside[left[hit]]
+                triangles[where] = member[hit]
+                for coordinate, weight in zip(weights, there, strict=True):
+                    coordinate[where] = weight[hit]
+                left, place, end = left[~hit], place[~hit] + 1, end[~hit]
+        return triangles, weights

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
-from fcdm_opt.design.proportion import proportion_interval
-from fcdm_opt.design.sizes import Sizes, box_of, drawn_pairs
+from fcdm_opt.design.sizes import Sizes, box_of, drawn_pairs, proportion_interval
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen

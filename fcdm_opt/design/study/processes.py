@@ -16,7 +16,6 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from fcdm_opt.design.study.point import WORKER_LOST, Asked, Row, load, row
@@ -39,8 +38,9 @@ DEATH_SIGNAL = 1  # prctl's PR_SET_PDEATHSIG: the signal that Linux sends when t
 
 
 class Processes(AbstractContextManager["Processes"]):
-    """A process for each thread that asks; used in a `with` block. They end with this process, however that ends.
+    """A process for each thread that asks; used in a `with` block.
 
+    They end with this process, however that ends; on other systems than Linux, when they have done what they are at.
     `load` is what a process does first, without a time limit.
     """
 
@@ -150,22 +150,11 @@ def _serve(handle: int, parent: int) -> None:
     if os.getppid() != parent:
         return
     pipe = Connection(handle)
-    asked: SimpleQueue[tuple[Callable[..., Any], tuple[Any, ...]]] = SimpleQueue()
-    threading.Thread(target=_receive, args=(pipe, asked), daemon=True).start()
-    with suppress(Empty):
-        while True:
-            work, given = asked.get(timeout=IDLE)
+    with suppress(EOFError, OSError):
+        while pipe.poll(IDLE):
+            work, given = pipe.recv()
             try:
                 answer = work(*given)
             except Exception as reason:
                 answer = reason
             pipe.send(True if answer is None else answer)
-
-
-def _receive(pipe: Connection, asked: SimpleQueue[Any]) -> None:
-    """Take what is asked for; end the process where the pipe ends, as its parent has then."""
-    try:
-        while True:
-            asked.put(pipe.recv())
-    finally:
-        os._exit(1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import os
@@ -17,8 +16,8 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fcdm_opt.design.moved_files import moved
-from fcdm_opt.design.proportion import proportion_interval
+from fcdm_opt.design.moved_files import moved, to_csv
+from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
 from fcdm_opt.design.study.store import FILE, SCHEMA
 from fcdm_opt.doors import Shown
@@ -35,7 +34,7 @@ PENDING = "PENDING"
 
 CONFIDENCE = 0.95
 
-CASE, DRAW = "case", "draw"  # axes that no key of a problem stands for
+DRAW = "draw"  # an axis that no key of a problem stands for
 
 PLAIN = ("message", "usable", "amount", "lower_bound")
 PAIRS = ("rho", "pair")
@@ -107,7 +106,7 @@ class StudyResult(Shown):
         if not path.is_file():
             raise InputError("no study has been run into this folder", file=str(out), allowed=f"a folder with {FILE}")
         try:
-            with closing(_opened(path)) as base:
+            with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as base:
                 base.execute("BEGIN")  # one state of the store, whatever is written meanwhile
                 meta = dict(base.execute("SELECT name, value FROM meta"))
                 if meta["schema"] != str(SCHEMA):
@@ -260,10 +259,7 @@ class StudyResult(Shown):
         InputError
             Where the file cannot be written; then there is none.
         """
-        with moved(path) as other, other.open("w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(self._columns)
-            table.writerows(zip(*self._columns.values(), strict=True))
+        to_csv(path, [self._columns, *zip(*self._columns.values(), strict=True)])
 
     def to_parquet(self, path: str | os.PathLike[str]) -> None:
         """Write `frame` as Parquet.
@@ -327,18 +323,6 @@ class StudyResult(Shown):
 
 
 # ------------------------------------------------------------------------------------------------------------ the store
-
-
-def _opened(path: Path) -> sqlite3.Connection:
-    """Open a store for reading; also one in a folder that cannot be written, where nobody else writes then either."""
-    place = path.resolve().as_uri()
-    base = sqlite3.connect(f"{place}?mode=ro", uri=True)
-    try:
-        base.execute("SELECT name FROM sqlite_master LIMIT 1")
-    except sqlite3.OperationalError:
-        base.close()
-        base = sqlite3.connect(f"{place}?immutable=1", uri=True)
-    return base
 
 
 def _axes(definition: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:

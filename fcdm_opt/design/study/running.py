@@ -8,7 +8,6 @@ import threading
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -20,6 +19,7 @@ from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.design.study.store import Store
 from fcdm_opt.design.study.study import Study, StudyPoint
 from fcdm_opt.errors import InputError
+from fcdm_opt.version import __version__
 
 ENGINES = ("joblib", "dask")
 PAUSE = 10.0
@@ -77,7 +77,7 @@ def run_study(
     study = study if isinstance(study, Study) else Study.read(study)
     check_engine(engine, jobs, scheduler)
     with (
-        Store(Path(out), study.key, study.version, study.to_dict()) as store,
+        Store(Path(out), study.key, __version__, study.to_dict()) as store,
         shown(len(study), progress=progress, say=say) as tell,
         workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
@@ -187,7 +187,6 @@ def workers(
         answer: Work
         if engine == "dask":
             from fcdm_opt.design.study.cluster import answer_on_worker, joined
-            from fcdm_opt.version import __version__
 
             backend: Any = stack.enter_context(joined(scheduler, jobs))
             answer = partial(answer_on_worker, __version__, work, limit)
@@ -209,23 +208,15 @@ def workers(
 # ------------------------------------------------------------------------------------------------------ how far it is
 
 
-@dataclass
-class Pace:
-    """Of `total` points, how many are `done`, how many of these this run `made`, how fast, and when it will end."""
-
-    total: int
-    done: int = 0
-    made: int = 0
-    _start: float = field(default_factory=monotonic)
-
-    def __str__(self) -> str:
-        seconds, before = monotonic() - self._start, self.done - self.made
-        words = [f"{self.done:,} of {self.total:,} points" + (f" ({before:,} from before)" if before else "")]
-        if self.made and seconds > SETTLED:
-            words.append(f"{self.made / seconds:.3g} a second")
-            if self.done < self.total:
-                words.append(f"{_duration((self.total - self.done) * seconds / self.made)} left")
-        return ", ".join(words)
+def pace(total: int, done: int, made: int, seconds: float) -> str:
+    """Return in words how many points are `done`, how fast this run `made` its own, and when it will end."""
+    before = done - made
+    words = [f"{done:,} of {total:,} points" + (f" ({before:,} from before)" if before else "")]
+    if made and seconds > SETTLED:
+        words.append(f"{made / seconds:.3g} a second")
+        if done < total:
+            words.append(f"{_duration((total - done) * seconds / made)} left")
+    return ", ".join(words)
 
 
 def _duration(seconds: float) -> str:
@@ -240,36 +231,33 @@ def _duration(seconds: float) -> str:
 def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[int, int], None]]:
     """Show how far a run is: a bar on a terminal; elsewhere a line now and then, and at the end, however that comes.
 
-    Gives what is to be told `done` and `made`, see `Pace`. Without `say` lines go to standard error if `progress`,
+    Gives what is to be told `done` and `made`, see `pace`. Without `say` lines go to standard error if `progress`,
     else nowhere.
     """
-    pace = Pace(total)
+    start = monotonic()
     if progress and sys.stderr is not None and sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
         columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
         with Progress(*columns, console=Console(stderr=True), refresh_per_second=REFRESH) as bar:
-            task = bar.add_task(str(pace), total=total)
-
-            def draw(done: int, made: int) -> None:
-                pace.done, pace.made = done, made
-                bar.update(task, completed=done, description=str(pace))
-
-            yield draw
+            task = bar.add_task(pace(total, 0, 0, 0.0), total=total)
+            yield lambda done, made: bar.update(
+                task, completed=done, description=pace(total, done, made, monotonic() - start)
+            )
         return
     if say is None:
         say = partial(print, file=sys.stderr, flush=True) if progress else lambda text: None
-    last = monotonic()
+    last, known = start, (0, 0)
 
     def tell(done: int, made: int) -> None:
-        nonlocal last
-        pace.done, pace.made = done, made
+        nonlocal last, known
+        known = done, made
         if monotonic() - last >= PAUSE:
             last = monotonic()
-            say(str(pace))
+            say(pace(total, *known, last - start))
 
     try:
         yield tell
     finally:
-        say(str(pace))
+        say(pace(total, *known, monotonic() - start))

@@ -6,9 +6,13 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 
+from fcdm_opt.errors import InputError
+from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.schema import Entry, Label, Number, declared, one_of, refusal
 
 Key = Annotated[str, Field(min_length=1)]
+DIALECT = "https://json-schema.org/draft/2020-12/schema"  # the name of the dialect: nothing is asked there
+KINDS = ("problem", "study")
 WAYS = ("values", "grid", "uniform", "normal", "csv")
 
 # "from" and "yield" are words of Python, so that no class body can name such a field
@@ -134,16 +138,11 @@ class YieldEntry(Entry):
     )
 
 
-class _StudyFile(Entry):
-    """A whole study file: a problem file, and what varies of it."""
-
-    model_config = ConfigDict(title="Study file")
+class StudyArguments(Entry):
+    """What `Study` takes in Python as it stands in a file."""
 
     title: str = declared("", "title (text)", "Draft angle")
     note: str = declared("", "what the reader should know (text)", "Lengths in mm.")
-    problem: str = declared(
-        ..., 'path of the problem file, relative to this file: "../example1.toml"', "../peg_square.toml"
-    )
     cases: Annotated[list[str], Field(min_length=1)] | None = declared(
         None, 'names of the cases to take: ["A", "B"]; without it all', ["A", "B"]
     )
@@ -163,15 +162,25 @@ class _StudyFile(Entry):
     parameters: dict[str, Number | str] = declared(
         {}, "{ draft_deg = 1.0 }: numbers of one's own, or expressions in them", {"draft_deg": 1.0}
     )
-    vary: list[VaryEntry] = declared(
-        [],
-        "[[vary]] tables, one a variable: which key takes which values",
-        [{"key": "tolerance", "values": [0.01, 0.02]}],
-    )
     derive: dict[str, Any] = declared(
         {},
         '{ target = ["r", "1.0"] }: values of keys, texts in them are expressions in parameters',
         {"limits": {"TX": ["-draft_deg", "draft_deg"]}},
+    )
+
+
+class _StudyFile(StudyArguments):
+    """A whole study file: a problem file, and what varies of it."""
+
+    model_config = ConfigDict(title="Study file")
+
+    problem: str = declared(
+        ..., 'path of the problem file, relative to this file: "../example1.toml"', "../peg_square.toml"
+    )
+    vary: list[VaryEntry] = declared(
+        [],
+        "[[vary]] tables, one a variable: which key takes which values",
+        [{"key": "tolerance", "values": [0.01, 0.02]}],
     )
 
 
@@ -183,12 +192,23 @@ StudyFile = create_model(
     **{"yield": (YieldEntry | None, _YIELD)},  # type: ignore[call-overload]
 )
 
-StudyArguments = create_model(
-    "StudyArguments",
-    __base__=Entry,
-    __doc__="What `Study` takes in Python as it stands in a file.",
-    **{
-        key: (StudyFile.model_fields[key].annotation, StudyFile.model_fields[key])
-        for key in ("title", "note", "cases", "seed", "certify", "effort", "time_limit", "sampling", "count")
-    },  # type: ignore[call-overload]
-)
+
+def json_schema(kind: str = "problem") -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a kind of file; editors complete and check files by it.
+
+    Parameters
+    ----------
+    kind : "problem" or "study"
+
+    Raises
+    ------
+    InputError
+        For another kind.
+    """
+    if kind not in KINDS:
+        raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
+    model = ProblemFile if kind == "problem" else StudyFile
+    document = model.model_json_schema()
+    document.pop("title", None)
+    head = {"$schema": DIALECT, "$id": f"urn:fcdm-opt:{kind}", "title": f"{kind.capitalize()} file of fcdm-opt (TOML)"}
+    return {**head, **document}

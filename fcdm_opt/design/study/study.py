@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -93,8 +93,8 @@ class Study:
     problem: Any
     vary: Any = ()
     _: KW_ONLY
-    parameters: Mapping[str, Any] | None = None
-    derive: Mapping[str, Any] | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    derive: Mapping[str, Any] = field(default_factory=dict)
     cases: Sequence[str] | None = None
     sampling: str = "latin hypercube"
     count: int | None = None
@@ -109,16 +109,15 @@ class Study:
 
     def __post_init__(self) -> None:
         self._check_arguments()
-        derived = self.derive or {}
-        _check_keys(self.variables, derived)
+        _check_keys(self.variables, self.derive)
         self._check_draws()
         for base in self.questions:
-            _check_values(self.variables, derived, self.question_at, base)
+            _check_values(self.variables, self.derive, self.question_at, base)
 
     def _check_arguments(self) -> None:
         """Refuse arguments of the wrong kind, in the words of a study file; keep plain values."""
         given = {key: plain_value(getattr(self, key)) for key in StudyArguments.model_fields}
-        plain = dict(checked(StudyArguments, given))
+        plain = dict(checked(StudyArguments, {key: value for key, value in given.items() if value is not None}))
         if self.budget is not None:
             plain |= dict(checked(YieldEntry, {"budget": plain_value(self.budget)}))
         self.__dict__.update(plain)
@@ -127,10 +126,6 @@ class Study:
         if self.certify and self.effort == "quick":
             what = "a quick search proves nothing"
             raise InputError(what, key="effort", found="quick", allowed="proved, with certify")
-        for key in ("parameters", "derive"):
-            table = getattr(self, key)
-            if table is not None and not (isinstance(table, Mapping) and all(isinstance(name, str) for name in table)):
-                raise InputError("expected a table", key=key, found=table, allowed="names or keys with their values")
 
     def _check_draws(self) -> None:
         """Refuse distributions without a number of draws and the other way round, and points without end."""
@@ -162,7 +157,7 @@ class Study:
             return cls(
                 located(file.problem, path.parent),
                 [variable_of(entry, f"vary[{k}]", path.parent) for k, entry in enumerate(file.vary, 1)],
-                **{key: getattr(file, key) for key in _SAME_IN_FILES},
+                **{key: getattr(file, key) for key in StudyArguments.model_fields},
                 budget=None if budget is None else budget.budget,
                 folder=path.parent,
             )
@@ -209,8 +204,7 @@ class Study:
     def derivation(self) -> Derivation:
         """What follows from parameters."""
         varied = {str(place[1]) for variable in self.variables for place in variable.places if place[0] == PARAMETERS}
-        derive = {key: plain_value(value) for key, value in (self.derive or {}).items()}
-        return Derivation.of(self.parameters or {}, derive, varied)
+        return Derivation.of(self.parameters, self.derive, varied)
 
     @cached_property
     def _draws(self) -> dict[Variable, Any]:
@@ -246,22 +240,16 @@ class Study:
         return math.prod(map(len, self.axes.values()))
 
     @cached_property
-    def version(self) -> str:
-        """Version of the package, a part of all keys."""
-        return __version__
-
-    @cached_property
     def key(self) -> str:
         """The sha256 of all that points and answers follow from: all but title, note and budget, and what is read."""
         return digest(
             canonical(
                 {
-                    "version": self.version,
+                    "version": __version__,
                     "cases": [[question.drawn().scene.key, question.case] for question in self.questions],
                     "vary": [variable.to_dict() for variable in self.variables],
                     "files": self._files,
-                    **{key: plain_value(getattr(self, key) or {}) for key in ("parameters", "derive")},
-                    **{key: getattr(self, key) for key in _TOLD},
+                    **{key: getattr(self, key) for key in (*_TOLD, "parameters", "derive")},
                 }
             )
         )
@@ -302,8 +290,8 @@ class Study:
             "labels": list(self.labels),
             "axes": axes,
             "vary": [variable.to_dict() for variable in self.variables],
-            "parameters": plain_value(self.parameters or {}),
-            "derive": plain_value(self.derive or {}),
+            "parameters": self.parameters,
+            "derive": self.derive,
         }
 
     def __repr__(self) -> str:
@@ -330,11 +318,11 @@ class Study:
             case = canonical({key: value for key, value in question.case.items() if key != "name"})
             scene = question.scene.key
         except InputError as reason:
-            told = canonical({"version": self.version, "study": self.key, "values": values})
+            told = canonical({"version": __version__, "study": self.key, "values": values})
             return StudyPoint(number, digest(told), values, None, str(reason))
         certify = "true" if self.certify else "false"
         how = f'"certify":{certify},"effort":"{self.effort}"'
-        told = f'{{"case":{case},{how},"scene":"{scene}","version":"{self.version}"}}'
+        told = f'{{"case":{case},{how},"scene":"{scene}","version":"{__version__}"}}'
         return StudyPoint(number, digest(told), values, question)
 
     def _chosen(self, number: int) -> tuple[Question, dict[Variable, int]]:
@@ -375,9 +363,6 @@ class Study:
 
 
 _TOLD = ("sampling", "count", "seed", "certify", "effort", "time_limit")
-_SAME_IN_FILES = (
-    "title", "note", "cases", "seed", "certify", "effort", "time_limit", "sampling", "count", "parameters", "derive",
-)  # fmt: skip
 
 
 def _questions(problem: Any) -> tuple[Question, ...]:

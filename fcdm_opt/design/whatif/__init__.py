@@ -3,10 +3,10 @@
 whatif        a changed question solved again, beside what first derivatives foretell
 prediction    the amount that they foretell
 budget        the largest tolerance such that it and all smaller ones can be made good
-fitting       how much of the deviation can be made good, and where anything ends to hold
-nested        where that needs no scan
+fitting       how much of the deviation can be made good, and where that needs no scan
 compare       which family of motions is cheapest
 constraints   the constraints of a question, one by one
 conflicts     which of them exclude each other, and what would cure it
+search        the clashes and the least relaxations, looked for
 drop          what each of them costs
 """

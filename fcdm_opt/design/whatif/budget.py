@@ -3,7 +3,7 @@
 The least amount as a function of the tolerance may have kinks, jumps and windows without a motion, so the last
 crossing of the limit says nothing, and neither does bisection. Where the questions are nested (`order`), the first
 crossing is the only one: that is proved, and bisection is enough. Elsewhere tolerances are sampled, denser where
-values and derivatives leave room for a crossing in between.
+contacts change, and where the amount comes near the limit.
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.design.whatif.fitting import narrowed
-from fcdm_opt.design.whatif.nested import Order, order
-from fcdm_opt.design.whatif.prediction import by_tolerance
+from fcdm_opt.design.whatif.fitting import Order, narrowed, order
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain, plain
@@ -31,7 +29,6 @@ LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
 SPLITS = 12  # of a cell in which something changes: what hides there is 4096 times narrower than the cell
-FAR = 0.5  # of the limit: amounts below that change by less than themselves need no derivatives to be far from it
 FINEST = 1e-13  # relative width of a bracket that floats still resolve
 
 
@@ -353,23 +350,13 @@ class _Tolerances:
     def _is_calm(self, low: _Point, high: _Point) -> bool:
         """Tell whether nothing suggests another crossing between two tolerances, the first of which is good.
 
-        The same contact at both ends; and neither the cubic through values and slopes, nor the roof that the
-        tangents make, exceeds the limit where it should not.
+        The same contact at both ends; where both are good, an amount farther from the limit than it changes, too.
         """
         if not low.like(high):
             return False
-        if self.limit is None:
-            return high.good
-        if max(low.amount, high.amount) + abs(high.amount - low.amount) <= FAR * self.limit:
+        if self.limit is None or not high.good:
             return True
-        width = high.tau - low.tau
-        slopes = np.array([by_tolerance(point.solution, self.shape) for point in (low, high)]) * width
-        ends = np.array([low.amount, high.amount])
-        if not np.isfinite(slopes).all():
-            return high.good and float(ends.max() + abs(ends[1] - ends[0])) <= self.limit
-        if not high.good:  # one crossing: the cubic rises
-            return bool((slopes > 0).all() and _peak(ends, slopes) <= ends[1])
-        return max(_peak(ends, slopes), _roof(ends, slopes)) <= self.limit
+        return max(low.amount, high.amount) + abs(high.amount - low.amount) <= self.limit
 
     def _narrowed(self, low: _Point, high: _Point) -> tuple[_Point, _Point]:
         """Return a bracket of the asked width."""
@@ -377,20 +364,3 @@ class _Tolerances:
             lambda tau: self.at(tau).good, low.tau, high.tau, lambda good, bad: bad - good <= self.accuracy * bad
         )
         return self.at(good), self.at(bad)
-
-
-def _peak(ends: Array, slopes: Array) -> float:
-    """Return the largest value on [0, 1] of the cubic with these values and slopes at the ends."""
-    from scipy.interpolate import CubicHermiteSpline
-
-    cubic = CubicHermiteSpline([0.0, 1.0], ends, slopes)
-    inner = cubic.derivative().roots(extrapolate=False)
-    return float(cubic([0.0, 1.0, *inner[np.isfinite(inner)]]).max())
-
-
-def _roof(ends: Array, slopes: Array) -> float:
-    """Return the height at which the tangents at both ends meet between them; the larger end where they do not."""
-    (v, w), (p, q) = ends, slopes
-    if p > q and 0 < (place := (w - q - v) / (p - q)) < 1:
-        return float(v + p * place)
-    return float(ends.max())

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fcdm_opt.design.whatif.clashes import PlainMotion
+from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
@@ -122,14 +122,11 @@ class Comparison:
         """The cheapest family, None where none is usable."""
         return self.table[0] if self.table and self.table[0].usable else None
 
-    def rows(self) -> list[dict[str, Any]]:
-        """Return one plain dict a family."""
-        return [row.to_dict() for row in self.table]
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
         best = self.best
-        return {"length": self.length, "best": None if best is None else best.name, "rows": self.rows()}
+        rows = [row.to_dict() for row in self.table]
+        return {"length": self.length, "best": None if best is None else best.name, "rows": rows}
 
     def __str__(self) -> str:
         """Return one line: the cheapest family and those that tie with it."""

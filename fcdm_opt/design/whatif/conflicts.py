@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
 
-from fcdm_opt.design.whatif.clashes import Clash, LeastRelaxation, Trial
 from fcdm_opt.design.whatif.constraints import Constraint, problem_of
-from fcdm_opt.design.whatif.search import ClashSearch
+from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem

@@ -14,7 +14,7 @@ from typing import Any
 from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.errors import InputError
 from fcdm_opt.judge.certificate import verify
-from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Certificate, Solution, kept_clear
@@ -195,6 +195,20 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
     return tuple(listed)
 
 
+class PlainMotion(Plain):
+    """Base of what has a `solution`, whose motion is told with it."""
+
+    solution: Solution | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data with status, amount and parameters; nan becomes None and infinity "inf"."""
+        motion: dict[str, Any] = {"status": None, "usable": False, "amount": None, "parameters": {}}
+        if self.solution is not None:
+            motion = {name: plain(getattr(self.solution, name)) for name in motion}
+        told = super().to_dict()
+        return {**told, **motion, **told}
+
+
 def problem_of(asked: Problem | Solution) -> Problem:
     """Return the problem that is spoken of; raises `InputError` for what is neither problem nor solution."""
     if not isinstance(asked, Problem | Solution):
@@ -217,45 +231,13 @@ def without(problem: Problem, names: Iterable[str]) -> Problem:
     InputError
         For a name that no constraint of the problem has.
     """
-    for constraint in [named(problem, name) for name in dict.fromkeys(names)]:
-        problem = constraint.changed(problem, constraint.most)
-    return problem
-
-
-def relaxed(problem: Problem, name: str, by: float) -> Problem:
-    """Return a problem with one constraint relaxed.
-
-    Parameters
-    ----------
-    problem : Problem
-    name : str
-        As `constraints` names it.
-    by : float
-        How far a limit is widened (a held parameter to both sides) or a clearance reduced, in its unit; for "whole
-        steps" how often the steps are halved.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, a constraint that can only be dropped, and more than the whole of a clearance.
-    """
-    constraint = named(problem, name)
-    if not constraint.unit:
-        raise InputError("there is nothing between keeping and dropping it", key=name, found=by, allowed="`without` it")
-    if not (is_real(by) and 0.0 <= by <= constraint.most and math.isfinite(by)):
-        most = constraint.most
-        allowed = f"a number from 0 to {most:.9g}" if math.isfinite(most) else "a finite number >= 0"
-        raise InputError("not a relaxation", key=name, found=by, allowed=allowed)
-    return constraint.changed(problem, float(by))
-
-
-def named(problem: Problem, name: str) -> Constraint:
-    """Return the constraint of a name; raises `InputError` that lists the names there are."""
     known = {one.name: one for one in constraints(problem)}
-    if name not in known:
-        allowed = ", ".join(known) or "none: the problem has no constraint"
-        raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)
-    return known[name]
+    for name in dict.fromkeys(names):
+        if name not in known:
+            allowed = ", ".join(known) or "none: the problem has no constraint"
+            raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)
+        problem = known[name].changed(problem, known[name].most)
+    return problem
 
 
 def excesses(problem: Problem, solution: Solution) -> dict[str, float]:

@@ -1,14 +1,20 @@
-"""How much of the deviation from nominal can be made good where all of it cannot, and where anything ends to hold."""
+"""Which deviations from nominal can be made good: how they lie, told before any is solved, and the largest of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import Enum
 
+import numpy as np
+
+from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
+UNKNOWN = "the questions are not nested"
 
 
 def narrowed(
@@ -62,3 +68,70 @@ def fits_up_to(problem: Problem) -> float | None:
 
     share, _ = narrowed(fits, 0.0, 1.0, told)
     return share * float(problem.tolerance.max())
+
+
+# -------------------------------------------------------------------------------------------------- nested questions
+
+
+class Order(Enum):
+    """How the good tolerances of a requirement lie."""
+
+    FROM_ZERO = "one stretch from zero"
+    ALL_OR_NONE = "all where there are any near zero"
+    ANY = "nothing is known"
+
+
+def order(problem: Problem) -> tuple[Order, str]:
+    """Return how the tolerances lie that a problem's requirement can be made good for, and why that is so.
+
+    Sets of scaled bodies that are star-shaped about their seeds are nested, so are the motions that keep them clear.
+    For "touch", the gap of the pair with less deviation has one sign at rest and the other where the pair with more
+    touches, so it is zero on the straight way there, at a smaller amount.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a requirement, at any tolerance of the shape asked about.
+    """
+    changes = np.sign(problem.target - problem.nominal_pair)
+    grows, shrinks = bool((changes >= 0).all()), bool((changes <= 0).all())
+    alone = not problem.keep_out and problem.pair == "any"
+    if problem.resolution is not None:
+        return Order.ANY, "rounding to steps of the machine"
+    if isinstance(problem.amount, str) and problem.amount == "displacement":
+        return Order.ANY, "the displacement of the part made depends on its size"
+    if problem.goal == "beyond" and alone:
+        return Order.FROM_ZERO, "a motion beyond a larger tolerance is beyond every smaller one"
+    weighted = problem.amount == "weighted"
+    rest = bool(((problem.limits[:, 0] <= 0) & (problem.limits[:, 1] >= 0)).all())
+    if problem.goal == "at" and alone and weighted and rest and _is_linear(problem):
+        return Order.FROM_ZERO, "a linear program in translations and tolerance: its least amount is convex"
+    if problem.goal not in ("clear", "touch") or not (_is_star(problem.movable) and _is_star(problem.static)):
+        return Order.ANY, UNKNOWN
+    if problem.goal == "clear" and problem.pair != "touch" and grows:
+        return Order.FROM_ZERO, "star-shaped bodies only grow: a motion that clears them clears smaller ones"
+    if problem.goal == "clear" and problem.pair != "touch" and shrinks:
+        return Order.ALL_OR_NONE, "star-shaped bodies only shrink: a motion that clears them clears smaller ones"
+    if problem.goal == "touch" and alone and weighted and rest and (grows or shrinks):
+        gap = float(problem.curve.gap(problem.nominal_pair))
+        if abs(gap) <= problem.contact_slack or (gap > 0) == shrinks:
+            return (
+                Order.FROM_ZERO,
+                "on the way to where more deviation touches, star-shaped bodies with less touch first",
+            )
+    return Order.ANY, UNKNOWN
+
+
+def _is_star(body: Body) -> bool:
+    """Tell whether every part holds the seed, so that smaller scales of the body lie within larger ones."""
+    return all(
+        bool((((part.vertices[[loop[0] for loop in part.loops]] - body.seed) * part.normals).sum(axis=1) >= 0).all())
+        for part in body.parts
+    )
+
+
+def _is_linear(problem: Problem) -> bool:
+    """Tell whether the tracked point, and what it must stay beside, are linear in motion and scales."""
+    convex = len(problem.movable.parts) == len(problem.static.parts) == 1
+    point = isinstance(problem.nominal_contact, SwitchingPoint) and len(problem.nominal_contact.pieces) == 2
+    return convex and point and problem.motion.shifts and not problem.feature_pairs

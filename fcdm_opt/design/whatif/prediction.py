@@ -58,7 +58,7 @@ def prediction(before: Solution, problem: Problem) -> Prediction:
     told = [*_discrete(before.problem, problem)]
     if not told:  # else the derivatives need not be worked out
         told = [*_changes(before, problem)]
-        blocking = derivative_is_missing(before.sensitivity)
+        blocking = "; ".join(why for why in before.sensitivity.reasons if not why.startswith(HARMLESS))
         if told and blocking:
             told = [(name, NAN, blocking) for name, _, _ in told]
     terms = {name: term for name, term, _ in told}
@@ -67,19 +67,6 @@ def prediction(before: Solution, problem: Problem) -> Prediction:
     if terms and amount < -DEFAULT.tie * problem.size:
         reasons["below zero, as no amount is: the derivatives hold for smaller changes only"] = None
     return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
-
-
-def derivative_is_missing(rates: Sensitivity) -> str:
-    """Return why finite derivatives of a solution do not hold, "" where they do: ties of constraints leave nan."""
-    return "; ".join(reason for reason in rates.reasons if not reason.startswith(HARMLESS))
-
-
-def by_tolerance(solution: Solution, shape: Array) -> float:
-    """Return the derivative of the amount by tau where the tolerance is tau * `shape`, (2, 2); nan where none."""
-    rates = solution.sensitivity
-    if rates.tolerance is None or derivative_is_missing(rates):
-        return NAN
-    return float(rates.tolerance[shape != 0] @ shape[shape != 0])
 
 
 # ------------------------------------------------------------------------------------------------------ what changed

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.design.question import excluded
 from fcdm_opt.design.whatif.constraints import problem_of
 from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.doors import Shown
@@ -135,11 +136,9 @@ def whatif(problem: Problem | Solution, other: Problem | None = None, /, **chang
 
 def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments that a change leaves without meaning."""
-    dropped: dict[str, Any] = {}
-    if changes.get("target") is not None:
-        dropped |= {"requirement": None, "tolerance": None}
-    elif changes.get("requirement") is not None or changes.get("tolerance") is not None:
-        dropped |= {"target": None}
+    dropped: dict[str, Any] = {
+        other: None for name, value in changes.items() if value is not None for other in excluded(name)
+    }
     if "motion" in changes:
         dropped |= {"published": None, "published_text": ""}
     return dropped
@@ -164,14 +163,8 @@ def _differences(before: Solution, after: Solution) -> Iterator[Difference]:
         tied = isinstance(was_told, float) and isinstance(now_told, float) and abs(was_told - now_told) <= floor
         if was_told != now_told and not tied:  # infinity is a word
             yield Difference(name, was_told, now_told)
-    others: tuple[tuple[str, Any, Any], ...] = (
-        ("status", before.status.name, after.status.name),
-        ("usable", before.usable, after.usable),
-        ("pair_state", before.pair_state, after.pair_state),
-        ("pair", before.pair.tolist(), after.pair.tolist()),
-        ("features", [feature.label for feature in before.features], [feature.label for feature in after.features]),
-        ("active", list(before.active), list(after.active)),
-    )
-    for name, was, now in others:
+    for name in ("status", "usable", "pair_state", "pair", "features", "active"):
+        was, now = ([item.label for item in told.features] if name == "features" else plain(getattr(told, name))
+                    for told in (before, after))  # fmt: skip
         if was != now:
             yield Difference(name, was, now)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from time import perf_counter
 from typing import Any
 
@@ -11,20 +9,21 @@ import numpy as np
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.segments import Segment
+from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show.plain import drawn, plain
+from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
-from fcdm_opt.show.report.frames import Frames
-from fcdm_opt.show.report.scenes import scene
-from fcdm_opt.show.scales import tolerance_box, window
+from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts
+from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts, shown
 from fcdm_opt.tolerances import DEFAULT
 
+UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
 
@@ -39,7 +38,7 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
         "bodies": _bodies(solution.problem),
         "modelled": _modelled(solution),
         "left_out": left_out(solution),
-        "certificate": plain(solution.to_dict()["certificate"]),
+        "certificate": finite(solution.to_dict()["certificate"]),
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
     }
@@ -47,40 +46,43 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
 
 
 def answered(solution: Solution) -> dict[str, Any]:
-    """Return what a case, and a cell of the table of requirements, says of an answer."""
+    """Return what a case, and a cell of the table of requirements, says of an answer; its bound, and how near it is."""
+    text, _, near = bound_line(solution).partition(", ")
     return {
         "status": solution.status.name,
+        "outside": solution.status.name == "OUTSIDE_FIT",
         "motion": motion_text(solution),
         "amount_unit": solution.problem.amount_unit,
-        "bound_text": bound_line(solution),
-        **{key: plain(getattr(solution, key)) for key in ("amount", "doubt", "pair_state")},
+        "least": {"text": shown(solution.amount) if near == "exact" else text, "near": near},
+        **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
     }
 
 
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
-    solution = case.solution
-    published = {"motion": problem.published_text, "amount": plain(case.published_amount)}
+    solution, advice = case.solution, advised(case)
+    published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
-    kinds = {parameter.name: units[parameter.kind] for parameter in problem.motion.parameters}
     texts = parameter_texts(problem, solution.parameters)
-    named = ("usable", "lower_bound", "gap", "pair", "pair_gap", "rho", "active", "stage", "seconds")
+    told = zip(problem.motion.parameters, solution.parameters.values(), texts, strict=False)  # none without a motion
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
-        "advice": advised(case),
-        "remarks": remarks(solution),
+        "advice": advice,
+        "told": [*([] if solution.status.name in UNREMARKABLE else [advice]), *remarks(solution)],
         **answered(solution),
-        **{key: plain(getattr(solution, key)) for key in named},
+        **{
+            key: finite(getattr(solution, key))
+            for key in ("gap", "pair", "pair_gap", "rho", "active", "stage", "seconds")
+        },
         "published": published if problem.published_text or problem.published is not None else None,
-        "touch_amount": plain(case.touch_amount),
+        "touch_amount": finite(case.touch_amount),
         "parameters": [
-            {"name": name, "value": value, "unit": kinds[name], "shown": text}
-            for (name, value), text in zip(solution.parameters.items(), texts, strict=True)
+            {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
         ],
         "features": [feature.label for feature in solution.features],
         "configurations": _configurations(solution),
-        "sha256": digest(problem),
+        "sha256": digest(canonical(problem.to_dict())),
     }
 
 
@@ -96,13 +98,7 @@ def _configurations(solution: Solution) -> list[str]:
     return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
 
 
-def digest(problem: Problem) -> str:
-    """Return the SHA-256 of the question as plain data: of its JSON, keys sorted, without blanks."""
-    text = json.dumps(problem.to_dict(), sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-# ------------------------------------------------------------------------------------------------------------- grounds
+# -------------------------------------------------------------------------------------------------------------- grounds
 
 
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
@@ -117,9 +113,9 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
             "role": role,
             "vertices": len(body.corners),
             "parts": len(body.parts),
-            "seed": plain(body.seed),
+            "seed": finite(body.seed),
             "notes": [note for note in (first, *body.notes) if note],
-            "deviation": plain(body.deviation),
+            "deviation": finite(body.deviation),
         }
         for role, body, first in listed
     ]
@@ -144,7 +140,7 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
     text = f"{len(evidence.reasons)} cells of motions that will not do, in {len(evidence.fronts)} columns of directions"
     beside = not solution.status.found and np.isfinite(evidence.bound)  # a closed form says more: that nothing does
-    return {"bound": plain(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
+    return {"bound": finite(evidence.bound), "text": text, "checked": all(proof) if proof and not beside else None}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
@@ -155,10 +151,10 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if not derivatives.exists:
         why = "; ".join(derivatives.reasons)
         text = f"not differentiable, the values hold on one side or for one of several least motions: {why}"
-    return {"bars": [plain(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
+    return {"bars": [finite(bar._asdict()) for bar in bars(derivatives, solution.problem)], "text": text}
 
 
-# ------------------------------------------------------------------------------------------------------------ pictures
+# ------------------------------------------------------------------------------------------------------------- pictures
 
 
 def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str, Any]:
@@ -176,7 +172,7 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
         "axes": {"box": drawn(problem.box), "window": drawn(seen)},
         "nominal": drawn(problem.nominal_pair),
         "tolerance_box": drawn(list(zip(low, high, strict=True))) if problem.tolerance is not None else None,
-        "signs": plain(problem.signs) if problem.signs.any() else None,
+        "signs": finite(problem.signs) if problem.signs.any() else None,
         "quadrant": problem.goal == "beyond",
         "tracking": problem.goal in TRACKING,
         "poses": poses,
@@ -197,8 +193,8 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
             at = solution.rho, solution.transform, solution.rho
             tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
     return {
-        "nominal": frames.still(problem.nominal_pair, "nominal sizes, no motion"),
-        "rescaled": frames.still(problem.target, "the parts made, no motion"),
+        "nominal": frames.frame(problem.nominal_pair, note="nominal sizes, no motion"),
+        "rescaled": frames.frame(problem.target, note="the parts made, no motion"),
         "corrected": corrected,
         "tracked": tracked,
     }

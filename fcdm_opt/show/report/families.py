@@ -15,8 +15,8 @@ from fcdm_opt.model.task import Task
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.report.frames import Frames
-from fcdm_opt.show.solved import solved_again
 from fcdm_opt.show.texts import motion_text, parameter_texts
+from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 FACTORS = tuple(k / 10 for k in range(21))
@@ -48,7 +48,7 @@ def tolerance_family(frames: Frames, problem: Problem, solution: Solution, secon
         else:
             changes = {"target": tuple(target_at(problem, factor).tolist())}
         try:
-            return frames.solved(solved_again(problem, effort="quick", **changes))
+            return frames.solved(solve(problem.changed(**changes), effort="quick"))
         except InputError:
             return None
 
@@ -106,7 +106,7 @@ def motion_family(frames: Frames, solution: Solution, seconds: float) -> dict[st
     )  # fmt: skip
 
 
-# ------------------------------------------------------------------------------------------------------ coarse to fine
+# ------------------------------------------------------------------------------------------------------- coarse to fine
 
 
 def _family(

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -15,14 +13,17 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.problem.syntax import parsed
-from fcdm_opt.show.plain import plain
 from fcdm_opt.show.report.cases import answered, case_report
-from fcdm_opt.show.solved import SolvedCase, solved_again, solved_case
+from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.texts import tolerance_text
-from fcdm_opt.tolerances import DEFAULT, Tolerances
+from fcdm_opt.solver import solve
+from fcdm_opt.tolerances import DEFAULT, meanings
 
 PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
 """Whose versions a report names."""
+
+SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
+"""What cases of one table have in common, besides bodies and keep-outs."""
 
 FAMILIES = 8.0
 """Seconds that the frames of one case may take, by default."""
@@ -59,7 +60,7 @@ def gather(
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
         errors = [file.error] if file.error else []
-        problems, solved = list[Problem](), list[SolvedCase]()
+        answers = list[tuple[int, Problem, Solution]]()
         for problem in file.problems:
             if say:
                 say(f"{file.path.name}: case {problem.name}")
@@ -71,89 +72,65 @@ def gather(
                 if say:
                     say(f"error: {errors[-1]}")
                 continue
-            problems.append(problem)
-            solved.append(case)
+            answers.append((len(cases), problem, case.solution))
             cases.append({"file": number, **data})
-        first = len(cases) - len(solved)
-        tables += [{"file": number, **table} for table in matrices(problems, solved, first=first)]
-        listed.append({**head, "meshes": meshes, "cases": list(range(first, len(cases)))})
+        tables += [{"file": number, **table} for table in matrices(answers)]
+        listed.append({**head, "meshes": meshes, "cases": [number for number, *_ in answers]})
         if errors:
             listed[-1]["error"] = "; ".join(errors)
     return {
         **_title(listed),
         "made": made(),
-        "tolerances": _tolerances(),
+        "tolerances": [[name, getattr(DEFAULT, name), meaning] for name, meaning in meanings().items()],
         "files": listed,
         "matrices": tables,
         "cases": cases,
     }
 
 
-def matrices(problems: Sequence[Problem], cases: Sequence[SolvedCase], *, first: int = 0) -> list[dict[str, Any]]:
-    """Return the tables of a file's cases.
+def matrices(answers: Sequence[tuple[int, Problem, Solution]]) -> list[dict[str, Any]]:
+    """Return the tables of a file's cases: the number of each in the report, the question and the answer.
 
     Cases of the same bodies, nominal sizes, tolerances, goal, pair state and clearance that differ in the requirement
     share a table; keep-outs and path must be the same too, the motion need not. A requirement that the file does not
-    ask for is solved with the motion of the table's first case. Without a requirement a case has no table. `first` is
-    the number of the first case in the report.
+    ask for is solved with the motion of the table's first case. Without a requirement a case has no table.
     """
     tables: list[tuple[Any, Problem, dict[str, tuple[int, Solution]]]] = []
-    for number, (problem, case) in enumerate(zip(problems, cases, strict=True), first):
+    for number, problem, solution in answers:
         if problem.requirement is None:
             continue
-        question, letter = _question(problem), problem.requirement
-        cells = next((cells for asked, _, cells in tables if asked == question and letter not in cells), None)
+        told = problem.to_dict()
+        question = told["bodies"], told.get("keep_out"), [told["case"][0].get(key) for key in SHARED]
+        letter = problem.requirement
+        cells = next((cells for other, _, cells in tables if other == question and letter not in cells), None)
         if cells is None:
             cells = {}
             tables.append((question, problem, cells))
-        cells[letter] = number, case.solution
-    return [_listed(problem, cells) for _, problem, cells in tables]
-
-
-def _question(problem: Problem) -> tuple[Any, ...]:
-    """Return what cases of one table share."""
-    assert problem.tolerance is not None
-    return (
-        id(problem.movable),
-        id(problem.static),
-        tuple(problem.nominal_pair.tolist()),
-        tuple(problem.tolerance.ravel().tolist()),
-        problem.goal,
-        problem.pair,
-        problem.clearance,
-        problem.path,
-        tuple(id(keep_out) for keep_out in problem.keep_out),
-    )
-
-
-def _listed(first: Problem, known: dict[str, tuple[int, Solution]]) -> dict[str, Any]:
-    names = [solution.problem.name for _, solution in known.values()]
-    cells = {letter: _cell(*known[letter]) if letter in known else _missing(first, letter) for letter in SIGNS}
-    return {"title": f"cases {', '.join(names)}", "tolerance": tolerance_text(first), "cells": cells}
+        cells[letter] = number, solution
+    return [
+        {
+            "title": f"cases {', '.join(solution.problem.name for _, solution in known.values())}",
+            "tolerance": tolerance_text(first),
+            "cells": {
+                letter: _cell(*known[letter]) if letter in known else _missing(first, letter) for letter in SIGNS
+            },
+        }
+        for _, first, known in tables
+    ]
 
 
 def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
-        solution = solved_again(first, requirement=letter, name="", published=None, published_text="")
+        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
     except InputError as reason:
-        nothing = {"amount": None, "bound": None, "published": None, "motion": "-", "bound_text": "", "status": ""}
-        told = {"pair_state": "unknown", "verified": False, "from_file": False}
-        return {"case": None, **nothing, **told, "note": f"{note}; {reason}"}
+        return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
     return _cell(None, solution, note=note)
 
 
 def _cell(case: int | None, solution: Solution, *, note: str = "") -> dict[str, Any]:
-    return {
-        "case": case,
-        **answered(solution),
-        "bound": plain(solution.lower_bound),
-        "published": solution.problem.published_text or None,
-        "verified": solution.usable,
-        "from_file": case is not None,
-        "note": note,
-    }
+    return {"case": case, **answered(solution), "published": solution.problem.published_text or None, "note": note}
 
 
 def _title(files: Sequence[dict[str, Any]]) -> dict[str, str]:
@@ -194,17 +171,3 @@ def made() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return versions
-
-
-def _tolerances() -> list[list[Any]]:
-    """Return name, value and meaning of every tolerance."""
-    lines = (inspect.getdoc(Tolerances) or "").splitlines()
-    meanings: dict[str, list[str]] = {}
-    name = ""
-    for line in lines[lines.index("Attributes") + 2 :]:
-        if line.startswith(" "):
-            meanings[name].append(line.strip())
-        else:
-            name = line.strip()
-            meanings[name] = []
-    return [[each.name, getattr(DEFAULT, each.name), " ".join(meanings[each.name])] for each in fields(Tolerances)]

@@ -1,32 +1,36 @@
-"""The report as one HTML text: what the template `page.html` shows, as plain values and texts."""
+"""The reports as one HTML text each: on problems what `page.html` shows, on a study its points and what was found."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+from fcdm_opt.geometry.units import floored
+from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.show import write_svg
 from fcdm_opt.show.rendering import whole_page
-from fcdm_opt.show.texts import shown
+from fcdm_opt.show.report.gather import made
+from fcdm_opt.show.studies import study_figure
+from fcdm_opt.show.texts import shown, study_facts
+
+if TYPE_CHECKING:
+    from fcdm_opt.design.study.results import StudyResult
 
 Data = Mapping[str, Any]
 
 FIGURES = (  # what the scripts draw of a case; all else is text
     *("file", "name", "scene", "feature_shapes", "labels", "axes", "nominal", "tolerance_box", "signs", "quadrant"),
-    *("tracking", "poses", "families", "unit", "amount_unit"),
+    *("tracking", "poses", "families", "unit", "amount_unit", "bodies"),
 )
-POSES = {"nominal": "nominal", "rescaled": "re-scaled, at rest", "corrected": "corrected", "tracked": "tracked sizes"}
-UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
-MINUS = "\u2212"
-LAYOUT = (("A", "C"), ("B", "D"))
-"""Requirements as in the paper's tables: rho_1 larger on the left, rho_2 larger above."""
 
-OPTIONAL = (
-    *("unit", "amount_unit", "doubt", "published", "touch_amount", "pair_state", "pair_gap", "pair", "rho", "note"),
-    *("certificate", "evidence", "sensitivities", "sha256", "tracking", "verified", "bound_text", "lower_bound", "gap"),
-    *("advice", "stage", "configurations", "bound", "parameters", "modelled", "left_out", "seconds", "active"),
-)
-"""What a case or a cell of a table may leave out."""
+MOST_POINTS, MOST_ROWS, MOST_VALUES = 10_000, 500, 40
+"""Points that the chart holds, rows of the printed table, and values of an axis that are listed."""
+
+ALWAYS = ("lower_bound", "pair_gap", "pair_state", "features", "active", "stage", "message")
+"""Columns of a row besides what was varied, status, amount and the motion's parameters."""
 
 
 def page(payload: Data) -> str:
@@ -47,62 +51,100 @@ def page(payload: Data) -> str:
     for file in files:
         inputs.append({**file, "note": " ".join((file.get("note") or "").split())})
         inputs += [{**mesh, "title": f"mesh of {file['file']}", "note": None} for mesh in file.get("meshes") or ()]
-    figures = []
-    for case in cases:
-        bodies = [{key: body[key] for key in ("name", "role")} for body in case["bodies"]]
-        figures.append({**{key: case.get(key) for key in FIGURES}, "bodies": bodies})
     return whole_page(
         "page.html",
         scripts=("curve.js", "scene.js", "page.js"),
-        figures={"cases": figures},
+        figures={"cases": [{key: case[key] for key in FIGURES} for case in cases]},
         title=payload["title"],
-        note=payload.get("note"),
-        unread=[file for file in files if file.get("error")],
-        cases=[_case(case, number, files[case["file"]], len(files) > 1) for number, case in enumerate(cases)],
-        files=[{"cases": (), **file} for file in files],
-        matrices=[_matrix(matrix) for matrix in payload["matrices"]],
-        poses=POSES,
+        note=payload["note"],
+        cases=[{"number": number, **case} for number, case in enumerate(cases)],
+        files=files,
+        matrices=payload["matrices"],
+        signs=SIGNS,
         inputs=inputs,
-        versions=[(name, shown(value)) for name, value in payload["made"].items()],
+        versions=payload["made"].items(),
         tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
     )
 
 
-def _answer(data: Data) -> dict[str, Any]:
-    """Return a case or a cell with all that it may leave out, and its bound as tables show it, with how near it is."""
-    known = {**dict.fromkeys(OPTIONAL), **data}
-    text, _, near = shown(known["bound_text"]).partition(", ")
-    if near == "exact":  # the amount, to the digits that it is shown with
-        text = shown(known["amount"])
-    return {**known, "least": {"text": text, "near": near}, "outside": known["status"] == "OUTSIDE_FIT"}
+# -------------------------------------------------------------------------------------------------------------- studies
 
 
-def _case(data: Data, number: int, file: Data, several: bool) -> dict[str, Any]:
-    """Return what the page says of a case; the file that it is from is named where there are several."""
-    case = _answer(data)
-    advice = [] if case["status"] in UNREMARKABLE else [case["advice"]]
-    bars = case["sensitivities"]["bars"] if case["sensitivities"] else []
-    longest = max((abs(bar["value"]) for bar in bars if bar["value"] is not None), default=0.0) or 1.0
-    widths = [50.0 * (bar["value"] or 0.0) / longest for bar in bars]  # percent, left of the middle less
-    return {
-        **case,
-        "number": number,
-        "source": (file["title"] or file["file"]) if several else "",
-        "told": [*advice, *case.get("remarks", ())],
-        "bars": [{**bar, "left": 50.0 + min(x, 0.0), "width": abs(x)} for bar, x in zip(bars, widths, strict=True)],
-    }
+def study_page(result: StudyResult) -> str:
+    """Return the report on a study as one self-contained HTML text.
+
+    Parameters
+    ----------
+    result : StudyResult
+        May be one of a run that is not complete.
+
+    Returns
+    -------
+    str
+        HTML5, UTF-8. The chart holds 10,000 points at most, evenly chosen, the table 500; both say so.
+    """
+    rows = result.rows()
+    count = len(rows)
+    varied, columns = _columns(result, rows)
+    charted, printed = (_evenly(count, most) for most in (MOST_POINTS, MOST_ROWS))
+    definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
+    return whole_page(
+        "study.html",
+        scripts=("study.js",),
+        figures={
+            "columns": columns,
+            "varied": varied,
+            "rows": [[finite(rows[k][name]) for name in columns] for k in charted],
+            "usable": [bool(rows[k]["usable"]) for k in charted],
+            "numbers": list(charted),
+            "of": count,
+            "budget": result.definition.get("budget"),
+            "unit": result.unit,
+        },
+        title=result.definition.get("title") or "Study",
+        note=result.definition.get("note"),
+        summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
+        picture=_picture(result),
+        varied=[(label, str(len(values)), _listed(values)) for label, values in result.axes.items()],
+        caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
+        heads=("number", *columns),
+        rows=[(str(k), *(_cell(name, finite(rows[k][name])) for name in columns)) for k in printed],
+        study=result.study,
+        versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
+        definition=json.dumps(definition, indent=1, ensure_ascii=False),
+    )
 
 
-def _matrix(matrix: Data) -> dict[str, Any]:
-    """Return the requirements A to D in rows, as in the paper's Tables 1 and 2."""
-    rows = [
-        (sign, [_cell(letter, matrix["cells"].get(letter)) for letter in letters])
-        for sign, letters in zip(("+", MINUS), LAYOUT, strict=True)
-    ]
-    return {**matrix, "rows": rows}
+def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
+    """Return the columns that hold what was varied, and all of chart and table: with them what was found, the motion.
+
+    A row holds its number, what was varied, status and amounts, the motion, then all else.
+    """
+    if not rows:
+        return list(result.axes), []
+    names = list(rows[0])
+    varied = names[names.index("number") + 1 : names.index("status")]
+    motion = names[names.index("lower_bound") + 1 : names.index("rho_1")]
+    return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
 
 
-def _cell(letter: str, cell: Data | None) -> dict[str, Any]:
-    signs = ",".join("+" if sign > 0 else MINUS for sign in SIGNS[letter])
-    head = {"letter": letter, "signs": signs, "asked": bool(cell), "number": (cell or {}).get("case")}
-    return {**_answer(cell or {"amount": None, "status": ""}), **head}
+def _evenly(count: int, most: int) -> Sequence[int]:
+    return range(count) if count <= most else [k * count // most for k in range(most)]
+
+
+def _picture(result: StudyResult) -> str:
+    """Return the study's picture as SVG."""
+    text = io.StringIO()
+    write_svg(study_figure(result), text)
+    return text.getvalue()[text.getvalue().index("<svg") :]
+
+
+def _listed(values: Sequence[Any]) -> str:
+    some = [f"({shown(value)})" if isinstance(value, list | tuple) else shown(value) for value in values[:MOST_VALUES]]
+    more = f" and {len(values) - MOST_VALUES} more" if len(values) > MOST_VALUES else ""
+    return ", ".join(some) + more
+
+
+def _cell(name: str, value: Any) -> str:
+    """Return a value as the table shows it, a bound never rounded up."""
+    return floored(value, 6) if name == "lower_bound" and value and value > 0 else shown(value)
