@@ -284,8 +284,8 @@ MESHES: dict[str, tuple[Solid, Callable[[Solid], bytes]]] = {
     "lid_box.glb": (stepped(box((-20, 20), (-15, 15), (-20, 0)), box((-18, 18), (-13, 13), (-18, 0)), top=True), glb),
     "lid.glb": (stepped(box((-20, 20), (-15, 15), (0, 4)), box((-17.5, 17.5), (-12.5, 12.5), (-3, 0)), top=False), glb),
     "gear_driver.obj": (gear([-17.75, 0.25, 18.25], 0.0), obj),
-    "gear_driven.stl": (gear([153, 171, 189, 207], 80.0), stl_text),
-    "nut.stl": (tube(hexagon(16), hexagon(10.25), -5, 5), stl_text),
+    "gear_driven.obj": (gear([153, 171, 189, 207], 80.0), obj),
+    "nut.off": (tube(hexagon(16), hexagon(10.25), -5, 5), off),
     "nut_key.ply": (prism(hexagon(10), -50, 20), ply_binary),
     "bracket.obj": (upright(prism(BRACKET, -12, 12)), in_unit(10, obj)),  # in cm
     "bracket_plate.stl": (box((-40, 40), (-20, 20), (-8, 0)), stl_binary),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cases import CUBE, EXAMPLE_2, OCTAHEDRON, Shape, exact
 from curve_checks import INSIDE, ODD_BOX, SEED_PAIRS
-from degenerate import BLOCK, SLAB, fewer, orientations, prism, turned
+from degenerate import BLOCK, SLAB, fewer, prism
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import generators, random_pair, random_pose, random_union, reaches
@@ -18,6 +18,7 @@ import fcdm_opt as fo
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.batch import LEAST_SHARE
 from fcdm_opt.errors import InputError
+from fcdm_opt_benchmarks.stability.contacts.scenes import orientations, turned
 
 MANY = fewer(range(60))
 ARRAYS = ("transforms", "status", "counts", "offsets", "vertices", "features", "parts", "lines", "normals", "settled")

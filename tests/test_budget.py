@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import box, problems
 
 from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, budget
 from fcdm_opt.design.whatif.fitting import Order, order
@@ -16,23 +16,11 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 NEAR = 3e-9  # of closed forms: the bracket is 1e-9 wide, and amounts are known to 1e-10
 X = Translation("x")
-
-
-def block(low: Any, high: Any, name: str = "block", seed: Any = None) -> Body:
-    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-    return Body.convex(corners, seed=np.add(low, high) / 2.0 if seed is None else seed, name=name)
-
-
-@cache
-def of_file(name: str, case: str) -> Problem:
-    (problem,) = (problem for problem in load_problems(PROBLEMS / f"{name}.toml") if problem.name == case)
-    return problem
 
 
 @cache
@@ -43,7 +31,7 @@ def between_walls(**arguments: Any) -> Problem:
     right and 1 - 6 tau on the left. The least way to touch is the smaller of them until the left wall hits the cube at
     tau = 1/6, and 6 tau - 1 from there: it rises to 11/17 at tau = 1/17, falls to 0 and rises for good.
     """
-    cube = block((8, -1, -1), (10, 1, 1), "cube")
+    cube = box((8, -1, -1), (10, 1, 1), "cube")
     left = [[x, y, z] for x in (1.0, 7.0) for y in (-4.0, 4.0) for z in (-4.0, 4.0)]
     right = [[x, y, z] for x in (10.0, 13.0) for y in (-4.0, 4.0) for z in (-4.0, 4.0)]
     walls = Body.from_parts([left, right], seed=(0.0, 0.0, 0.0), name="walls")
@@ -103,7 +91,7 @@ def test_a_window_without_a_motion_ends_it_too() -> None:
 
 def test_budgets_of_a_peg_at_the_wall() -> None:
     """TX = S - .25 and TY = min(S - .125, 0), S = 10 rho_2 - 9.75 rho_1: .25 + .25 tau in A, .25 - 19.75 tau in B."""
-    problem = of_file("peg_square", "A at the wall")
+    problem = problems("peg_square")["A at the wall"]
     found = budget(problem, 0.03, requirements="ABC", largest=0.005)
     assert [own.end for own in found.values()] == [End.LARGEST, End.LIMIT, End.LIMIT]
     assert_closed(found["B"], 0.03 / 19.75)
@@ -115,7 +103,7 @@ def test_budgets_of_a_peg_at_the_wall() -> None:
 
 def test_the_shape_of_a_tolerance_is_kept() -> None:
     """Only the plate is off: S = .25 - 10 tau in B; with the peg off by half of that, .25 - (10 + 4.875) tau."""
-    plate = of_file("peg_square", "B at the wall").changed(tolerance=(0.0, 0.03))
+    plate = problems("peg_square")["B at the wall"].changed(tolerance=(0.0, 0.03))
     found = budget(plate, 0.03, requirements="B", largest=0.02)
     assert_closed(found["B"], 0.003)
     np.testing.assert_allclose(found["B"].table, [[0, 0], [0.003, 0.003]], rtol=1e-8)
@@ -134,7 +122,7 @@ def test_the_shape_of_a_tolerance_is_kept() -> None:
     ],
 )  # fmt: skip
 def test_budgets_agree_with_brute_force(name: str, case: str, limit: float, letter: str) -> None:
-    problem = of_file(name, case)
+    problem = problems(name)[case]
     found = one(problem, limit, letter, largest=0.02)
     assert 0 < found.tolerance < 0.02
     for tau in np.linspace(0, 1.5 * found.tolerance, 12)[1:]:
@@ -148,9 +136,9 @@ def test_budgets_agree_with_brute_force(name: str, case: str, limit: float, lett
 
 def apart(gap: float, **arguments: Any) -> Problem:
     """Two cubes of half-width 1, their walls `gap` apart at rest."""
-    other = block((1 + gap, -1, -1), (3 + gap, 1, 1), "other")
+    other = box((1 + gap, -1, -1), (3 + gap, 1, 1), "other")
     given = {"goal": "clear", "requirement": "A", "tolerance": 0.01, "motion": X, **arguments}
-    return Problem(block((-1, -1, -1), (1, 1, 1), "cube"), other, **given)
+    return Problem(box((-1, -1, -1), (1, 1, 1), "cube"), other, **given)
 
 
 def test_growing_bodies_are_nested() -> None:
@@ -178,7 +166,7 @@ def test_touching_from_afar_is_nested() -> None:
 
 
 def test_beyond_with_another_motion_may_have_no_budget() -> None:
-    found = one(of_file("example1", "A"), 0.02, "B")
+    found = one(problems("example1")["A"], 0.02, "B")
     assert (found.tolerance, found.end) == (0.0, End.NO_MOTION)
     assert found.bracket == (0.0, SMALLEST)
     assert found.solution is None
@@ -198,12 +186,12 @@ def test_what_is_nested_and_what_is_not() -> None:
     assert asked(clear.changed(resolution=0.01), "A") is Order.ANY
     assert asked(clear.changed(amount="displacement"), "A") is Order.ANY
     assert asked(touch.changed(limits={"TX": (0.1, 1.0)}), "A") is Order.ANY
-    kept = KeepOut(block((5, 5, 5), (6, 6, 6)))
+    kept = KeepOut(box((5, 5, 5), (6, 6, 6)))
     assert asked(clear.changed(keep_out=(kept,)), "A") is Order.FROM_ZERO
     assert asked(touch.changed(keep_out=(kept,)), "A") is Order.ANY
-    aside = block((-1, -1, -1), (1, 1, 1), seed=(0, 0, 5))
+    aside = box((-1, -1, -1), (1, 1, 1), seed=(0, 0, 5))
     assert asked(clear.changed(movable=aside), "A") is Order.ANY
-    beyond = of_file("example1", "B")
+    beyond = problems("example1")["B"]
     assert {asked(beyond, letter) for letter in "ABCD"} == {Order.FROM_ZERO}
     assert asked(beyond.changed(pair="clear"), "B") is Order.ANY
     assert asked(beyond.changed(goal="at", motion=X >> Translation("y")), "B") is Order.FROM_ZERO
@@ -215,10 +203,10 @@ def test_what_is_nested_and_what_is_not() -> None:
     ("problem", "letter"),
     [
         (lambda: apart(0.1, clearance=0.15, motion=X >> Rotation("z")), "A"),
-        (lambda: of_file("example1_touch", "B"), "A"),
-        (lambda: of_file("example1_touch", "B"), "D"),
-        (lambda: of_file("example1", "C"), "C"),
-        (lambda: of_file("example1", "B").changed(goal="at", motion=X >> Translation("y")), "B"),
+        (lambda: problems("example1_touch")["B"], "A"),
+        (lambda: problems("example1_touch")["B"], "D"),
+        (lambda: problems("example1")["C"], "C"),
+        (lambda: problems("example1")["B"].changed(goal="at", motion=X >> Translation("y")), "B"),
     ],
 )
 def test_least_amounts_of_nested_questions_only_rise(problem: Any, letter: str) -> None:

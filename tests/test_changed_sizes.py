@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from ordinary import problems
 
 import fcdm_opt as fo
 from fcdm_opt.curve.tight import choices
 from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
-CASES = [
-    (name, problem.name)
-    for name in ("example1", "example1_touch", "peg_square", "example2")
-    for problem in fo.load_problems(PROBLEMS / f"{name}.toml")
-]
-
-
-def of(name: str, case: str) -> fo.Problem:
-    return next(own for own in fo.load_problems(PROBLEMS / f"{name}.toml") if own.name == case)
+CASES = [(name, case) for name in ("example1", "example1_touch", "peg_square", "example2") for case in problems(name)]
 
 
 @pytest.mark.parametrize(("name", "case"), CASES)
 def test_changed_sizes_make_the_problem_of_the_constructor(name: str, case: str) -> None:
-    known = of(name, case)
+    known = problems(name)[case]
     if known.requirement is None:
         sizes = {"target": (known.target * [0.999, 1.003]).tolist()}
     else:
@@ -48,7 +38,7 @@ def test_changed_sizes_make_the_problem_of_the_constructor(name: str, case: str)
     "sizes", [{"tolerance": -1.0}, {"tolerance": True}, {"tolerance": 1.5}, {"target": (1.0, 1.0)}]
 )
 def test_changed_sizes_are_refused_in_the_words_of_the_constructor(sizes: dict[str, object]) -> None:
-    known = of("example1", "B")
+    known = problems("example1")["B"]
     with pytest.raises(InputError) as fresh:
         fo.Problem(**{**known.request, **sizes})
     with pytest.raises(InputError) as changed:
@@ -57,24 +47,24 @@ def test_changed_sizes_are_refused_in_the_words_of_the_constructor(sizes: dict[s
 
 
 def test_a_question_that_is_equal_but_of_another_type_is_checked() -> None:
-    question = Question.of(of("example1", "B")).changed({"nominal": 1})
+    question = Question.of(problems("example1")["B"]).changed({"nominal": 1})
     question.problem()
     with pytest.raises(InputError, match="nominal"):
         Question(question.scene, {**question.case, "nominal": True}).problem()
 
 
 def test_problems_about_the_same_bodies_share_what_meets_at_the_nominal_point() -> None:
-    one = of(*next(own for own in CASES if own[0] == "peg_square"))
+    one = next(iter(problems("peg_square").values()))
     two = one.changed(name="another")
     assert two.curve is one.curve
     assert two.nominal_seats is one.nominal_seats
-    three = of("example1", "B")
+    three = problems("example1")["B"]
     assert choices(three.nominal_contact) is choices(three.changed(name="another").nominal_contact)
 
 
 def test_a_wall_that_barely_leans_touches_with_its_rim() -> None:
     """The nut's wall leans by 8e-4 on the key's edge, so that a corner .17 off is as near to the key's flat."""
-    nut = of("nut", "screwed until it holds")
+    nut = problems("nut")["screwed until it holds"]
     motion = fo.Translation("y") >> fo.Rotation("y")
     solution = fo.solve(nut.changed(motion=motion, published=None, published_text=""))
     assert solution.usable

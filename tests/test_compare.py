@@ -5,38 +5,30 @@ from __future__ import annotations
 import json
 import math
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import box, problems
 
 from fcdm_opt.design.whatif.compare import Comparison, FamilyRow, _checked, compare, contained, families
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Rotation, Translation
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.tables import print_comparison
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 SLACK = 1e-7  # relative: of amounts that stages find by different ways
-
-
-def block(low: Any, high: Any, seed: Any = None) -> Body:
-    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-    return Body.convex(corners, seed=np.add(low, high) / 2.0 if seed is None else seed)
 
 
 @cache
 def compared(name: str, case: str) -> Comparison:
-    (problem,) = (problem for problem in load_problems(PROBLEMS / f"{name}.toml") if problem.name == case)
-    return compare(problem)
+    return compare(problems(name)[case])
 
 
 @cache
 def boxes(**arguments: Any) -> Problem:
     """A cube .2 deep in a wall on its right, that ends 1.5 above the cube's middle."""
-    cube, wall = block((-1, -1, -1), (1, 1, 1)), block((0.8, -4, -4), (3, 4, 1.5))
+    cube, wall = box((-1, -1, -1), (1, 1, 1)), box((0.8, -4, -4), (3, 4, 1.5))
     return Problem(cube, wall, target=(1.0, 1.0), goal="clear", motion=Translation("x"), **arguments)
 
 
@@ -125,7 +117,7 @@ def test_what_a_family_does_not_know_is_dropped_and_told() -> None:
 
 def test_a_family_that_the_question_does_not_hold_for_is_a_row() -> None:
     """Seeds in one place define no line between them."""
-    cube, wall = block((-1, -1, -1), (1, 1, 1)), block((0.8, -4, -4), (3, 4, 4), seed=(0, 0, 0))
+    cube, wall = box((-1, -1, -1), (1, 1, 1)), box((0.8, -4, -4), (3, 4, 4), seed=(0, 0, 0))
     found = compare(Problem(cube, wall, target=(1.0, 1.0), goal="clear", motion=Translation("x")))
     rows = {row.name: row for row in found.table}
     assert rows["along the seeds"].status == rows["screw along the seeds"].status == "BAD_INPUT"

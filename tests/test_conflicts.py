@@ -7,35 +7,25 @@ import math
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import CUBE, FAR, box, problems, random_scene
 
 from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
 from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.solver import solve
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y = Translation("x"), Translation("y")
-Point = tuple[float, float, float]
 
 
-def box(low: Point, high: Point, name: str = "box") -> Body:
-    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-    return Body.convex(corners, seed="box", name=name)
-
-
-CUBE = box((-1, -1, -1), (1, 1, 1))
-FAR = box((80, -1, -1), (90, 1, 1))
 WALL = box((5, -10, -1), (6, 10, 1), "wall")  # touched along x at TX = 4 and TX = 7, beside it for |TY| >= 11
 POST = box((2, -1, -1), (4, 1, 1), "post")  # in the way at TX = 4 for |TY| < 2
 
@@ -335,7 +325,7 @@ def test_a_turn_is_relaxed_in_radians_and_told_in_degrees():
 
 @cache
 def tight(case: int) -> Conflicts:
-    return conflicts(load_problems(PROBLEMS / "peg_square_tight.toml")[case])
+    return conflicts(list(problems("peg_square_tight").values())[case])
 
 
 def test_the_peg_that_is_too_large_needs_all_four_limits_to_be_stuck():
@@ -359,7 +349,7 @@ def test_the_peg_that_is_too_large_needs_all_four_limits_to_be_stuck():
 
 def test_the_bracket_that_is_too_wide_clashes_with_the_clearance_not_with_the_ribs():
     """The foot of 31.8 leaves (32 - 31.8) / 2 = 0.1 on both sides of the ribs, asked for are 0.5."""
-    asked = load_problems(PROBLEMS / "bracket_stuck.toml")[0]
+    asked = next(iter(problems("bracket_stuck").values()))
     # up is free, and below the plate the bracket touches too, from TZ = -39.32 on
     sought = {"lower limit of TX", "upper limit of TX", "lower limit of TZ", "keep-out 'ribs': clearance"}
     search = ClashSearch(asked)
@@ -398,26 +388,11 @@ def smallest_by_brute_force(problem: Problem) -> set[frozenset[str]]:
     return {frozenset(every[kept]) for kept in minimal if len(every[kept]) == fewest}
 
 
-def random_scene(seed: int) -> Problem:
-    """A cube in a static block, between keep-outs and limits of a plane."""
-    rng = np.random.default_rng(seed)
-
-    def block(name: str, reach: float) -> Body:
-        middle, half = rng.uniform(-reach, reach, 2), rng.uniform(0.5, 2.5, 2)
-        low, high = middle - half, middle + half
-        return box((low[0], low[1], -1), (high[0], high[1], 1), name)
-
-    limits = {name: (-rng.uniform(0, 2), rng.uniform(0, 2)) for name in ("TX", "TY")}
-    keep_out = [block(f"K{k}", 3.0) for k in range(int(rng.integers(1, 4)))]
-    return Problem(CUBE, block("static", 1.0), target=(1, 1), goal="clear", motion=X >> Y, limits=limits,
-                   keep_out=keep_out)  # fmt: skip
-
-
 def test_smallest_clashes_are_those_of_all_subsets():
     looked_at = 0
     sizes = set()
     for seed in range(40):
-        asked = random_scene(seed)
+        asked = random_scene(np.random.default_rng(seed), (0, 2))
         if solve(asked).usable:
             continue
         looked_at += 1

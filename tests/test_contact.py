@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from cases import CUBE, DIAMOND, OCTAHEDRON, TETRAHEDRON, Shape, box_shape
 from curve_checks import ODD_BOX
-from degenerate import BLOCK, SLAB, TILT, fewer
+from degenerate import BLOCK, SLAB, fewer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.segments import Segment, SwitchingPoint
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt_benchmarks.stability.contacts.scenes import TILT
 
 CONFIGURATIONS = {"F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"}
 

@@ -30,7 +30,6 @@ from degenerate import (
     SLAB,
     SLIVER,
     SMALL_NUMBERS,
-    TILT,
     TILTED,
     UNITS,
     Case,
@@ -64,6 +63,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.references.proofs import judged, proves
+from fcdm_opt_benchmarks.stability.contacts.scenes import TILT
 
 NEAR = DEFAULT.planarity
 BAND = (5e-13, 5e-11)  # turns of unit cubes that may be read as flush or not
@@ -265,7 +265,7 @@ def check(case: Case) -> DecisionCurve:
 
 def angle_of(case: Case) -> float:
     """How far a cube of `NEARLY` is turned."""
-    return float(case.name.split()[2])
+    return float(case.name.split()[1])
 
 
 def each(cases: Sequence[Case]) -> Any:

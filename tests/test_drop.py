@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import math
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import CUBE, FAR, box, problems, random_scene
 
 from fcdm_opt.design.whatif.constraints import constraints, without
 from fcdm_opt.design.whatif.drop import Costs, Dropped, drop
@@ -17,27 +17,17 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.tables import print_costs
 from fcdm_opt.solver import solve
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y = Translation("x"), Translation("y")
-
-
-def box(low: tuple[float, float, float], high: tuple[float, float, float], name: str = "box") -> Body:
-    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-    return Body.convex(corners, seed="box", name=name)
-
-
-CUBE = box((-1, -1, -1), (1, 1, 1))
-FAR = box((80, -1, -1), (90, 1, 1))
 
 
 @cache
 def costs(file: str, case: str) -> Costs:
-    return drop(next(own for own in load_problems(PROBLEMS / file) if own.name == case))
+    return drop(problems(file)[case])
 
 
 def rows(found: Costs) -> dict[str, Dropped]:
@@ -46,7 +36,7 @@ def rows(found: Costs) -> dict[str, Dropped]:
 
 def test_ribs_and_their_clearance_cost_what_the_formulas_say():
     """TX = 14 - c - 15 beside the ribs with clearance c, TZ = -2."""
-    found = costs("bracket.toml", "past the ribs")
+    found = costs("bracket", "past the ribs")
     assert [row.name for row in found.rows] == ["keep-out 'ribs'", "keep-out 'ribs': clearance"]
     whole, clearance = found.rows
     assert whole.saving == pytest.approx(2.5 - 2.0, abs=1e-9)
@@ -60,7 +50,7 @@ def test_ribs_and_their_clearance_cost_what_the_formulas_say():
 
 
 def test_a_clearance_of_the_pair_costs_itself():
-    found = costs("dovetail.toml", "room to slide")
+    found = costs("dovetail", "room to slide")
     (clearance,) = found.rows
     assert (clearance.saving, clearance.estimate) == pytest.approx((0.25, 0.25), abs=1e-9)
     assert clearance.rate == pytest.approx(1.0, abs=1e-9)
@@ -68,7 +58,7 @@ def test_a_clearance_of_the_pair_costs_itself():
 
 
 def test_other_goals_are_rows_of_their_own():
-    found = costs("example1.toml", "B")
+    found = costs("example1", "B")
     goals = rows(found)
     assert [row.name for row in found.goals] == ['goal "clear"', 'goal "touch"', 'goal "at"']  # by what they save
     for name, goal in (('goal "touch"', "touch"), ('goal "at"', "at")):
@@ -81,7 +71,7 @@ def test_other_goals_are_rows_of_their_own():
 
 
 def test_a_goal_without_a_motion_stands_last_with_its_status():
-    found = costs("keyway.toml", "C bottom and wall at once")
+    found = costs("keyway", "C bottom and wall at once")
     last = found.goals[-1]
     assert math.isnan(last.amount)
     assert not last.status.found
@@ -137,24 +127,10 @@ def test_whole_steps_cost_what_rounding_adds():
     assert math.isnan(rows(found)["whole steps"].estimate)
 
 
-def random_scene(seed: int) -> Problem:
-    rng = np.random.default_rng(seed)
-
-    def block(name: str, reach: float) -> Body:
-        middle, half = rng.uniform(-reach, reach, 2), rng.uniform(0.5, 2.5, 2)
-        low, high = middle - half, middle + half
-        return box((low[0], low[1], -1), (high[0], high[1], 1), name)
-
-    limits = {name: (-rng.uniform(1, 4), rng.uniform(1, 4)) for name in ("TX", "TY")}
-    keep_out = [block(f"K{k}", 3.0) for k in range(2)]
-    return Problem(CUBE, block("static", 1.0), target=(1, 1), goal="clear", motion=X >> Y, limits=limits,
-                   keep_out=keep_out)  # fmt: skip
-
-
 def test_savings_are_those_of_solves_without():
     looked_at, costing = 0, 0
     for seed in range(60):
-        solution = solve(random_scene(seed))
+        solution = solve(random_scene(np.random.default_rng(seed), (1, 4), 2))
         if not solution.usable:
             continue
         looked_at += 1
@@ -207,7 +183,7 @@ def test_a_problem_without_a_motion_is_refused_and_points_to_conflicts():
 
 
 def test_results_are_plain_data():
-    found = costs("bracket.toml", "past the ribs")
+    found = costs("bracket", "past the ribs")
     data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert data["amount"] == found.solution.amount
     assert [row["saving"] for row in data["rows"]] == [row.saving for row in found.rows]
@@ -216,12 +192,12 @@ def test_results_are_plain_data():
 
 
 def test_the_table_says_what_was_changed_and_what_that_saves(capsys: pytest.CaptureFixture[str]):
-    print_costs(costs("bracket.toml", "past the ribs"))
+    print_costs(costs("bracket", "past the ribs"))
     text = capsys.readouterr().out
     assert ["drop", "keep-out", "'ribs'", "2", "0.5", "0.9", "verified"] in [row.split() for row in text.splitlines()]
     assert "below 0 saved: the motion gets larger" in text
     assert '"foretold"' in text
-    print_costs(costs("keyway.toml", "C bottom and wall at once"))  # some other goal has no motion
+    print_costs(costs("keyway", "C bottom and wall at once"))  # some other goal has no motion
     text = capsys.readouterr().out
     assert "impossible" in text or "no motion found" in text
     assert "NOT_FOUND" not in text

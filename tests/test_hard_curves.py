@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from cases import CUBE, DEFAULT_BOX, box_shape, exact, shape, union
 from curve_checks import ODD_BOX, curve_of
-from degenerate import turned
 from oracles import exact_curve
 from strategies import random_rotation
 
@@ -21,6 +20,7 @@ from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.solver import solve
+from fcdm_opt_benchmarks.stability.contacts.scenes import turned
 
 POINTS = CUBE.array
 SEED = (1, "0.5", "0.5")

@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cases import box_shape, shape, union
+from ordinary import problems
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.features import Feature
@@ -21,11 +21,10 @@ from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, Z = Translation("x"), Translation("y"), Translation("z")
 SIX = X >> Y >> Z >> Rotation("x") >> Rotation("y") >> Rotation("z")
 
@@ -44,7 +43,7 @@ def problem(movable: Body = CUBE, static: Body = PLATE, **arguments: Any) -> Pro
 
 
 def case(file: str, name: str, **changes: Any) -> Problem:
-    (found,) = (asked for asked in load_problems(PROBLEMS / f"{file}.toml") if asked.name == name)
+    found = problems(file)[name]
     return found.changed(published=None, **changes) if changes else found
 
 

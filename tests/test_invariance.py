@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from cases import Shape, exact
 from curve_checks import INSIDE, ODD_BOX, SEED_PAIRS
-from degenerate import RIGHT, condition, is_seen, orientations
+from degenerate import RIGHT, condition, is_seen
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from strategies import generators, random_pair, random_pose, reaches
@@ -28,6 +28,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt_benchmarks.stability.contacts.scenes import orientations
 
 UNIT = 2.0**-53
 ROUNDINGS = 64  # of a vertex, its seed, d, both bodies, both curves: 2 to 4 each, rounded up

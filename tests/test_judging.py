@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import box
 from strategies import random_pair, random_pose
 
 from fcdm_opt.curve.features import Feature
@@ -25,11 +26,6 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 HERE = np.eye(4)
-
-
-def box(low: Any, high: Any, name: str = "box") -> Body:
-    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-    return Body.convex(corners, seed=np.mean(corners, axis=0), name=name)
 
 
 def scattered(rng: np.random.Generator, parts: int, reach: float) -> Body:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import CUBE, FAR, box, corners
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -25,18 +26,6 @@ from fcdm_opt.stages.order import STAGES
 
 X, Y, Z = Translation("x"), Translation("y"), Translation("z")
 Point = tuple[float, float, float]
-
-
-def corners(low: Any, high: Any) -> list[list[float]]:
-    return [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-
-
-def box(low: Point, high: Point, name: str = "box", seed: Any = "box") -> Body:
-    return Body.convex(corners(low, high), seed=seed, name=name)
-
-
-CUBE = box((-1, -1, -1), (1, 1, 1))
-FAR = box((80, -1, -1), (90, 1, 1))
 
 
 def solved(asked: Problem, *q: float, status: Status = Status.SOLVED, abs: float = 1e-9) -> Solution:

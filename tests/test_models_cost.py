@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
+from ordinary import box, problems
 
-from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Translation, load_problems, solve
+from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Translation, solve
 from fcdm_opt.errors import InputError
 from fcdm_opt.solver import STAGES
 from fcdm_opt_benchmarks.cost import models
@@ -16,15 +16,9 @@ from fcdm_opt_benchmarks.cost.models_picture import models_figure
 from fcdm_opt_benchmarks.cost.scenes import QUICK, names, overlapping, scene
 from fcdm_opt_benchmarks.record import BenchRun, Load
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 X, Y, RZ = Translation("x"), Translation("y"), Rotation("z")
 KEYS = {"variables", "constraints", *(f"{name}_{word}" for name in models.COUNTS for word in ("kept", "total"))}
 PAIR = 6 * 8 + 8 * 6 + 12 * 12  # of boxes: faces with vertices, and edges with edges
-
-
-def box(low, high, name="box"):
-    corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)], dtype=float)
-    return Body.convex(corners, name=name)
 
 
 CUBE, WALL = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5), "cube"), box((1, -4, -4), (2, 4, 4), "wall")
@@ -102,7 +96,7 @@ ASKED = {
     "largest displacement": problem(motion=X >> RZ, target=(1.2, 1.1), amount="displacement"),
     "whole steps": problem("clear", motion=X >> Y, target=(2.2, 1.0), resolution=0.03),
     "no motion": problem("clear", motion=X, target=(2.2, 1.0), limits={"TX": (0.0, 0.01)}),
-    "coherent up to the motion and no further": load_problems(PROBLEMS / "example1.toml")[1].changed(tolerance=0.04),
+    "coherent up to the motion and no further": problems("example1")["B"].changed(tolerance=0.04),
     "turns about all axes": problem(motion=X >> Y >> Translation("z") >> RZ, target=(1.2, 1.1), weights={"RZ": 1.0}),
 }
 

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cases import EXAMPLE_1, EXAMPLE_2
 from contact_truth import exact_gap, exact_meeting, exact_of
+from ordinary import problems
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Array
 from fcdm_opt.judge.certificate import verify
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 EXAMPLES = ("example1", "example2")
 CASES = [(file, letter) for file in EXAMPLES for letter in "ABCD"]
 EVERY_CASE = pytest.mark.parametrize(("file", "letter"), CASES)
@@ -27,11 +26,6 @@ NOMINAL = {  # the segments that meet at SW3 of Example 1, at SW1 of Example 2, 
     "example2": ("V1F2(P1V5; P2V4,V5,V10,V11)", "V1F2(P1V4; P2V4,V3,V9,V10)"),
 }
 SIGNS = {"A": (1, 1), "B": (1, -1), "C": (-1, 1), "D": (-1, -1)}
-
-
-@cache
-def problems(file: str) -> dict[str, Problem]:
-    return {problem.name: problem for problem in load_problems(PROBLEMS / f"{file}.toml")}
 
 
 @cache

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import PROBLEMS, problems
 from scripts import loaded
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.geometry.files import mesh_formats
-from fcdm_opt.problem.problem import GOALS, SIGNS, Problem
+from fcdm_opt.problem.problem import GOALS, SIGNS
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 SOLVED = ("peg_square", "peg_tapered", "peg_hexagon", "dovetail", "keyway", "lid", "gears", "nut", "bracket")
 IMPOSSIBLE = ("keyway_jammed", "bracket_stuck")  # and peg_square_tight, on the command line
 CLOSED_FORM = 1e-9  # of lengths and angles of order one; a nominal pair given to seven digits costs 3e-11
@@ -33,7 +32,7 @@ VOLUMES = {
     "keyway_key.off": 80 * 12**2,
     "lid_box.glb": 40 * 30 * 20 - 36 * 26 * 18,
     "lid.glb": 40 * 30 * 4 + 35 * 25 * 3,
-    "nut.stl": 10 * 2 * math.sqrt(3) * (16**2 - 10.25**2),
+    "nut.off": 10 * 2 * math.sqrt(3) * (16**2 - 10.25**2),
     "nut_key.ply": 70 * 2 * math.sqrt(3) * 10**2,
     "bracket.obj": 24 * (30 * 3 + 6 * 25) / 1000,  # cm
     "bracket_plate.stl": 80 * 40 * 8,
@@ -43,11 +42,6 @@ VOLUMES = {
 
 def maker() -> Any:
     return loaded(PROBLEMS / "make_meshes.py")
-
-
-@cache
-def problems(name: str) -> dict[str, Problem]:
-    return {problem.name: problem for problem in fo.load_problems(PROBLEMS / f"{name}.toml")}
 
 
 def run(*arguments: object) -> Any:
@@ -169,7 +163,7 @@ def test_the_gears_turn_as_far_as_the_first_corner_lets_them(case):
     assert problem.published is not None
     sense = math.copysign(1.0, problem.published[0])
     driver = outline("gear_driver.obj", 0.0, problem.target[0])
-    driven = outline("gear_driven.stl", 80.0, problem.target[1])
+    driven = outline("gear_driven.obj", 80.0, problem.target[1])
     assert sense * least_turn(driver, driven, sense) == pytest.approx(problem.published[0], rel=1e-12)
 
 
@@ -178,7 +172,7 @@ def test_the_gears_keep_the_room_for_oil():
     assert problem.published is not None
     moved = np.array([problem.published[0], 0.0])
     driver = outline("gear_driver.obj", 0.0, problem.target[0]) + moved
-    driven = outline("gear_driven.stl", 80.0, problem.target[1])
+    driven = outline("gear_driven.obj", 80.0, problem.target[1])
     gaps = []
     for corners, sides in ((driver, driven), (driven, driver)):
         for start, end in zip(sides, np.roll(sides, -1, axis=0), strict=True):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import casadi
 import numpy as np
 import pytest
 from cases import CUBE, box_shape, shape, union
+from ordinary import PROBLEMS, problems
 from strategies import random_pair, random_pose, random_union
 from typer.testing import CliRunner
 
@@ -21,7 +21,6 @@ from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
 from fcdm_opt.show.family import family_figure
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 WIDE = ((0.05, 20.0), (0.05, 20.0))
 # tip at x = 1/2 of body 1 before the face x = 1 of a plate 4 wide and high: rho_1 / 2 + rho_2 / 4 = 5/4
 TIP = shape([("0.5", 0, 0), ("-0.5", 0, 0), (0, "0.5", 0), (0, "-0.5", 0), (0, 0, "0.5"), (0, 0, "-0.5")], (0, 0, 0))
@@ -164,13 +163,9 @@ def test_a_wall_ends_the_way_before_the_border():
 # --------------------------------------------------------------------------------------------------------- the examples
 
 
-def example(number: int, name: str) -> fo.Problem:
-    return next(own for own in fo.load_problems(PROBLEMS / f"example{number}.toml") if own.name == name)
-
-
 @pytest.mark.parametrize(("number", "name"), [(n, name) for n in (1, 2) for name in "ABCD"])
 def test_published_motions_lie_in_the_coherent_range_and_the_features_end_with_it(number, name):
-    asked = example(number, name)
+    asked = problems(f"example{number}")[name]
     found = fo.coherent_range(asked, asked.published)
     assert found.low < 0 < 1 < found.high  # the published motion is x = 1
     assert found.proved
@@ -193,7 +188,7 @@ def features_at(found: fo.CoherentRange, x: float) -> set[fo.Feature]:
 
 
 def test_example_1_moved_along_the_seeds_shrinks_to_nothing_at_the_static_seed():
-    asked = example(1, "A")
+    asked = problems("example1")["A"]
     offset = float(np.linalg.norm(asked.static.seed - asked.movable.seed))
     sliding = asked.changed(motion=fo.Screw("seeds", pitch=math.inf))
     found = fo.coherent_range(sliding)
@@ -380,7 +375,7 @@ def test_the_command_prints_both_ends_and_gives_them_as_json():
     assert "V10,V11" in result.stdout
     (file,) = json.loads(run("range", PROBLEMS / "example2.toml", "--json").stdout)
     assert [case["name"] for case in file["cases"]] == ["A", "B", "C", "D"]
-    own = fo.coherent_range(example(2, "A"), example(2, "A").published)
+    own = fo.coherent_range(problems("example2")["A"], problems("example2")["A"].published)
     assert file["cases"][0]["high"] == own.high
     assert file["cases"][0]["contact_times"]["spans"]
 
@@ -401,6 +396,6 @@ def test_the_picture_shows_the_family_and_the_events(tmp_path):
     text = (tmp_path / "example2-C-range.svg").read_text()
     for words in ("at rest", "track of the tracked point", "leaves the box", "the scale of body 1 becomes zero"):
         assert words in text
-    found = fo.coherent_range(example(2, "C"))
+    found = fo.coherent_range(problems("example2")["C"])
     axes = family_figure(found).axes[0]
     assert len(axes.collections) == 1  # the swept area

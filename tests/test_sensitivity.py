@@ -6,12 +6,12 @@ import json
 import pickle
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import casadi
 import numpy as np
 import pytest
+from ordinary import box, problems
 from scipy.spatial import HalfspaceIntersection
 
 from fcdm_opt import solver
@@ -21,10 +21,9 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 BOX = ((0.5, 2.5), (0.5, 2.5))
 X, Y, Z = (Translation(axis) for axis in "xyz")
 SKEW = Translation((1.0, 0.3, 0.2))
@@ -211,7 +210,7 @@ def differs(problem: Problem, *more: str) -> Solution:
 @pytest.mark.parametrize("name", ["example1", "example2"])
 @pytest.mark.parametrize("case", range(4))
 def test_the_papers_cases_change_as_differences_say(name, case):
-    differs(load_problems(PROBLEMS / f"{name}.toml")[case])
+    differs(list(problems(name).values())[case])
 
 
 MOTIONS = {
@@ -289,11 +288,6 @@ def test_the_end_of_the_coherent_range_holds_a_motion_and_moves_with_the_data():
 
 
 # -------------------------------------------------------------------------------------------------------- closed forms
-
-
-def box(low: Any, high: Any, name: str, seed: Any = None) -> Body:
-    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-    return Body.convex(corners, seed=np.add(low, high) / 2 if seed is None else seed, name=name)
 
 
 SLAB = box((-5, -5, -3), (5, 5, -1), "slab")

@@ -4,36 +4,29 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.text import Text
+from ordinary import problems
 from picture_checks import check_texts, shown
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import save
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.scene import ShownPair, scene_figure, true_edges
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 TITLE = "Example (reconstruction)"
-
-
-@cache
-def problem(example: int, name: str) -> Problem:
-    return next(p for p in load_problems(PROBLEMS / f"example{example}.toml") if p.name == name)
 
 
 def published(example: int, name: str) -> Solution:
     """The paper's motion as a solution: pictures need no solver."""
-    asked = problem(example, name)
+    asked = problems(f"example{example}")[name]
     assert asked.published is not None
     transform = asked.motion.transform(asked.published, asked.movable.seed, asked.static.seed)
     moved = decision_curve(asked.movable, asked.static, box=asked.box, transform=transform)
@@ -49,7 +42,7 @@ def published(example: int, name: str) -> Solution:
 
 
 def draw(kind: str, example: int, name: str) -> Any:
-    asked, solution = problem(example, name), published(example, name)
+    asked, solution = problems(f"example{example}")[name], published(example, name)
     if kind == "curve":
         return decision_curve_figure(asked.curve, title=TITLE, caption="a caption")
     if kind == "before and after":
@@ -120,7 +113,7 @@ def test_the_check_sees_texts_off_the_page_upon_another_or_too_small() -> None:
 
 
 def test_long_titles_and_captions_are_wrapped_onto_the_page() -> None:
-    asked = problem(1, "A")
+    asked = problems("example1")["A"]
     long = "a title that is much longer than the page is wide, " * 5
     figure = decision_curve_figure(asked.curve, title=long, caption="x" * 300 + " " + long)
     check_texts(figure, least=6)
@@ -148,7 +141,7 @@ def test_a_list_without_room_says_how_much_is_left_out() -> None:
 
 @pytest.mark.parametrize("name", ["lid", "bracket", "keyway"])
 def test_names_keep_apart_in_other_problems(name: str) -> None:
-    asked = load_problems(PROBLEMS / f"{name}.toml")[0]
+    asked = next(iter(problems(name).values()))
     check_texts(decision_curve_figure(asked.curve, title=name, caption="a caption"))
     keep_out = [own.body.scaled(own.ends[1]) for own in asked.keep_out]
     shown = ShownPair.of(asked.movable, asked.static, keep_out=keep_out)
@@ -171,13 +164,13 @@ def test_the_curve_is_drawn_with_the_labels_of_the_paper(tmp_path: Path) -> None
 
 
 def test_a_box_without_contact_says_so() -> None:
-    asked = problem(1, "A")
+    asked = problems("example1")["A"]
     apart = decision_curve(asked.movable, asked.static, box=((0.8, 0.85), (0.8, 0.85)))
     assert "no contact in the box: apart" in texts(decision_curve_figure(apart))
 
 
 def test_before_and_after_shows_both_curves_and_the_three_points() -> None:
-    asked, solution = problem(1, "C"), published(1, "C")
+    asked, solution = problems("example1")["C"], published(1, "C")
     figure = before_after_figure(asked, solution)
     whole, zoom = figure.axes
     points = {line.get_label(): line.get_xydata()[0] for line in zoom.lines if line.get_linestyle() == "None"}
@@ -193,7 +186,7 @@ def test_before_and_after_shows_both_curves_and_the_three_points() -> None:
 
 
 def test_without_a_motion_only_the_curve_before_is_drawn() -> None:
-    asked = problem(1, "C")
+    asked = problems("example1")["C"]
     told = texts(before_after_figure(asked, Solution(problem=asked, status=Status.NOT_FOUND, pair=asked.target)))
     assert "decision curve before" in told
     assert "after the motion" not in told
@@ -232,7 +225,7 @@ def test_true_edges_leave_out_what_a_cut_makes_on_a_face() -> None:
     edges = true_edges(cube)
     assert len(edges) == 12
     np.testing.assert_allclose([np.linalg.norm(b - a) for a, b in edges.values()], 1.0)
-    ell = true_edges(problem(2, "A").static)  # a prism over a hexagon, cut along 1-4-10-7
+    ell = true_edges(problems("example2")["A"].static)  # a prism over a hexagon, cut along 1-4-10-7
     assert len(ell) == 18
     assert (1, 4) not in ell
     assert (7, 10) not in ell

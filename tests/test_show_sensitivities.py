@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from matplotlib.text import Text
+from ordinary import problems
 from picture_checks import check_texts, shown
 
 import fcdm_opt as fo
@@ -17,13 +18,10 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.album import Album
 from fcdm_opt.show.sensitivities import STEP, Bar, bars, sensitivities_figure
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
-
 
 @cache
 def solved(file: str, name: str) -> Solution:
-    (asked,) = (p for p in fo.load_problems(PROBLEMS / f"{file}.toml") if p.name == name)
-    return fo.solve(asked)
+    return fo.solve(problems(file)[name])
 
 
 def named(solution: Solution) -> dict[str, Bar]:

@@ -9,12 +9,12 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from contact_truth import exact_gap, exact_meeting
+from ordinary import PROBLEMS, problems
 from strategies import random_pose
 
 from fcdm_opt.curve.decision_curve import decision_curve
@@ -26,7 +26,6 @@ from fcdm_opt.problem.problem import Problem, load_problems
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 BOX = ((0.5, 2.5), (0.5, 2.5))
 MOTIONS: dict[str, Motion] = {
     "translation": Translation((1.0, 1.0, 0.5)),
@@ -474,7 +473,7 @@ def test_a_switching_point_at_the_end_of_a_flush_segment_gets_an_answer_that_the
 
 
 def example(name: str = "B") -> Problem:
-    return next(problem for problem in load_problems(PROBLEMS / "example1.toml") if problem.name == name)
+    return problems("example1")[name]
 
 
 @pytest.mark.parametrize("model", ["x", "", None, "AUTO", 1])
@@ -544,7 +543,7 @@ def test_solving_changes_nothing_in_the_problem():
 
 def test_a_turn_that_flush_contacts_do_not_take_makes_the_least_motion_no_larger():
     """Where the keyway's faces must stay flush, starts with the turn led to another valley."""
-    (asked,) = [p for p in load_problems(PROBLEMS / "keyway.toml") if (p.goal, p.requirement) == ("beyond", "C")]
+    (asked,) = [p for p in problems("keyway").values() if (p.goal, p.requirement) == ("beyond", "C")]
     without = solve(asked)
     within = solve(asked.changed(motion=asked.motion >> Rotation("z"), published=None))
     assert without.usable

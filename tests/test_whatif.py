@@ -6,40 +6,33 @@ import json
 import math
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ordinary import box, problems
 
 from fcdm_opt.design.whatif.whatif import WhatIf, whatif
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.problem import Problem, load_problems
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 
-PROBLEMS = Path(__file__).parent.parent / "problems"
 EXACT = 1e-11  # of closed forms, relative to the size
 XY = Translation("x") >> Translation("y")
 
 
-def block(low: Any, high: Any, name: str = "block") -> Body:
-    corners = [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)]
-    return Body.convex(corners, seed=np.add(low, high) / 2.0, name=name)
-
-
 @cache
 def of_file(name: str, case: str) -> Solution:
-    (problem,) = (problem for problem in load_problems(PROBLEMS / f"{name}.toml") if problem.name == case)
-    return solve(problem)
+    return solve(problems(name)[case])
 
 
-CUBE = block((-1, -1, -1), (1, 1, 1), "cube")
-WALL = block((0.9, -0.5, -1), (3, 0.5, 1), "wall")
-ROOF = block((-0.5, 0.95, -1), (0.5, 3, 1), "roof")
+CUBE = box((-1, -1, -1), (1, 1, 1), "cube")
+WALL = box((0.9, -0.5, -1), (3, 0.5, 1), "wall")
+ROOF = box((-0.5, 0.95, -1), (0.5, 3, 1), "roof")
 
 
 @cache
@@ -186,7 +179,7 @@ def test_limits_that_come_and_go() -> None:
 
 
 def test_no_derivative_where_the_requirement_is_only_just_met() -> None:
-    touching = Problem(CUBE, block((1, -1, -1), (3, 1, 1)), target=(1.0, 1.0), motion=XY, goal="clear")
+    touching = Problem(CUBE, box((1, -1, -1), (3, 1, 1)), target=(1.0, 1.0), motion=XY, goal="clear")
     before = solve(touching)
     assert before.amount == 0.0
     found = whatif(before, target=(1.01, 1.0))
