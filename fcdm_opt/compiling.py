@@ -250,7 +250,10 @@ class _Payload(_Format):
         """Return the version, None if what it calls was compiled anew since."""
         needed, parts = reduced_data
         for (module, name, args), symbol in needed.items():
-            made = getattr(import_module(module), name)
+            try:
+                made = getattr(import_module(module), name)
+            except (ImportError, AttributeError):  # it has moved
+                return None
             made.compile(args)
             if made.overloads[args].fndesc.llvm_func_name != symbol:
                 return None
@@ -267,6 +270,12 @@ class _Versions(IndexDataCacheFile):
 
     numba numbers these files: of two processes that compile at once, one would write over what the other's index names.
     """
+
+    def _load_data(self, name: Any) -> Any:
+        try:
+            return super()._load_data(name)
+        except (ImportError, AttributeError) as error:  # made before a module that it took from was moved
+            raise OSError(f"{name} is out of date") from error
 
     def save(self, key: Any, data: Any) -> None:
         """Write a version, then the index: what that names is there."""

@@ -68,6 +68,25 @@ def test_no_kept_code_outlives_a_change_of_what_it_calls_in_another_file(tmp_pat
     assert answer(factor=3.0, share=0.5) == (3.5, 1)
 
 
+@pytest.mark.parametrize("kind", ["kernel", "_kernel", "step"])
+def test_kept_code_of_what_calls_a_module_that_moved_is_made_anew(tmp_path: Path, kind: str) -> None:
+    kept, said = (
+        os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},
+        CALLEE.format(kind="{kind}", share=0.0, factor=2.0),
+    )
+    said = said.replace("{kind}", kind.removeprefix("_"))
+    name = "_part" if kind.startswith("_") else "part"
+    for module in ("callee", "moved"):
+        for file in tmp_path.glob("*.py"):
+            file.unlink()
+        (tmp_path / f"{module}.py").write_text(said.replace("part", name))
+        (tmp_path / "caller.py").write_text(CALLER.replace("part", name).replace("callee", module))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", CALL, str(tmp_path)], env=kept, capture_output=True, text=True, check=True
+        )
+        assert float(done.stdout) == 2.0
+
+
 def test_a_stamp_tells_what_a_kernel_is_made_from_and_nothing_else() -> None:
     def made(text: str) -> Callable[..., Any]:
         names: dict[str, Any] = {"__name__": "made", "np": np}

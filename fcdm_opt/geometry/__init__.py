@@ -6,7 +6,6 @@ arrays           array types and checks
 measures         vectors; volume, centroid and winding numbers of triangles
 polygons         planar polygons: their sides, cut by planes, what they hold, in one plane, in triangles
 hull             face loops and edges of one convex part
-least_distance   compiled: least distance programs, the nearest points of two hulls
 elements         the body's own vertices, edges and faces, for labels
 surface          the true faces and edges of a solid, and what lies on them
 union            the true faces and edges of a union of convex parts

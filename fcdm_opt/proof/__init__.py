@@ -1,6 +1,7 @@
 """How small a motion can be at all: branch and bound over cells of motions.
 
 enclosure        numbers over a cell: their linear part, and a bound of the rest
+least_distance   compiled: least distance programs, the nearest points of two hulls
 cells            compiled tests of cells
 exclusion        why no motion of a cell will do
 columns          the search: columns of directions, whose fronts advance by cells

@@ -28,7 +28,7 @@ from fcdm_opt.curve.kernels import (
     _turned,
     _turned_back,
 )
-from fcdm_opt.geometry.least_distance import _lowest, nearest_points
+from fcdm_opt.proof.least_distance import _lowest, nearest_points
 
 OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # as `evidence.Reason`
 FEATURE = 16  # numbers of a feature

@@ -42,8 +42,8 @@ from fcdm_opt.curve.kernels import (
     facet_rows,
     pair_bounds,
 )
-from fcdm_opt.geometry.least_distance import add, inner, nearest, norm
 from fcdm_opt.motion import instructions as codes
+from fcdm_opt.proof.least_distance import add, inner, nearest, norm
 
 REACH, ON, SIDE, BEHIND, GAP, BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)

@@ -21,14 +21,15 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, step
 from fcdm_opt.curve.kernels import _at, _cross, _dot, _entry, _length, _minus, _times, _turned, _turned_back
-from fcdm_opt.geometry.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.proof.cells import _plus
+from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.stages.compiled import _place
 
 FACE_1, FACE_2, EDGES, EDGES_BACK = range(4)  # directions along which parts may come apart
 NEWTON, CLOSE = 20, 1e-9  # steps to the best value of one of them, and how near is enough
 FEW = 16  # directions of a pair that are all looked at closely
 HOPE = 0.5  # change of depth over a cell, relative to what turning moves points, below which a bound is tried
+SERIES = 0.1  # squares of angles below which series are used
 PIECES = 3  # of an arc of directions
 PARALLEL = 1e-7  # sines below which edges give no direction
 ROUNDING = (
@@ -51,7 +52,10 @@ def _clipped(x, low, high):
 @kernel
 def set_turn(kind, eta, turn):
     """Fill `turn`: R, and the axial vectors of its derivatives times its transpose."""
-    motion, places = kind[0], kind[1]
+    motion, places, vector, weights = kind
+    if vector:  # in closed form: a search turns to a million cells
+        _set_vector_turn((eta[0] / weights[0], eta[1] / weights[1], eta[2] / weights[2]), weights, turn)
+        return
     count = len(motion[3])
     z, q, flat = np.zeros(count), np.empty(count), np.empty(12 * (count + 1))
     for k in range(len(places)):
@@ -63,6 +67,25 @@ def set_turn(kind, eta, turn):
             one, two = 3 * ((i + 1) % 3), 3 * ((i + 2) % 3)
             for j in range(3):
                 turn[9 + 3 * k + i] += flat[12 + 12 * places[k] + two + j] * flat[one + j]
+
+
+@step
+def _set_vector_turn(theta, weights, turn):
+    p = _dot(theta, theta)
+    if p < SERIES:
+        s = 1.0 - p / 6.0 * (1.0 - p / 20.0 * (1.0 - p / 42.0 * (1.0 - p / 72.0 * (1.0 - p / 110.0))))
+        v = 0.5 - p / 24.0 * (1.0 - p / 30.0 * (1.0 - p / 56.0 * (1.0 - p / 90.0 * (1.0 - p / 132.0))))
+        u = 1.0 / 6.0 - p / 120.0 * (1.0 - p / 42.0 * (1.0 - p / 72.0 * (1.0 - p / 110.0 * (1.0 - p / 156.0))))
+    else:
+        r = np.sqrt(p)
+        s, v, u = np.sin(r) / r, 2.0 * np.sin(0.5 * r) ** 2 / p, (r - np.sin(r)) / (p * r)
+    for i in range(3):
+        for j in range(3):
+            square = theta[i] * theta[j] - (p if i == j else 0.0)
+            skew = 0.0 if i == j else (theta[3 - i - j] if (i - j) % 3 == 1 else -theta[3 - i - j])
+            one = 1.0 if i == j else 0.0
+            turn[3 * i + j] = one + s * skew + v * square
+            turn[9 + 3 * j + i] = (one + v * skew + u * square) / weights[j]
 
 
 @step

@@ -23,7 +23,7 @@ from fcdm_opt.curve.kernels import (
     _turned_back,
     facet_rows,
 )
-from fcdm_opt.geometry.least_distance import _lowest, nearest, nearest_points
+from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 
 SHIFTED, TRACKED, DIRECTED = range(3)  # kinds of witnesses, see `cell_bound`
