@@ -146,6 +146,12 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         return self._least(frames, settled) * frames[:, judging.UNIT]
 
+    def both_ways(self, pairs: ArrayLike, transforms: Array) -> tuple[Array, Array]:
+        """Return `signed_distances` and `least_separations`, (k,) each; arguments as there."""
+        frames = self._framed(pairs, transforms)
+        unit = frames[:, judging.UNIT]
+        return self._least(frames, None) * unit, judging.least_gaps(*self._solids, EXHAUSTIVE, frames) * unit
+
     def least_separations(self, pairs: ArrayLike, transforms: Array) -> Array:
         """Return the least of the part pairs' largest separations over face normals and edge x edge directions, (k,).
 

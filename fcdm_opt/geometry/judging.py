@@ -91,19 +91,22 @@ def _planes(points: Array, loops: Sequence[tuple[int, ...]]) -> Array:
     return np.column_stack([n, level, doubt])
 
 
-@np.errstate(all="ignore")
-def framed(pairs: Array, transforms: Array, seeds: Array, reaches: Array) -> Array:
+@light
+@kernel
+def framed(pairs, transforms, seeds, reaches):
     """Return the frame of each scale pair and pose, (k, 15); the unit is a power of two, so nothing is rounded."""
-    known = np.isfinite(pairs.sum(axis=1) + transforms.sum(axis=(1, 2))) & (pairs > 0.0).all(axis=1)
-    if not known.all():
-        frames = np.full((len(pairs), FRAME), np.nan)
-        frames[known] = framed(pairs[known], transforms[known], seeds, reaches)
-        return frames
-    frames, R = np.empty((len(pairs), FRAME)), transforms[:, :3, :3]
-    unit = np.exp2(np.ceil(np.log2((pairs * reaches).max(axis=1))))[:, None]
-    frames[:, :UNIT], frames[:, UNIT:OFFSET] = pairs / unit, unit
-    frames[:, OFFSET:TURN] = (R @ seeds[0] + transforms[:, :3, 3] - seeds[1]) / unit
-    frames[:, TURN:] = R.reshape(-1, 9)
+    frames = np.full((len(pairs), FRAME), np.nan)
+    for k in range(len(pairs)):
+        one, two, T, frame = pairs[k, 0], pairs[k, 1], transforms[k], frames[k]
+        if not (one > 0.0 and two > 0.0 and np.isfinite(one + two + T.sum())):
+            continue
+        unit = 2.0 ** np.ceil(np.log2(max(one * reaches[0], two * reaches[1])))
+        frame[0], frame[1], frame[UNIT] = one / unit, two / unit, unit
+        offset = _offset(seeds, T)
+        for i in range(3):
+            frame[OFFSET + i] = offset[i] / unit
+            for j in range(3):
+                frame[TURN + 3 * i + j] = T[i, j]
     return frames
 
 
@@ -151,6 +154,8 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
     where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further apart
     than the least so far are passed over.
     """
+    if len(ones) == len(twos) == 1 and len(ones[0].edges) * len(twos[0].edges) <= most:
+        return np.where(np.isnan(frames[:, UNIT]), np.nan, _widest(ones[0], twos[0], frames, True))
     bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
     least, unknown = np.full(len(frames), np.inf), np.full(len(frames), np.inf)
     for pair in np.argsort(np.fmin.reduce(bounds, axis=0, initial=np.inf)).tolist():

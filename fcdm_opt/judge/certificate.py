@@ -550,8 +550,8 @@ class _Judge:
         """
         scaled = scaled or self.scaled
         poses = np.repeat(self.transform[None], len(pairs), axis=0)
-        gaps = self._asked(scaled, pairs, poses)
-        separations = scaled.least_separations(pairs, poses)
+        gaps, separations = scaled.both_ways(pairs, poses)
+        gaps = np.where(np.isnan(gaps), separations, gaps)
         low, high = separations <= gaps + self.limit, gaps <= separations + self.limit
         agree = (low & (high | (separations > 0))) | np.isnan(separations) | np.isnan(gaps)
         for k in np.flatnonzero(~agree).tolist():

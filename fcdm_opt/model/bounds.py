@@ -12,17 +12,9 @@ SAMPLED = (0.0, 1.0, 10.0)  # `Task.steps` away from rest at which the rate of a
 MARGIN = 2.0  # on what is found there
 
 
-def displacement_rate(task: Task) -> float:
-    """Return the most that a vertex of body 1, re-scaled, can move per unit of weighted amount.
-
-    Infinite for a motion of the user's own, of which no bound is known.
-    """
-    return float(np.linalg.norm(task.motion.reaches(task.made_vertices, task.movable.seed) / task.weights))
-
-
 def search_rate(task: Task) -> float:
-    """Return `displacement_rate`, or what a few samples suggest where that is infinite: for searches, no proof."""
-    rate = displacement_rate(task)
+    """Return `Task.displacement_rate`, or what a few samples suggest where that is infinite: for searches, no proof."""
+    rate = task.displacement_rate
     if np.isfinite(rate):
         return rate
     kinematics = task.motion.kinematics(task.movable.seed, task.static.seed)
@@ -43,7 +35,7 @@ def displacement_bound(task: Task) -> float:
     """
     if task.amount_kind == "displacement":
         return _least_displacement(task)
-    return _least_displacement(task) / displacement_rate(task) if task.weighted else 0.0
+    return _least_displacement(task) / task.displacement_rate if task.weighted else 0.0
 
 
 def _least_displacement(task: Task) -> float:

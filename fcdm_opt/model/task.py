@@ -391,6 +391,14 @@ class Task:
         used = np.concatenate([part.vertices for part in self.movable.parts])
         return frozen(self.movable.seed + self.target[0] * (used - self.movable.seed))
 
+    @cached_property
+    def displacement_rate(self) -> float:
+        """The most that a vertex of body 1, re-scaled, can move per unit of weighted amount.
+
+        Infinite for a motion of the user's own, of which no bound is known.
+        """
+        return float(np.linalg.norm(self.motion.reaches(self.made_vertices, self.movable.seed) / self.weights))
+
     def transform(self, q: Array) -> Array:
         """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""
         T = self._kinematics.transform(q)

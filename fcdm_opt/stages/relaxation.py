@@ -9,7 +9,7 @@ import numpy as np
 
 from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.model.bounds import displacement_bound, displacement_rate, search_rate
+from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Answer, Opponent, Parts, Task
 from fcdm_opt.problem.solution import Status
@@ -380,7 +380,7 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
             relaxation = Relaxation(task, closing)
             if closing is not None:
                 relaxation.close(q, -np.inf)
-                relaxation.promise = max(float(gaps[closing]), 0.0) / displacement_rate(task)
+                relaxation.promise = max(float(gaps[closing]), 0.0) / task.displacement_rate
             for parts, choice in variant.items():
                 amount, normal = low[parts][choice]
                 relaxation.add_plane(parts, q, normal)

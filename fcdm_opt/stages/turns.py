@@ -15,7 +15,6 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.bounds import displacement_rate
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.motion.instructions import pose_instructions
 from fcdm_opt.motion.motions import Free, Rotation, Translation
@@ -211,7 +210,7 @@ class _TurnSearch:
     def near(self, most: float) -> Ints:
         """Return the pairs that may touch after a motion of at most this amount: no vertex moves further than that."""
         gaps = self.task.pair_gaps(self.task.rest)[tuple(self.touching.T)]
-        near = self.touching[gaps <= most * displacement_rate(self.task) * (1.0 + DEFAULT.nominal)]
+        near = self.touching[gaps <= most * self.task.displacement_rate * (1.0 + DEFAULT.nominal)]
         return np.ascontiguousarray(near)
 
     def _root(self, most: float) -> Array:
