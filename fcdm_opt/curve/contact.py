@@ -137,23 +137,49 @@ def supporting_contact(
 
 
 def touching_contact(
-    one: ConvexPart, two: ConvexPart, normals: Array, pose: Array, slack: float = DEFAULT.tie
+    one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, rho: Array, slack: float = DEFAULT.tie
 ) -> Contact:
-    """Return how two touching parts touch: what supports them in a direction between all facet directions there.
+    """Return how two touching parts touch: the smallest elements that hold all that they share.
 
     Parameters
     ----------
     one, two : ConvexPart
-    normals : (k, 3) array
-        Facet directions of their Minkowski difference that are tight.
+    normal : (3,) array
+        A unit direction, from 1 to 2, that keeps them apart.
     pose : (12,) array
+    rho : (2,) array
+        A scale pair at which they touch.
     slack : float
-        See `supporting_contact`.
+        Heights and places this near, relative to the sizes, are the same.
     """
-    total = normals.sum(axis=0)
-    length = np.linalg.norm(total)
-    # opposite directions cancel where there is contact on both sides
-    return supporting_contact(one, two, total / length if length > DEFAULT.nominal else normals[0], pose, slack)
+    tops = _top(one, normal @ pose[:9].reshape(3, 3), slack), _top(two, -normal, slack)
+    supporting = contact_between(one, two, pose, *tops)
+    if len(supporting.one) == len(supporting.two) == 1:
+        return supporting
+    elements = placed_elements(one, two, pose, supporting, rho)
+    points = contact_set(one, two, pose, supporting, rho)
+    near = slack * (np.linalg.norm(pose[9:]) + rho[0] * one.reach + rho[1] * two.reach)
+    own = [
+        [vertices[k] for k in _holding(corners, points, near)]
+        for vertices, corners in zip((supporting.one, supporting.two), elements, strict=True)
+    ]
+    return contact_between(one, two, pose, *own)
+
+
+def _holding(corners: Array, points: Array, near: float) -> list[int]:
+    """Return which corners span the vertex, the side, or the whole of an element that holds some of its points."""
+    count = len(corners)
+    away = np.linalg.norm(points - corners[:, None], axis=2).max(axis=1)
+    if away.min() <= near:
+        return [int(away.argmin())]
+    if count > 2:
+        ways = np.roll(corners, -1, axis=0) - corners
+        ways /= np.linalg.norm(ways, axis=1)[:, None]
+        off = np.linalg.norm(np.cross(points - corners[:, None], ways[:, None]), axis=2).max(axis=1)
+        if off.min() <= near:
+            k = int(off.argmin())
+            return [k, (k + 1) % count]
+    return list(range(count))
 
 
 class Meeting(NamedTuple):
@@ -182,14 +208,10 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         rows = kernels.facet_rows(*one.packed, *two.packed, pose)[1]
         separations = rows[:, 5] - rows[:, 3:5] @ rho
         if abs(separations.max()) <= slack:
-            normals = rows[np.abs(separations) <= slack, :3]
-            contact = touching_contact(one, two, normals, pose)
+            normal = rows[separations.argmax(), :3]
+            contact = touching_contact(one, two, normal, pose, rho)
             if _misses(one, two, pose, contact, rho) > slack:
-                # a face leans so little on another that what touches beside their edges is as near as they are
-                normal = rows[separations.argmax(), :3]
-                contact = supporting_contact(one, two, normal, pose)
-                if _misses(one, two, pose, contact, rho) > slack:
-                    contact = _shared_contact(one, two, normal, pose, rho)
+                contact = _shared_contact(one, two, normal, pose, rho)
             found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
     return found
 

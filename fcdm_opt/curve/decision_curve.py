@@ -149,7 +149,7 @@ class DecisionCurve(Shown):
     def status(self) -> str:
         """Return "contact", or "apart" or "overlapping" in the whole box."""
         if len(self.regions) == 1:  # without building any segment
-            state = self.regions[0].state(np.array(self.box, dtype=np.float64).ravel())
+            state = self.regions[0].state_in(np.array(self.box, dtype=np.float64).ravel())
             if state in _STATUS:
                 return _STATUS[state]
         if self.segments or self.switching_points:

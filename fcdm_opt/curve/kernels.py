@@ -20,6 +20,8 @@ F1V2, V1F2, E1E2 = 0, 1, 2
 WALKED, UNDECIDED, CROWDED, EMPTY = 0, 1, 2, 4
 CONTACT, OVERLAPPING = 5, 3  # in a box: the curve passes it; it does not, and the bodies overlap (WALKED: are apart)
 FAR, AXIS_1, AXIS_2, CLOSED = 0, 1, 2, 3  # how a chain ends: at infinity, where rho_1 = 0 or rho_2 = 0, at its start
+# walked by way of a pose beside, as signs tie; no overlap at any scale pair, to rounding
+TIED, GRAZING = 7, 8
 ADRIFT = 6  # no chain starts on an axis, and no direction is known that separates the parts at every scale pair
 _INF = np.inf
 UNIT = 2.0**-53
@@ -68,6 +70,11 @@ def _cross(u, x):
 @step
 def _minus(u, x):
     return u[0] - x[0], u[1] - x[1], u[2] - x[2]
+
+
+@step
+def _plus(u, x):
+    return u[0] + x[0], u[1] + x[1], u[2] + x[2]
 
 
 @step
@@ -936,7 +943,7 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     chains): sites (k, 6) = kind, i, j, then the contact at the corner after it, as walked: F1V2 where edge i of part 1
     meets vertex j of part 2, V1F2 where edge i of part 2 meets vertex j of part 1, -1 where there is no corner;
     chains (k, 4) = first segment, segments, direction (+1 walked with the overlap region on the left, -1 on the
-    right), whether it runs to infinity; chain c has points from its first segment + c on, one more than segments.
+    right), 1 where it runs to infinity, and 2 more where it comes from there; chain c has points from its first segment + c on, one more than segments.
 
     Where no seed ray hits, the boundary is empty, a closed polygon (its last point is its first), or runs from infinity
     to infinity. State EMPTY: some direction separates the parts at every scale pair. UNDECIDED: a sign within its error
@@ -972,7 +979,458 @@ def walk_into(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity, 
             state, kind, face = _landfall(reals1, ints1, reals2, ints2, frame[:12].copy(), frame)
             if state == ADRIFT:
                 continue
+        if state == UNDECIDED and known:
+            return _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, points, chains)
         return (state if known or state == CROWDED else UNDECIDED), used, made
+
+
+# ----------------------------------------------------------------------------------------------------- where signs tie
+#
+# Parts that are drawn aligned have signs of exactly zero: parallel faces, a seed in one plane with an edge. Their walk
+# is made beside: at a pose that is turned and moved by a little, from seeds that are, where nothing ties. What it meets
+# is at the true pose still extreme, if only weakly, or else is left out; and where two of the lines that are left meet,
+# the parts must touch. Half-planes that hold everywhere and corners that touch are a boundary, to rounding, whatever
+# led there.
+
+_ASIDE = np.array(
+    [
+        [3.1e-8, 7.3e-8, -5.9e-8, 4.7e-8, -2.3e-8, 6.7e-8],
+        [-6.1e-7, 2.9e-7, 4.3e-7, -3.7e-7, 5.3e-7, 1.9e-7],
+    ]
+)  # turns, and moves relative to the offset, that nothing that is drawn is aligned with
+_WITHIN = 1e-2  # relative to scales: how far within a boundary it is looked for overlap
+_INWARD = 1e-8  # of the way to a part's middle: how far a seed is moved that is not inside
+_SURE = 1e-9  # of the sizes: overlap by this much is no rounding, and scales that differ by more are far from each other
+_TIE, _NEARLY = 1e-14, 1e-10  # heights that differ by less, of the radius, are the same; by less than this, nearly so
+_THIN = 1e-13  # stretches shorter than this, relative to their scales, are points; lines turned by less are one
+
+
+@kernel
+def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, points, chains):
+    """Do what `_walk` does where signs tie, by way of a pose beside; the state is TIED in place of WALKED.
+
+    GRAZING: a direction of a face keeps the parts apart, or just touching, at all scale pairs to within `planarity`.
+    """
+    inside1, inside2 = reals1[ints1[0] + ints1[1], 2] > 0.0, reals2[ints2[0] + ints2[1], 2] > 0.0
+    if not _length(_entry(frame, D)) > _SURE * max(frame[RADIUS_1], frame[RADIUS_2]):
+        return UNDECIDED, 0, 0  # the seeds are one but for rounding
+    if not (inside1 or inside2) and _grazes(reals1, ints1, reals2, ints2, frame, planarity):
+        return GRAZING, 0, 0
+    beside, witness = np.empty(FRAME), np.empty(6)
+    moved1 = reals1 if inside1 else _moved_inward(reals1, ints1)
+    moved2 = reals2 if inside2 else _moved_inward(reals2, ints2)
+    for trial in range(len(_ASIDE)):
+        _set_aside(frame, _ASIDE[trial], beside)
+        _set_frame(moved1, ints1, moved2, ints2, beside, planarity, beside)
+        state, kind, face = ADRIFT, -1, -1
+        for _ in range(2):
+            state, _, made = _walk(moved1, ints1, moved2, ints2, beside, kind, face, sites, rows, points, chains)
+            if state != ADRIFT:
+                break
+            state, kind, face = _landfall(moved1, ints1, moved2, ints2, beside[:12].copy(), beside)
+            if state != ADRIFT:
+                break
+        if state == CROWDED:
+            return CROWDED, 0, 0
+        if state == EMPTY:
+            n = _times(1.0 / _length(_entry(frame, D)), _entry(frame, D))
+            if _excluded(reals1, ints1, reals2, ints2, frame, n):
+                return EMPTY, 0, 0
+        witness[:] = 0.0
+        total, chain = 0, 0
+        while state == WALKED and chain < made:
+            first, count = chains[chain, 0], chains[chain, 1]
+            kept, chains[chain, 3] = _brought_back(
+                reals1, ints1, reals2, ints2, frame, 1.0 * chains[chain, 2], chains[chain, 3], sites[first : first + count],
+                rows[first : first + count], points[first + chain : first + chain + count + 1], witness,
+            )  # fmt: skip
+            for k in range(kept + 1 if total < first else 0):  # up to where the chain before it ends now
+                points[total + chain + k, 0] = points[first + chain + k, 0]
+                points[total + chain + k, 1] = points[first + chain + k, 1]
+                for entry in range(6 if k < kept else 0):
+                    sites[total + k, entry], rows[total + k, entry] = sites[first + k, entry], rows[first + k, entry]
+            chains[chain, 0], chains[chain, 1] = total, kept
+            total += kept
+            chain += 1
+            if kept == 0:
+                state = UNDECIDED
+        if state == WALKED and (inside1 or inside2 or _overlap_within(reals1, ints1, reals2, ints2, frame, rows[:total], witness)):
+            return TIED, total, made
+    return UNDECIDED, 0, 0
+
+
+@step
+def _grazes(reals1, ints1, reals2, ints2, frame, planarity):
+    """Tell whether the direction of some face has a <= 0, b <= 0 and c >= 0 to within `planarity` of the sizes."""
+    length = _length(_entry(frame, D))
+    for k in range(ints1[1] + ints2[1]):
+        if k < ints1[1]:
+            kind, face = F1V2, k
+            if not _seed_height(reals1, ints1, face) <= planarity * frame[RADIUS_1]:
+                continue
+            apex, _ = _summit(reals2, ints2, _times(-1.0, _turned(frame, COFACTORS, _at(reals1, ints1[0] + face))))
+        else:
+            kind, face = V1F2, k - ints1[1]
+            if not _seed_height(reals2, ints2, face) <= planarity * frame[RADIUS_2]:
+                continue
+            apex, _ = _summit(reals1, ints1, _turned_back(frame, R, _times(-1.0, _at(reals2, ints2[0] + face))))
+        _, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, kind, face, apex)
+        if one <= planarity * frame[RADIUS_1] and two <= planarity * frame[RADIUS_2] and level >= -planarity * length:
+            return True
+    return False
+
+
+@step
+def _seed_height(reals, ints, face):
+    """Return how far the plane of a face is from the seed, negative where the seed is before it."""
+    return _dot(_at(reals, ints[0] + face), _at(reals, _side(ints, ints[np.uintp(ints[5] + face)])[0]))
+
+
+@kernel
+def _moved_inward(reals, ints):
+    """Return a part's reals with its seed moved by a little towards the mean of its vertices."""
+    moved, count = reals.copy(), ints[0]
+    for axis in range(3):
+        shift = 0.0
+        for k in range(count):
+            shift += reals[k, axis] / count
+        for k in range(count):
+            moved[k, axis] -= _INWARD * shift
+    return moved
+
+
+@step
+def _set_aside(frame, aside, pose):
+    """Fill the pose of a frame, turned and moved by a little."""
+    turn, length = (aside[0], aside[1], aside[2]), _length(_entry(frame, D))
+    for i in range(3):
+        column = frame[R + i], frame[R + 3 + i], frame[R + 6 + i]
+        more = _cross(turn, column)
+        again = _cross(turn, more)
+        for j in range(3):
+            pose[3 * j + i] = column[j] + more[j] + 0.5 * again[j]
+        pose[9 + i] = frame[D + i] + aside[3 + i] * length
+
+
+@kernel
+def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, rows, points, witness):
+    """Bring a chain from beside to the true pose, in place; return (segments left, 0 where unsure, endless).
+
+    Adds up in `witness` scale pairs, one for each but directions, and where the parts touch there.
+    """
+    count = len(sites)
+    closed = endless == 0 and points[0, 0] == points[count, 0] and points[0, 1] == points[count, 1]
+    kept, starts = np.empty(count, np.int64), np.zeros((count + 1, 2))
+    low, made, far = 0, 0, np.zeros(2, np.int64)
+    for k in range(count):
+        extreme = _true_row(reals1, ints1, reals2, ints2, frame, sites[k], rows[k])
+        if extreme < 0:
+            return 0, endless
+        turned, x, y = 1, 0.0, 0.0
+        while extreme > 0 and made > 0:
+            turned, x, y = _meeting(rows[kept[made - 1]], rows[k], forward)
+            if turned < 0:
+                return 0, endless
+            if turned == 0 or (closed and made == 1 and turned == 1):
+                break
+            if turned == 1 and made > 1 and _goes_on(rows[kept[made - 1]], forward, starts[made - 1], x, y):
+                break
+            if turned == 1 and made == 1 and min(x, y) > -_SURE * max(x, y):
+                break
+            turned, made = 1, made - 1  # it is passed in a point, if at all
+        if extreme > 0 and turned > 0:
+            kept[made], starts[made, 0], starts[made, 1] = k, x, y
+            made += 1
+    if closed:
+        while made - low >= 3:
+            last, first = kept[made - 1], kept[low]
+            turned, x, y = _meeting(rows[last], rows[first], forward)
+            if turned < 0:
+                return 0, endless
+            if turned == 0:  # the chain began within it
+                made -= 1
+                starts[low, 0], starts[low, 1] = starts[made, 0], starts[made, 1]
+                break
+            starts[low, 0], starts[low, 1] = x, y
+            if not _goes_on(rows[last], forward, starts[made - 1], x, y):
+                made -= 1
+            elif not _goes_on(rows[first], forward, starts[low], starts[low + 1, 0], starts[low + 1, 1]):
+                low += 1
+            else:
+                break
+        if made - low < 3:
+            return 0, endless
+        starts[made, 0], starts[made, 1] = starts[low, 0], starts[low, 1]
+    else:
+        while made > 1 and min(starts[made - 1, 0], starts[made - 1, 1]) < -_SURE * np.abs(starts[made - 1]).max():
+            made -= 1
+        if made == 0:
+            return 0, endless
+        for at in range(2):
+            k = kept[(made - 1) * at]
+            corner = starts[made - 1 if at == 1 and made > 1 else 1]
+            if made == 1:  # the foot of the origin on the line
+                square = rows[k, 3] * rows[k, 3] + rows[k, 4] * rows[k, 4]
+                corner[0], corner[1] = rows[k, 3] * rows[k, 5] / square, rows[k, 4] * rows[k, 5] / square
+            far[at], x, y = _end_of(rows[k], forward if at == 1 else -forward, corner)
+            met, p = _ends_at(reals1, ints1, reals2, ints2, frame, sites[k], x, y, far[at] > 0)
+            while not met and (k < count - 1 if at == 1 else k > 0):  # what was left out may touch there
+                k += 2 * at - 1
+                met, p = _ends_at(reals1, ints1, reals2, ints2, frame, sites[k], x, y, far[at] > 0)
+            if not met:
+                return 0, endless
+            starts[made * at, 0], starts[made * at, 1] = x, y
+            _add(witness, x, y, 1.0 - far[at], p)
+    for m in range(low + (0 if closed else 1), made):  # where it turns into segment m
+        before, own, x, y = kept[made - 1 if m == low else m - 1], kept[m], starts[m, 0], starts[m, 1]
+        if not min(x, y) > _SURE * max(x, y) or not max(x, y) < np.inf:
+            return 0, endless
+        k, met = before, False
+        while not met and k != own:
+            met, p = _touches(reals1, ints1, reals2, ints2, frame, sites[k], x, y)
+            if met:
+                _add(witness, x, y, 1.0, p)
+                for entry in range(3, 6):
+                    sites[before, entry] = sites[k, entry]
+            k = k + 1 if k + 1 < count else 0
+        if not met:
+            return 0, endless
+    for m in range(low, made):
+        for entry in range(6):
+            sites[m - low, entry], rows[m - low, entry] = sites[kept[m], entry], rows[kept[m], entry]
+        points[m - low, 0], points[m - low, 1] = starts[m, 0], starts[m, 1]
+    points[made - low, 0], points[made - low, 1] = starts[made, 0], starts[made, 1]
+    if closed:
+        _start_lowest(sites, rows, points, made - low)
+    return made - low, far[1] + 2 * far[0]
+
+
+@step
+def _add(witness, x, y, weight, p):
+    witness[0] += x
+    witness[1] += y
+    witness[2] += weight
+    for axis in range(3):
+        witness[3 + axis] += p[axis]
+
+
+@step
+def _true_row(reals1, ints1, reals2, ints2, frame, site, row):
+    """Replace the row of a site beside by that at the true pose.
+
+    Return 1 where its features are extreme there, 0 where they are not, -1 where something is nearly a tie.
+    """
+    kind, i, j = site[0], site[1], site[2]
+    extreme = -1
+    if kind != E1E2:
+        face, apex = (i, j) if kind == F1V2 else (j, i)
+        n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, kind, face, apex)
+        doubt = reals1[ints1[0] + face, 3] if kind == F1V2 else reals2[ints2[0] + face, 3]
+        if doubt < FINE:
+            if kind == F1V2:
+                extreme = _extreme_at(reals2, ints2, apex, _times(-1.0, n))
+            else:
+                extreme = _extreme_at(reals1, ints1, apex, _turned_back(frame, R, n))
+    else:
+        n, one, two, level = _edge_row(reals1, ints1, reals2, ints2, frame, 2 * i, 2 * j)
+        a, b, left, _ = _side(ints1, 2 * i)
+        u, v, over, _ = _side(ints2, 2 * j)
+        right, under = _side(ints1, 2 * i + 1)[2], _side(ints2, 2 * j + 1)[2]
+        along, way = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a))), _minus(_at(reals2, v), _at(reals2, u))
+        sine = _length(_cross(along, way)) / (_length(along) * _length(way))
+        if sine <= _TIE:  # any direction across them that both parts support
+            along = _times(1.0 / _length(along), along)
+            n = _entry(row, 0)
+            n = _minus(n, _times(_dot(n, along), along))
+        elif _dot(n, _entry(row, 0)) < 0.0:
+            n = _times(-1.0, n)
+        for trial in range(0 if _TIE < sine < _NEARLY else 5 if sine <= _TIE else 1):
+            if trial == 1:
+                n = _turned(frame, COFACTORS, _at(reals1, ints1[0] + left))
+            elif trial == 2:
+                n = _turned(frame, COFACTORS, _at(reals1, ints1[0] + right))
+            elif trial == 3:
+                n = _times(-1.0, _at(reals2, ints2[0] + over))
+            elif trial == 4:
+                n = _times(-1.0, _at(reals2, ints2[0] + under))
+            n = _times(1.0 / _length(n), n)
+            inward, back = _turned_back(frame, R, n), _times(-1.0, n)
+            extreme = min(
+                min(_extreme_at(reals1, ints1, a, inward), _extreme_at(reals1, ints1, b, inward)),
+                min(_extreme_at(reals2, ints2, u, back), _extreme_at(reals2, ints2, v, back)),
+            )
+            if extreme == 1:
+                break
+        inward = _turned_back(frame, R, n)
+        one, two, level = _dot(inward, _at(reals1, a)), -_dot(n, _at(reals2, u)), _dot(n, _entry(frame, D))
+    row[0], row[1], row[2] = n
+    row[3], unsure1 = _snapped(one, frame[RADIUS_1])
+    row[4], unsure2 = _snapped(two, frame[RADIUS_2])
+    row[5], unsure3 = _snapped(level, _length(_entry(frame, D)))
+    return -1 if unsure1 or unsure2 or unsure3 or (row[3] == 0.0 and row[4] == 0.0) else extreme
+
+
+@step
+def _snapped(value, size):
+    """Return a number that is 0 where it is so to rounding, and whether it is nearly so."""
+    small = np.abs(value)
+    return (0.0 if small <= _TIE * size else value), _TIE * size < small <= _NEARLY * size
+
+
+@step
+def _extreme_at(reals, ints, vertex, n):
+    """Return 1 where a vertex is extreme along n, 0 where others are further on, -1 where one is nearly as far on."""
+    here, radius, found = _at(reals, vertex), reals[ints[0] + ints[1], 0], 1
+    first = h = ints[np.uintp(ints[4] + vertex)]
+    while True:
+        rise = _dot(n, _minus(_at(reals, _side(ints, h)[1]), here))
+        if _TIE * radius < np.abs(rise) < _NEARLY * radius:
+            return -1
+        if rise > 0.0 and not rise <= _TIE * radius:
+            found = 0
+        h = _side(ints, h ^ 1)[3]
+        if h == first:
+            return found
+
+
+@step
+def _meeting(before, after, forward):
+    """Return (1, x, y): where two lines meet that follow each other.
+
+    0 where they are one or the first leaves less, 2 where the second does, -1 where they are turned the wrong way.
+    """
+    a, b, c = before[3], before[4], before[5]
+    p, q, r = after[3], after[4], after[5]
+    first, second, det = np.sqrt(a * a + b * b), np.sqrt(p * p + q * q), a * q - p * b
+    turned = forward * det / (first * second)
+    if turned > _THIN:
+        return 1, (c * q - r * b) / det, (a * r - p * c) / det
+    if not (turned > -_THIN and a * p + b * q > 0.0):
+        return -1, 0.0, 0.0
+    c, r = c / first, r / second
+    return (2 if r - c > _THIN * (np.abs(c) + np.abs(r)) else 0), 0.0, 0.0
+
+
+@step
+def _goes_on(row, forward, start, x, y):
+    """Tell whether a line leads from one scale pair on to another that is not the same."""
+    ahead = forward * ((x - start[0]) * row[4] - (y - start[1]) * row[3])
+    size = np.abs(x) + np.abs(y) + np.abs(start[0]) + np.abs(start[1])
+    return ahead > _THIN * size * np.sqrt(row[3] * row[3] + row[4] * row[4])
+
+
+@step
+def _end_of(row, forward, start):
+    """Return (1, u, v): the direction in which a line leads on without end; (0, x, y): where it meets an axis."""
+    steep = np.sqrt(row[3] * row[3] + row[4] * row[4])
+    u, v = forward * row[4] / steep, -forward * row[3] / steep
+    one, two = (-start[0] / u if u < 0.0 else np.inf), (-start[1] / v if v < 0.0 else np.inf)
+    if one == np.inf and two == np.inf:
+        return 1, u, v
+    if one < two:
+        return 0, 0.0, row[5] / row[4]
+    return 0, row[5] / row[3], 0.0
+
+
+@step
+def _touches(reals1, ints1, reals2, ints2, frame, site, x, y):
+    """Return (whether, where) the edge and the vertex at the end of a segment touch at a scale pair."""
+    d = _entry(frame, D)
+    if site[3] < 0:
+        return False, d
+    if site[3] == F1V2:
+        a, b, _, _ = _side(ints1, 2 * site[4])
+        p = _plus(_times(y, _at(reals2, site[5])), d)
+        u, v = _times(x, _turned(frame, R, _at(reals1, a))), _times(x, _turned(frame, R, _at(reals1, b)))
+    else:
+        a, b, _, _ = _side(ints2, 2 * site[4])
+        p = _times(x, _turned(frame, R, _at(reals1, site[5])))
+        u, v = _plus(_times(y, _at(reals2, a)), d), _plus(_times(y, _at(reals2, b)), d)
+    size = np.abs(x) * frame[RADIUS_1] + np.abs(y) * frame[RADIUS_2] + _length(d)
+    return _length(_minus(p, _foot(u, v, p))) <= FINE * size, p
+
+
+@step
+def _ends_at(reals1, ints1, reals2, ints2, frame, site, x, y, far):
+    """Return (whether, where) the parts touch where a chain ends with a site, on an axis or far away in a direction."""
+    kind, i, j = site[0], site[1], site[2]
+    d = _entry(frame, D) if not far else (0.0, 0.0, 0.0)
+    if y == 0.0:
+        return x > 0.0 and _reached(reals1, ints1, x, _turned_back(frame, R, d)), d
+    if x == 0.0:
+        return y > 0.0 and _reached(reals2, ints2, y, _times(-1.0, d)), (0.0, 0.0, 0.0)
+    if kind == F1V2:
+        p = _times(y, _at(reals2, j))
+        return _reached(reals1, ints1, x, _turned_back(frame, R, p)), p
+    if kind == V1F2:
+        p = _times(x, _turned(frame, R, _at(reals1, i)))
+        return _reached(reals2, ints2, y, p), p
+    a, b, _, _ = _side(ints1, 2 * i)
+    u, v, _, _ = _side(ints2, 2 * j)
+    p, q = _times(x, _turned(frame, R, _at(reals1, a))), _times(x, _turned(frame, R, _at(reals1, b)))
+    apart, p = _apart(p, q, _times(y, _at(reals2, u)), _times(y, _at(reals2, v)))
+    return apart <= FINE * frame[SIZE], p
+
+
+@step
+def _apart(p, q, r, s):
+    """Return how far two segments are apart, and where on the first of them."""
+    across = _cross(_minus(q, p), _minus(s, r))
+    square = _dot(across, across)
+    share = _dot(_cross(_minus(r, p), _minus(s, r)), across) / square if square > 0.0 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    inside = _plus(_times(1.0 - share, p), _times(share, q))
+    best, where = _length(_minus(inside, _foot(r, s, inside))), inside
+    for end in (r, s):
+        foot = _foot(p, q, end)
+        if _length(_minus(end, foot)) < best:
+            best, where = _length(_minus(end, foot)), foot
+    for end in (p, q):
+        apart = _length(_minus(end, _foot(r, s, end)))
+        if apart < best:
+            best, where = apart, end
+    return best, where
+
+
+@step
+def _foot(p, q, x):
+    """Return the point of a segment that is nearest to a point."""
+    way = _minus(q, p)
+    share = min(max(_dot(_minus(x, p), way) / _dot(way, way), 0.0), 1.0)
+    return _plus(p, _times(share, way))
+
+
+@step
+def _reached(reals, ints, scale, point):
+    """Tell whether a part, scaled, has a point, from its seed and in its axes."""
+    return _depth(reals, ints, scale, point) >= -FINE * (scale * reals[ints[0] + ints[1], 0] + _length(point))
+
+
+@step
+def _depth(reals, ints, scale, point):
+    """Return how deep a point is inside a part, scaled, from its seed and in its axes; negative outside."""
+    least = np.inf
+    for face in range(ints[1]):
+        least = min(least, scale * _seed_height(reals, ints, face) - _dot(_at(reals, ints[0] + face), point))
+    return least
+
+
+@kernel
+def _overlap_within(reals1, ints1, reals2, ints2, frame, rows, witness):
+    """Tell whether the parts surely overlap within a boundary: both may also lie on either side of a plane."""
+    x, y, p = witness[0], witness[1], _entry(witness, 3)
+    d = _times(witness[2], _entry(frame, D))
+    least = _SURE * (x * frame[RADIUS_1] + y * frame[RADIUS_2] + _length(d))
+    if (
+        _depth(reals1, ints1, x, _turned_back(frame, R, p)) > least
+        and _depth(reals2, ints2, y, _minus(p, d)) > least
+    ):  # a mean of points that they share is inside both
+        return True
+    rho = np.array([x, y]) / witness[2]
+    size = rho.max()
+    for k in range(len(rows)):
+        rho += _WITHIN * size / len(rows) * rows[k, 3:5] / np.sqrt((rows[k, 3:5] ** 2).sum())
+    return rho.min() > 0.0 and -least_separation(reals1, ints1, reals2, ints2, frame[:12].copy(), rho) > least / witness[2]
 
 
 @step
@@ -1018,6 +1476,16 @@ def clip(start, end, endless, line, box, least):
 
 
 @step
+def _clipped(points, place, k, count, endless, line, box, least):
+    """Return what `clip` returns of segment k of a chain whose points begin at a place."""
+    start, end = points[place + k], points[place + k + 1]
+    if endless & 2 and k == 0:
+        left, u, v, x, y = clip(end, start, True, line, box, least)
+        return left, x, y, u, v
+    return clip(start, end, endless & 1 and k == count - 1, line, box, least)
+
+
+@step
 def _far(direction):
     """Return where a coordinate ends up in a direction."""
     return 0.0 if direction == 0.0 else (_INF if direction > 0.0 else -_INF)
@@ -1041,8 +1509,7 @@ def state_in_box(rows, points, chains, box, least, sure):
     for chain in range(len(chains)):
         first, count, endless = chains[chain, 0], chains[chain, 1], chains[chain, 3]
         for k in range(count):
-            start, end = points[first + chain + k], points[first + chain + k + 1]
-            if clip(start, end, endless > 0 and k == count - 1, rows[first + k, 3:], box, least)[0]:
+            if _clipped(points, first + chain, k, count, endless, rows[first + k, 3:], box, least)[0]:
                 return CONTACT
     if len(chains) == 0:
         return WALKED
@@ -1080,7 +1547,7 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
             all_sites = _longer(all_sites, capacity)
             all_rows, ends = _longer(all_rows, capacity), _longer(ends, capacity)
         counts[item] = 0
-        if state == WALKED:
+        if state in (WALKED, TIED):
             counts[item] = _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, ends, kept)
             if counts[item] == 0:
                 state = _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
@@ -1105,9 +1572,7 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
         back = _hanging(rows, points, first, first + best, count, box, least) if endless == 0 else 0
         for index in range(-back, count - back):
             k = index % count if forward > 0 else count - 1 - index
-            start, end = points[first + best + k], points[first + best + k + 1]
-            away = endless > 0 and k == count - 1
-            left, x, y, u, v = clip(start, end, away, rows[first + k, 3:], box, least)
+            left, x, y, u, v = _clipped(points, first + best, k, count, endless, rows[first + k, 3:], box, least)
             if not left:
                 continue
             for entry in range(6):
@@ -1157,10 +1622,10 @@ def _starts_before(points, chains, one, two):
     """Order chains by the first scale pair of each, walked with the overlap region on the left."""
     first, count, forward, endless = chains[one, 0], chains[one, 1], chains[one, 2], chains[one, 3]
     p = points[first + one + (0 if forward > 0 else count)]
-    far1 = endless > 0 and forward < 0
+    far1 = endless & (2 if forward > 0 else 1) > 0
     first, count, forward, endless = chains[two, 0], chains[two, 1], chains[two, 2], chains[two, 3]
     q = points[first + two + (0 if forward > 0 else count)]
-    far2 = endless > 0 and forward < 0
+    far2 = endless & (2 if forward > 0 else 1) > 0
     if far1 != far2:
         return far2
     return p[0] < q[0] or (p[0] == q[0] and p[1] < q[1])

@@ -120,16 +120,21 @@ class Region:
         Pose change of body 1.
     parts : tuple of int
         Indices of the parts in their bodies, kept in the pieces.
-    path : "float" or "exact"
-        Whether the walk proved the whole boundary, or rational arithmetic settled it.
+    state : int
+        How the walk ended, see `kernels`.
     """
 
     one: ConvexPart
     two: ConvexPart
     transform: Array
     parts: tuple[int, int]
-    path: Literal["float", "exact"]
+    state: int
     _walked: tuple[Ints, Array, Array, Ints] | None
+
+    @property
+    def path(self) -> Literal["float", "exact"]:
+        """Whether the walk proved the whole boundary, or rational arithmetic settles it."""
+        return "exact" if self.state == kernels.UNDECIDED else "float"
 
     @cached_property
     def pose(self) -> Array:
@@ -149,7 +154,7 @@ class Region:
         """Whether the region has a boundary, is empty, or is the whole quadrant."""
         if self._walked:
             return "bounded" if len(self._walked[3]) else "empty"
-        return "empty" if self.clear else self.exact.status
+        return "empty" if self.state == kernels.GRAZING or self.clear else self.exact.status
 
     @cached_property
     def clear(self) -> bool:
@@ -158,7 +163,7 @@ class Region:
         Such as faces in one plane through both seeds: which parts overlap by rounding, or at scales of 1e12, is no
         boundary.
         """
-        if self._walked:
+        if self._walked or self.state == kernels.GRAZING:
             return self.status == "empty"
         rows = self.facet_rows
         sizes = np.array([*self._reach, np.linalg.norm(self.pose[9:])])
@@ -214,13 +219,13 @@ class Region:
             return _table(*self._walked[1:])
         return np.array([(*p.base, *p.travel, p.lo, p.hi) for p in self.pieces]).reshape(-1, 6)
 
-    def state(self, limits: Array) -> int:
+    def state_in(self, limits: Array) -> int:
         """Return CONTACT, WALKED (apart) or OVERLAPPING in a box, UNDECIDED where floats cannot tell; see `kernels`."""
         if self._walked is None:
             return kernels.UNDECIDED
         _, rows, points, chains = self._walked
-        state: int = kernels.state_in_box(rows, points, chains, limits, DEFAULT.point, DEFAULT.sign)
-        return state
+        found: int = kernels.state_in_box(rows, points, chains, limits, DEFAULT.point, DEFAULT.sign)
+        return found
 
     @cached_property
     def pieces(self) -> list[Piece]:
@@ -257,14 +262,33 @@ class Region:
         first, count, forward, endless = chains[chain].tolist()
         k = number if forward > 0 else 2 * first + count - 1 - number  # as walked
         start, end = points[k + chain], points[k + chain + 1]
+        come, go = endless & 2 and k == first, endless & 1 and k + 1 == first + count
+        ends = (None if come else start, None if go else end)[::forward]
+        if self.state == kernels.TIED:
+            return self._tied_piece(number, sites[k], rows[k], ends)
         # the corner at the piece's end: after it as walked, or before it
         before = k if forward > 0 else k - 1
         closed = not endless and (points[first + chain] == points[first + chain + count]).all()
         corner = self._corner(sites[before]) if closed or first <= before < first + count - 1 else None
-        ends = (start, None if endless and k + 1 == first + count else end)[::forward]
         site, row = tuple(sites[k, :3].tolist()), rows[k]
         contact = _site_contact(self.one, self.two, site)
         return _piece(contact, site, row, self.parts, self.table[number], ends, corner)
+
+    def _tied_piece(self, number: int, site: Ints, row: Array, ends: tuple[Array | None, ...]) -> Piece:
+        first, last = ends
+        # the middle, or a point as far on as the other end where one is at infinity
+        if first is not None and last is not None:
+            middle = 0.5 * (first + last)
+        else:
+            known = first if last is None else last
+            assert known is not None
+            middle = known + np.abs(known).max() * np.abs(self.table[number, 2:4])
+        contact = self._touching(row[:3], middle)
+        corner = None if last is None or not last.min() > 0 else self._touching(row[:3], last)
+        return _piece(contact, tuple(site[:3].tolist()), row, self.parts, self.table[number], ends, corner)
+
+    def _touching(self, normal: Array, rho: Array) -> Contact:
+        return touching_contact(self.one, self.two, normal, self.pose, rho, DEFAULT.planarity)
 
     def _corner(self, site: Ints) -> Contact:
         kind, edge, vertex = site[3:].tolist()
@@ -285,7 +309,7 @@ class Region:
                 own = chain.corners[k]
                 corner = contact_between(one, two, self.pose, own.one, own.two)
                 if flush or rounded[(k + 1) % len(rounded)][1]:
-                    corner = self._flush(corner, own.rho)
+                    corner = self._flush(corner, exact.normal, own.rho)
             row = np.concatenate([exact.normal, exact.line])
             ends = None if exact.starts_far else exact.start, None if exact.ends_far else exact.end
             piece = _piece(contact, self._site(exact, contact), row, self.parts, _numbers(row, *ends), ends, corner)
@@ -306,20 +330,15 @@ class Region:
             if near.sum() > len(tight):
                 # the middle, or a point as far on as (1, 1) where one end is at infinity
                 share = 1.0 if piece.starts_far or piece.ends_far else 0.5
-                return self._flush(strict, share * (piece.start + piece.end)), True
+                return self._flush(strict, piece.normal, share * (piece.start + piece.end)), True
         return strict, False
 
-    def _flush(self, strict: Contact, rho: Array) -> Contact:
+    def _flush(self, strict: Contact, normal: Array, rho: Array) -> Contact:
         """Return the contact at a scale pair on the curve, features within `planarity` taken as one.
 
         Of two faces within `planarity` of each other it stays the one that exact numbers name.
         """
-        rows = self.facet_rows
-        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
-        tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
-        if not tight.any():
-            return strict
-        found = touching_contact(self.one, self.two, rows[tight, :3], self.pose, DEFAULT.planarity)
+        found = self._touching(normal, rho)
         first, second = (
             exact if min(len(exact), len(own)) > 2 else own
             for own, exact in ((found.one, strict.one), (found.two, strict.two))
@@ -351,9 +370,8 @@ def pair_region(one: ConvexPart, two: ConvexPart, transform: Array, parts: tuple
         Indices of the parts in their bodies, kept in the pieces.
     """
     state, *walked = kernels.walk(*one.packed, *two.packed, transform, one.seed, two.seed, DEFAULT.planarity)
-    if state in (kernels.WALKED, kernels.EMPTY):
-        return Region(one, two, transform, parts, "float", tuple(walked))
-    return Region(one, two, transform, parts, "exact", None)
+    known = state not in (kernels.UNDECIDED, kernels.GRAZING)
+    return Region(one, two, transform, parts, state, tuple(walked) if known else None)
 
 
 def _piece(
@@ -380,8 +398,10 @@ def _table(rows: Array, points: Array, chains: Ints) -> Array:
         steep = np.sqrt((lines[:, :2] ** 2).sum(axis=1))[:, None]
         base, travel = lines[:, 2:] / steep * lines[:, :2] / steep, lines[:, 1::-1] / steep * [1.0, -1.0]
         span = [((end - base) * travel).sum(axis=1) for end in (ends[:-1], ends[1:])]
-        if endless:
+        if endless & 1:
             span[1][-1] = math.inf * forward
+        if endless & 2:
+            span[0][0] = -math.inf * forward
         tables.append(np.column_stack([base, travel, *span[::forward]])[::forward])
     return np.concatenate(tables)
 
