@@ -325,13 +325,13 @@ def test_a_kernel_that_names_a_wrong_feature_once_in_a_thousand_is_caught(monkey
     true, calls = kernels.walk_many, []
 
     def lying(*arguments):
-        states, counts, sites, lines, ends = true(*arguments)
+        states, ties, counts, sites, lines, ends = true(*arguments)
         sites = sites.copy()
         for row in range(len(calls) % 1000, len(sites), 1000):
             kind, i, j = sites[row]
             sites[row] = kind, (i + 1) % 4, j
         calls.append(len(sites))
-        return states, counts, sites, lines, ends
+        return states, ties, counts, sites, lines, ends
 
     assert bench.curve_faults(10, 1) == (40, [])
     monkeypatch.setattr(kernels, "walk_many", lying)

@@ -53,6 +53,9 @@ class DecisionCurves:
         Unit directions from body 1 to body 2, world frame.
     settled : (N,) bool array
         Where rational arithmetic settled the curve, or part of it; elsewhere the floats proved themselves.
+    tied : (N,) bool array
+        Where signs tie, as of aligned parts, and floats are right to rounding: what touches may be more than `features`
+        tell.
     """
 
     movable: Body
@@ -68,6 +71,7 @@ class DecisionCurves:
     lines: Array
     normals: Array
     settled: NDArray[np.bool_]
+    tied: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -114,10 +118,11 @@ def decision_curves(
     total = len(poses)
     convex = len(movable.parts) == len(static.parts) == 1
     if convex:
-        states, counts, sites, rows, vertices = _walked(movable, static, poses, limits, int(threads))
-        settled = states == kernels.UNDECIDED
+        states, ties, counts, sites, rows, vertices = _walked(movable, static, poses, limits, int(threads))
+        settled, tied = states == kernels.UNDECIDED, ties > 0
     else:
-        states, counts, settled = np.zeros(total, np.int64), np.zeros(total, np.int64), np.zeros(total, bool)
+        states, counts = np.zeros(total, np.int64), np.zeros(total, np.int64)
+        settled, tied = np.zeros(total, bool), np.zeros(total, bool)
         sites, rows, vertices = np.empty((0, 3), np.int64), np.empty((0, 6)), np.empty((0, 2, 2))
     status = np.array(STATUSES)[np.where(counts > 0, 1, np.where(states == kernels.OVERLAPPING, 2, 0))]
     parts = np.zeros((len(sites), 2), np.int64)
@@ -128,13 +133,14 @@ def decision_curves(
             curve = DecisionCurve(movable, static, poses[k], limits)
             extra += curve.segments
             counts[k], status[k], settled[k] = len(curve.segments), curve.status, curve.paths["exact"] > 0
+            tied[k] = any(region.is_tied for region in curve.regions)
         rest = ~np.isin(np.arange(total), alone).repeat(counts)
         sites = _spliced(rest, sites, [segment.run.pieces[0].site for segment in extra])
         parts = _spliced(rest, parts, [segment.parts for segment in extra])
         rows = _spliced(rest, rows, [np.concatenate([segment.normal, segment.line]) for segment in extra])
         vertices = _spliced(rest, vertices, [(segment.start, segment.end) for segment in extra])
     offsets = np.concatenate([[0], np.cumsum(counts)])
-    arrays = (counts, offsets, vertices, sites, parts, rows[:, 3:], rows[:, :3], settled)
+    arrays = (counts, offsets, vertices, sites, parts, rows[:, 3:], rows[:, :3], settled, tied)
     for array in (status, *arrays):
         array.flags.writeable = False
     return DecisionCurves(movable, static, poses, limits, status, *arrays)
@@ -159,13 +165,15 @@ def _poses(transforms: ArrayLike) -> Array:
     return poses
 
 
-def _walked(movable: Body, static: Body, poses: Array, box: Box, threads: int) -> tuple[Ints, Ints, Ints, Array, Array]:
+def _walked(
+    movable: Body, static: Body, poses: Array, box: Box, threads: int
+) -> tuple[Ints, Ints, Ints, Ints, Array, Array]:
     packed = (*movable.parts[0].packed, *static.parts[0].packed)
     seeds, limits = np.array([movable.seed, static.seed]), np.array(box).ravel()
     shares = np.array_split(poses, max(1, min(threads, len(poses) // LEAST_SHARE)))
 
-    def work(share: Array) -> tuple[Ints, Ints, Ints, Array, Array]:
-        found: tuple[Ints, Ints, Ints, Array, Array] = kernels.walk_many(
+    def work(share: Array) -> tuple[Ints, Ints, Ints, Ints, Array, Array]:
+        found: tuple[Ints, Ints, Ints, Ints, Array, Array] = kernels.walk_many(
             *packed, share, seeds, limits, DEFAULT.planarity, DEFAULT.point, DEFAULT.sign
         )
         return found
@@ -174,8 +182,8 @@ def _walked(movable: Body, static: Body, poses: Array, box: Box, threads: int) -
         return work(shares[0])
     with ThreadPoolExecutor(len(shares)) as pool:
         done = list(pool.map(work, shares))
-    states, counts, sites, rows, vertices = (np.concatenate([share[k] for share in done]) for k in range(5))
-    return states, counts, sites, rows, vertices
+    states, ties, counts, sites, rows, vertices = (np.concatenate([share[k] for share in done]) for k in range(6))
+    return states, ties, counts, sites, rows, vertices
 
 
 def _spliced(rest: NDArray[np.bool_], listed: NDArray, others: list) -> NDArray:

@@ -157,7 +157,7 @@ def touching_contact(
     if len(supporting.one) == len(supporting.two) == 1:
         return supporting
     elements = placed_elements(one, two, pose, supporting, rho)
-    points = contact_set(one, two, pose, supporting, rho)
+    points = _shared(*elements, supporting.parallel)
     near = slack * (np.linalg.norm(pose[9:]) + rho[0] * one.reach + rho[1] * two.reach)
     own = [
         [vertices[k] for k in _holding(corners, points, near)]
@@ -281,14 +281,18 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     (k, 3) array
         Relative to the seed of body 2, world axes.
     """
-    X, Y = placed_elements(one, two, pose, contact, rho)
+    return _distinct(_shared(*placed_elements(one, two, pose, contact, rho), contact.parallel))
+
+
+def _shared(X: Array, Y: Array, parallel: bool) -> Array:
+    """Return the corners of what two touching elements share, perhaps more than once."""
     if len(X) == 1 or len(Y) == 1:
         return X if len(X) == 1 else Y
     if len(Y) > 2:
         shared = _inside(X, Y[::-1])  # seen from body 1 a face of body 2 runs clockwise
     elif len(X) > 2:
         shared = _inside(Y, X)
-    elif contact.parallel:
+    elif parallel:
         along = (X[1] - X[0]) / np.linalg.norm(X[1] - X[0])
         ends = np.sort(np.array([(X - X[0]) @ along, (Y - X[0]) @ along]), axis=1)
         span = np.array([ends[:, 0].max(), ends[:, 1].min()])
@@ -297,7 +301,7 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
         shared = X[:0]
     if not len(shared):  # a common point, or the middle between them
         shared = np.mean(_nearest_points(X, Y), axis=0, keepdims=True)
-    return _distinct(shared)
+    return shared
 
 
 def _inside(shape: Array, polygon: Array) -> Array:

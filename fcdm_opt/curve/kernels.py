@@ -1521,13 +1521,13 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
     """Walk the curves of one pair at many 4 x 4 transforms of body 1, and clip them to a box.
 
     Box: (low, high) of rho_1, then of rho_2; stretches shorter than `least` relative to their scales are dropped.
-    Return (states, counts, sites, rows, ends): states of `walk`, segments of each curve inside the box, and for all
-    curves one after the other each segment's site, row and both ends (2, 2), with the overlap region on its left,
-    chains in the order of their first scale pairs. Of a curve without a segment in the box the state tells the bodies'
-    at its middle: WALKED where they are apart, OVERLAPPING, or UNDECIDED within `sure` of a line, relatively.
+    Return (states, ties, counts, sites, rows, ends): states, whether signs tie, segments of each curve inside the box,
+    and for all curves one after the other each segment's site, row and both ends (2, 2), with the overlap region on its
+    left, chains in the order of their first scale pairs. State WALKED: the curve passes the box, or the bodies are
+    apart at its middle; OVERLAPPING: they overlap there; UNDECIDED: as `walk`, or within `sure` of a line, relatively.
     """
     total = len(transforms)
-    states, counts = np.empty(total, np.int64), np.zeros(total, np.int64)
+    states, ties, counts = np.empty(total, np.int64), np.zeros(total, np.int64), np.zeros(total, np.int64)
     room, frame, seed1, seed2 = 32, np.empty(FRAME), seeds[0], seeds[1]
     sites, rows, points, chains = _space(room)
     capacity, kept = 4 * total + room, 0
@@ -1547,14 +1547,17 @@ def walk_many(reals1, ints1, reals2, ints2, transforms, seeds, box, planarity, l
             all_sites = _longer(all_sites, capacity)
             all_rows, ends = _longer(all_rows, capacity), _longer(ends, capacity)
         counts[item] = 0
+        if state in (TIED, GRAZING):
+            ties[item] = 1
         if state in (WALKED, TIED):
+            state = WALKED
             counts[item] = _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, ends, kept)
             if counts[item] == 0:
                 state = _state_at(rows, used, 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), sure)
         kept += counts[item]
-        states[item] = state
+        states[item] = state if state in (UNDECIDED, OVERLAPPING) else WALKED
         item += 1
-    return states, counts, all_sites[:kept], all_rows[:kept], ends[:kept]
+    return states, ties, counts, all_sites[:kept], all_rows[:kept], ends[:kept]
 
 
 @step
@@ -1620,15 +1623,19 @@ def _state_at(rows, used, x, y, sure):
 @step
 def _starts_before(points, chains, one, two):
     """Order chains by the first scale pair of each, walked with the overlap region on the left."""
-    first, count, forward, endless = chains[one, 0], chains[one, 1], chains[one, 2], chains[one, 3]
-    p = points[first + one + (0 if forward > 0 else count)]
-    far1 = endless & (2 if forward > 0 else 1) > 0
-    first, count, forward, endless = chains[two, 0], chains[two, 1], chains[two, 2], chains[two, 3]
-    q = points[first + two + (0 if forward > 0 else count)]
-    far2 = endless & (2 if forward > 0 else 1) > 0
-    if far1 != far2:
-        return far2
+    p, q = _first_pair(points, chains, one), _first_pair(points, chains, two)
     return p[0] < q[0] or (p[0] == q[0] and p[1] < q[1])
+
+
+@step
+def _first_pair(points, chains, chain):
+    """Return the first scale pair of a chain, walked with the overlap region on the left; it may be at infinity."""
+    first, count, endless = chains[chain, 0] + chain, chains[chain, 1], chains[chain, 3]
+    k, beside, far = (first, first + 1, endless & 2) if chains[chain, 2] > 0 else (first + count, first + count - 1, endless & 1)
+    x, y = points[k, 0], points[k, 1]
+    if far > 0:
+        x, y = (points[beside, 0] if x == 0.0 else np.inf), (points[beside, 1] if y == 0.0 else np.inf)
+    return x, y
 
 
 # ----------------------------------------------------------------------------------------------- all facet directions

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, contact_between, touching_contact
+from fcdm_opt.curve.contact import Contact, contact_between, supporting_contact, touching_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -135,6 +135,11 @@ class Region:
     def path(self) -> Literal["float", "exact"]:
         """Whether the walk proved the whole boundary, or rational arithmetic settles it."""
         return "exact" if self.state == kernels.UNDECIDED else "float"
+
+    @property
+    def is_tied(self) -> bool:
+        """Whether signs tie, as of aligned parts, and the walk was made beside: it is right to rounding."""
+        return self.state in (kernels.TIED, kernels.GRAZING)
 
     @cached_property
     def pose(self) -> Array:
@@ -309,7 +314,7 @@ class Region:
                 own = chain.corners[k]
                 corner = contact_between(one, two, self.pose, own.one, own.two)
                 if flush or rounded[(k + 1) % len(rounded)][1]:
-                    corner = self._flush(corner, exact.normal, own.rho)
+                    corner = self._flush(corner, own.rho)
             row = np.concatenate([exact.normal, exact.line])
             ends = None if exact.starts_far else exact.start, None if exact.ends_far else exact.end
             piece = _piece(contact, self._site(exact, contact), row, self.parts, _numbers(row, *ends), ends, corner)
@@ -330,15 +335,24 @@ class Region:
             if near.sum() > len(tight):
                 # the middle, or a point as far on as (1, 1) where one end is at infinity
                 share = 1.0 if piece.starts_far or piece.ends_far else 0.5
-                return self._flush(strict, piece.normal, share * (piece.start + piece.end)), True
+                return self._flush(strict, share * (piece.start + piece.end)), True
         return strict, False
 
-    def _flush(self, strict: Contact, normal: Array, rho: Array) -> Contact:
+    def _flush(self, strict: Contact, rho: Array) -> Contact:
         """Return the contact at a scale pair on the curve, features within `planarity` taken as one.
 
         Of two faces within `planarity` of each other it stays the one that exact numbers name.
         """
-        found = self._touching(normal, rho)
+        rows = self.facet_rows
+        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+        normals = rows[np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack, :3]
+        if not len(normals):
+            return strict
+        # what supports them between all tight directions; opposite ones cancel where there is contact on both sides
+        total = normals.sum(axis=0)
+        length = np.linalg.norm(total)
+        normal = total / length if length > DEFAULT.nominal else normals[0]
+        found = supporting_contact(self.one, self.two, normal, self.pose, DEFAULT.planarity)
         first, second = (
             exact if min(len(exact), len(own)) > 2 else own
             for own, exact in ((found.one, strict.one), (found.two, strict.two))

@@ -71,7 +71,7 @@ def batch(pair: Pair, setting: None) -> Ask:
         highest = np.flatnonzero(heights == rho2.repeat(curves.counts[some]))
         sites = curves.features[highest[np.searchsorted(highest, firsts)]].tolist()
         # of a contact in more than a point they are one facet, and name not all that touches
-        sure = ~curves.settled[some]
+        sure = ~(curves.settled | curves.tied)[some]
         answers: list[Any] = [NONE] * len(questions)
         for k, height, (kind, i, j), proved in zip(some.tolist(), rho2.tolist(), sites, sure.tolist(), strict=True):
             if height > 0:

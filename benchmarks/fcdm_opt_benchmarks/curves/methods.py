@@ -20,7 +20,7 @@ from fcdm_opt_benchmarks.method import Ask, CurveAnswer, CurveQuestion, Method, 
 from fcdm_opt_benchmarks.placed import elements, seeds_inside, up_to
 from fcdm_opt_benchmarks.references import exact_curve_in_box
 
-Batch = tuple[Ints, Array, Ints, Flags]  # segments a curve, their ends, features, and curves the floats did not prove
+Batch = tuple[Ints, Array, Ints, Flags]  # segments a curve, their ends, features, and curves that these do not name
 
 
 def batch(pair: Pair, setting: None) -> Ask:
@@ -29,7 +29,7 @@ def batch(pair: Pair, setting: None) -> Ask:
 
     def walk(transforms: Array, box: Array) -> Batch:
         curves = decision_curves(pair.movable, pair.static, transforms, box=box.tolist())
-        return curves.counts, curves.vertices, curves.features, curves.settled
+        return curves.counts, curves.vertices, curves.features, curves.settled | curves.tied
 
     def settled(question: CurveQuestion, points: Array) -> CurveAnswer:
         return CurveAnswer(points)  # the batch names one facet, not all that touches
@@ -45,13 +45,13 @@ def kernel(pair: Pair, setting: None) -> Ask:
     bounds = DEFAULT.planarity, DEFAULT.point, DEFAULT.sign
 
     def walk(transforms: Array, box: Array) -> Batch:
-        states, counts, sites, _, ends = kernels.walk_many(
+        states, ties, counts, sites, _, ends = kernels.walk_many(
             *packed, frozen(transforms), seeds, np.array(box).ravel(), *bounds
         )
-        return counts, ends, sites, states == UNDECIDED
+        return counts, ends, sites, (states == UNDECIDED) | ((ties > 0) & (counts > 0))
 
     def settled(question: CurveQuestion, points: Array) -> CurveAnswer:
-        return _exact(pair, question)
+        return CurveAnswer(points) if len(points) else _exact(pair, question)
 
     return _batched(pair, walk, settled)
 
@@ -66,7 +66,7 @@ def _batched(
     walk: Callable[[Array, Array], Batch],
     settled: Callable[[CurveQuestion, Array], CurveAnswer],
 ) -> Ask:
-    """Return the function that answers by arrays; `settled` answers for what no float has proved."""
+    """Return the function that answers by arrays; `settled` answers where a facet does not name what touches."""
     named = elements(pair)
 
     def ask(questions: Sequence[CurveQuestion]) -> list[CurveAnswer]:
