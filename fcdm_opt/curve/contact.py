@@ -137,9 +137,29 @@ def supporting_contact(
 
 
 def touching_contact(
+    one: ConvexPart, two: ConvexPart, normals: Array, pose: Array, slack: float = DEFAULT.tie
+) -> Contact:
+    """Return how two touching parts touch: what supports them in a direction between all facet directions there.
+
+    Parameters
+    ----------
+    one, two : ConvexPart
+    normals : (k, 3) array
+        Facet directions of their Minkowski difference that are tight.
+    pose : (12,) array
+    slack : float
+        See `supporting_contact`.
+    """
+    total = normals.sum(axis=0)
+    length = np.linalg.norm(total)
+    # opposite directions cancel where there is contact on both sides
+    return supporting_contact(one, two, total / length if length > DEFAULT.nominal else normals[0], pose, slack)
+
+
+def contact_at(
     one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, rho: Array, slack: float = DEFAULT.tie
 ) -> Contact:
-    """Return how two touching parts touch: the smallest elements that hold all that they share.
+    """Return how two touching parts touch at a scale pair: the smallest elements that hold all that they share.
 
     Parameters
     ----------
@@ -208,10 +228,14 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         rows = kernels.facet_rows(*one.packed, *two.packed, pose)[1]
         separations = rows[:, 5] - rows[:, 3:5] @ rho
         if abs(separations.max()) <= slack:
-            normal = rows[separations.argmax(), :3]
-            contact = touching_contact(one, two, normal, pose, rho)
+            normals = rows[np.abs(separations) <= slack, :3]
+            contact = touching_contact(one, two, normals, pose)
             if _misses(one, two, pose, contact, rho) > slack:
-                contact = _shared_contact(one, two, normal, pose, rho)
+                # a face leans so little on another that what touches beside their edges is as near as they are
+                normal = rows[separations.argmax(), :3]
+                contact = supporting_contact(one, two, normal, pose)
+                if _misses(one, two, pose, contact, rho) > slack:
+                    contact = _shared_contact(one, two, normal, pose, rho)
             found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
     return found
 

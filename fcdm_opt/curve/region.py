@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.contact import Contact, contact_between, supporting_contact, touching_contact
+from fcdm_opt.curve.contact import Contact, contact_at, contact_between, touching_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -293,7 +293,7 @@ class Region:
         return _piece(contact, tuple(site[:3].tolist()), row, self.parts, self.table[number], ends, corner)
 
     def _touching(self, normal: Array, rho: Array) -> Contact:
-        return touching_contact(self.one, self.two, normal, self.pose, rho, DEFAULT.planarity)
+        return contact_at(self.one, self.two, normal, self.pose, rho, DEFAULT.planarity)
 
     def _corner(self, site: Ints) -> Contact:
         kind, edge, vertex = site[3:].tolist()
@@ -345,14 +345,10 @@ class Region:
         """
         rows = self.facet_rows
         slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
-        normals = rows[np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack, :3]
-        if not len(normals):
+        tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
+        if not tight.any():
             return strict
-        # what supports them between all tight directions; opposite ones cancel where there is contact on both sides
-        total = normals.sum(axis=0)
-        length = np.linalg.norm(total)
-        normal = total / length if length > DEFAULT.nominal else normals[0]
-        found = supporting_contact(self.one, self.two, normal, self.pose, DEFAULT.planarity)
+        found = touching_contact(self.one, self.two, rows[tight, :3], self.pose, DEFAULT.planarity)
         first, second = (
             exact if min(len(exact), len(own)) > 2 else own
             for own, exact in ((found.one, strict.one), (found.two, strict.two))
