@@ -128,7 +128,7 @@ def test_unions_among_keep_outs_keep_clearances_as_the_march_finds_them():
             fo.Body.from_parts([rng.normal(size=(9, 3)) + 1.5 * rng.normal(size=3) for _ in range(4)], seed=(0, 0, 0))
             for _ in range(2)
         )
-        post = fo.KeepOut(fo.Body.convex(rng.normal(size=(9, 3)) + (0, 0, 3), name="post"), clearance=0.2)
+        post = fo.KeepOut(fo.Body.convex(rng.normal([0, 0, 3], size=(9, 3)), name="post"), clearance=0.2)
         task = Task.of(asked(movable, static, 0.1, "z", keep_out=[post]))
         exact, marched = STAGES["straight"](task), STAGES["one parameter"](task)
         assert exact is not None

@@ -155,9 +155,10 @@ def _lowest(points, n):
 
 @kernel
 def nearest_points(points1, points2):
-    """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and of which points, (m, 2) and (m,).
+    """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of which points.
 
-    Zero where they meet, with shares in a point of both. Wolfe's method, on at most four pairs of points.
+    The latter as pairs, (m, 2), and shares, (m,); zero where the hulls meet, with shares in a point of both. Wolfe's
+    method, on at most four pairs of points.
     """
     pairs, simplex, weights, own = np.zeros((5, 2), np.int64), np.empty((5, 3)), np.empty(5), np.empty(5)
     count, square = 1, 0.0
@@ -216,7 +217,9 @@ def nearer_than(need, points1, points2, way, low, high, normals):
     moved = np.empty(points1.shape)
     first = _approach(points1, points2, way, 1.0, need, low, high, moved, normals[0])
     last = -_approach(points1, points2, way, -1.0, need, -high, -low, moved, normals[1])
-    return first, last, (_length(_between(points1, points2, way, 0.5 * (first + last), moved)) if first < last else need)
+    if not first < last:
+        return first, last, need
+    return first, last, _length(_between(points1, points2, way, 0.5 * (first + last), moved))
 
 
 @kernel
