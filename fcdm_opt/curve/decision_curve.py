@@ -15,7 +15,8 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Meeting, meetings
 from fcdm_opt.curve.envelope import Run, Union, boundary, inside
 from fcdm_opt.curve.flush import Flush, flush_contacts
-from fcdm_opt.curve.region import Region, pair_region, same_pair
+from fcdm_opt.curve.pruning import region_between
+from fcdm_opt.curve.region import Region, same_pair
 from fcdm_opt.curve.segments import Box, Branch, Segment, SwitchingPoint, clipped, in_box, is_point, shared
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
@@ -66,7 +67,7 @@ class DecisionCurve(Shown):
     def regions(self) -> tuple[Region, ...]:
         """Overlap regions of the part pairs that can be on the curve in the box."""
         if self._convex:
-            return (pair_region(self.movable.parts[0], self.static.parts[0], self.transform),)
+            return (region_between(self.movable, self.static, self.transform, (0, 0)),)
         return self._union.regions
 
     @cached_property
@@ -333,8 +334,7 @@ class DecisionCurve(Shown):
         bounds = np.zeros((1, 1)) if self._convex else kernels.pair_bounds(*self._bodies[:6], self.pose, rho)
         least = np.inf
         for i, j in np.argwhere(bounds <= near).tolist():
-            pair = self.movable.parts[i], self.static.parts[j]
-            region = self.regions[0] if self._convex else pair_region(*pair, self.transform)
+            region = region_between(self.movable, self.static, self.transform, (i, j))
             rows = region.facet_rows
             size, side = abs(float((rows[:, 5] - rows[:, 3:5] @ rho).max())), int(region.sides(rho[None])[0])
             exact = region.exact.separation(rho.tolist()) if side else 0.0

@@ -15,8 +15,8 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import located
 from fcdm_opt.curve.joining import LEAST_SCALE, LIMITS, Visible, visible
-from fcdm_opt.curve.pruning import relevant_pairs
-from fcdm_opt.curve.region import Piece, Region, pair_region, same_pair
+from fcdm_opt.curve.pruning import region_between, relevant_pairs
+from fcdm_opt.curve.region import Piece, Region, same_pair
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
@@ -162,7 +162,7 @@ class Union:
         for i, j in np.argwhere(np.abs(gaps) <= near).tolist():
             if _foremost(self.movable, self.static, pose, piece.normal, (i, j)) == own:
                 continue  # the same corners, in another part
-            region = pair_region(self.movable.parts[i], self.static.parts[j], self.regions[0].transform, (i, j))
+            region = region_between(self.movable, self.static, self.regions[0].transform, (i, j))
             for other in region.pieces:
                 if _one_line(piece, other) and piece.travel @ other.travel > 0:
                     shift = float((piece.base - other.base) @ other.travel)

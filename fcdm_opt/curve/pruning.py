@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from fcdm_opt.curve import kernels
@@ -10,8 +12,24 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
 
-_DEPTH, _FEW, _ATTEMPTS = 8, 4, 3  # halvings at most; pairs that need no more; pairs tried to cover a cell
+_DEPTH, _FEW, _ATTEMPTS = 8, 12, 3  # halvings at most; pairs that need no more; pairs tried to cover a cell
+_POSES = 4  # of two bodies, the regions of whose parts are kept
 Cell = tuple[float, float, float, float]  # (low, high) of rho_1, then of rho_2
+
+
+@lru_cache(maxsize=_POSES)
+def _regions(movable: Body, static: Body, transform: bytes) -> dict[tuple[int, int], Region]:
+    """Return what is known of two bodies in one of the last poses: other boxes and questions ask about it again."""
+    return {}
+
+
+def region_between(movable: Body, static: Body, transform: Array, parts: tuple[int, int]) -> Region:
+    """Return the overlap region of part i of body 1 and part j of body 2, after a pose change of body 1."""
+    known = _regions(movable, static, transform.tobytes())
+    if parts not in known:
+        i, j = parts
+        known[parts] = pair_region(movable.parts[i], static.parts[j], transform, parts)
+    return known[parts]
 
 
 def relevant_pairs(
@@ -108,9 +126,8 @@ class _Pairs:
     def region(self, code: int) -> Region:
         """Return the region of a pair, walked when it is first asked for."""
         if code not in self.walked:
-            i, j = divmod(code, self._count)
-            one, two = self._bodies
-            self.walked[code] = made = pair_region(one.parts[i], two.parts[j], self._transform, (i, j))
+            parts = divmod(code, self._count)
+            self.walked[code] = made = region_between(*self._bodies, self._transform, parts)
             self._lines[code] = made.rows[:, 3:]
         return self.walked[code]
 

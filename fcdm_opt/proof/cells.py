@@ -600,13 +600,11 @@ def set_nearest(R, d, one, two, x, y):
     moved = np.empty((len(one), 3))
     for v in range(len(one)):
         placed(R, d, 0, one[v], moved[v])
-    way, shares = nearest_points(moved, two)
+    way, pairs, shares = nearest_points(moved, two)
     x[:], y[:] = 0.0, 0.0
-    for i in range(len(one)):
-        for j in range(len(two)):
-            if shares[i, j] > 0.0:
-                x += shares[i, j] * one[i]
-                y += shares[i, j] * two[j]
+    for k in range(len(shares)):
+        x += shares[k] * one[pairs[k, 0]]
+        y += shares[k] * two[pairs[k, 1]]
     return _length(way)
 
 

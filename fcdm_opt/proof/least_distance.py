@@ -7,11 +7,13 @@ import math
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.curve.kernels import _at, _cross, _dot, _minus
+from fcdm_opt.curve.kernels import _at, _cross, _dot, _entry, _length, _minus
 
 STEPS = 80  # of the search for nearest points
+NEWTON = 60  # steps to a distance: each halves what is left where they do worst, at a graze
 NEAR = 1e-14  # its relative accuracy, of squares
 ROUNDING = 256 * 2.0**-53  # of the heights that enter
+FINE = 1e-15  # of the ends between which a distance is sought: a step that ends the search
 FLAT = 1e-12  # determinants relative to their size below which a simplex has lost a dimension
 
 
@@ -153,12 +155,13 @@ def _lowest(points, n):
 
 @kernel
 def nearest_points(points1, points2):
-    """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of each, (n1, n2).
+    """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of which points.
 
-    Zero where they meet, with shares of a point of both. Wolfe's method, on at most four pairs of points.
+    The latter as pairs, (m, 2), and shares, (m,); zero where the hulls meet, with shares in a point of both. Wolfe's
+    method, on at most four pairs of points.
     """
     pairs, simplex, weights, own = np.zeros((5, 2), np.int64), np.empty((5, 3)), np.empty(5), np.empty(5)
-    shares, count, square = np.zeros((len(points1), len(points2))), 1, 0.0
+    count, square = 1, 0.0
     x = points2[0, 0] - points1[0, 0], points2[0, 1] - points1[0, 1], points2[0, 2] - points1[0, 2]
     simplex[0, 0], simplex[0, 1], simplex[0, 2] = x
     weights[0] = 1.0
@@ -201,9 +204,56 @@ def nearest_points(points1, points2):
             x = x[0] + weights[k] * simplex[k, 0], x[1] + weights[k] * simplex[k, 1], x[2] + weights[k] * simplex[k, 2]
         if met:
             break
-    for k in range(count):
-        shares[pairs[k, 0], pairs[k, 1]] = weights[k]
-    return x, shares
+    return x, pairs[:count], weights[:count]
+
+
+@kernel
+def nearer_than(need, points1, points2, way, low, high, normals):
+    """Return from where to where a hull that shifts along a way is nearer to another than `need`, and how near midway.
+
+    It is not up to `low`, nor from `high` on. Infinite, with the end first, where it never is. `normals`, (2, 3), are
+    set to directions that keep the hulls apart so far before and beyond.
+    """
+    moved = np.empty(points1.shape)
+    first = _approach(points1, points2, way, 1.0, need, low, high, moved, normals[0])
+    last = -_approach(points1, points2, way, -1.0, need, -high, -low, moved, normals[1])
+    if not first < last:
+        return first, last, need
+    return first, last, _length(_between(points1, points2, way, 0.5 * (first + last), moved))
+
+
+@kernel
+def _between(points1, points2, way, shift, moved):
+    """Return the way between the nearest points after a shift."""
+    for v in range(len(points1)):
+        for m in range(3):
+            moved[v, m] = points1[v, m] + shift * way[m]
+    return nearest_points(moved, points2)[0]
+
+
+@kernel
+def _approach(points1, points2, way, sign, need, start, end, moved, n):
+    """Return how far along a way, or back, two hulls shift from `start` until they are only `need` apart.
+
+    Infinite where that is not before `end`. Newton's method: the distance is convex along the way, so that no step goes
+    too far; n is set to the direction that proves it.
+    """
+    here = start
+    for _ in range(NEWTON):
+        x = _between(points1, points2, way, sign * here, moved)
+        distance = _length(x)
+        if not distance > 0.0:
+            return here
+        u = x[0] / distance, x[1] / distance, x[2] / distance
+        room = _lowest(points2, u)[1] + _lowest(moved, (-u[0], -u[1], -u[2]))[1] - need
+        closing = sign * _dot(u, _entry(way, 0))
+        n[0], n[1], n[2] = u
+        if not closing > 0.0 or here + room / closing >= end:
+            return math.inf
+        here += max(room / closing, 0.0)
+        if room <= FINE * closing * (abs(start) + abs(end)):
+            break
+    return here
 
 
 @step

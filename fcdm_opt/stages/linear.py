@@ -3,9 +3,10 @@
 "shift" is for the goals that bring tracked contacts to the target pair: a least squares problem. "straight" and
 "translations" are for "touch" and "clear". The separation of a part pair along each of its facet directions is linear
 in the parameters then, and the pair is apart where one of them is positive. Along one translation each pair overlaps in
-an interval. Along several this is a branching over half-spaces, best first, with a least distance problem in each node:
-the first node in which no pair overlaps is the smallest motion of all; where none is left, there is no motion. What a
-clearance forbids is convex too: polytopes within it grow where a motion comes too near.
+an interval, and is nearer than a clearance in a longer one. Along several this is a branching over half-spaces, best
+first, with a least distance problem in each node: the first node in which no pair overlaps is the smallest motion of
+all; where none is left, there is no motion. What a clearance forbids is convex too: polytopes within it grow where a
+motion comes too near.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.motions import Screw
 from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.stages.rays import ON_THE_WAY
 from fcdm_opt.stages.relaxation import choices
@@ -133,24 +135,33 @@ def _impossible(stage: str) -> Answer:
 def straight(task: Task) -> Answer | None:
     """Stage 1 for "touch" and "clear" along one translation: exact, and smallest by construction.
 
-    Directions and supports do not change, so each part pair overlaps in an open interval of the parameter and touches
-    at its ends; one that slides by flush touches all along and never overlaps. Where a clearance forbids the motion
-    that undoes all overlaps, the task is left to others: the distance of corners is not linear.
+    Directions and supports do not change, so each part pair is nearer than its clearance in an open interval of the
+    parameter, along which the distance is convex; without one it overlaps there and touches at its ends. One that
+    slides by at just its clearance, flush as it may be, has it all along.
     """
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
-    slack, along = DEFAULT.line * task.size, _shifts(task)[0]
+    slack, along, pose = DEFAULT.line * task.size, _shifts(task)[0], task.pose(task.rest)
     met: dict[Parts, tuple[float, float]] = {}
     blocked: dict[Parts, tuple[float, float]] = {}
+    normals: dict[Parts, Array] = {}  # before and beyond what a clearance blocks
+    features: dict[Parts, int] = {}
     for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
-        _, rows, separations = task.separations(parts, task.pose(task.rest))
-        rates = rows[:, :3] @ along
+        need = task.opponents[parts[1]].need
+        _, rows, separations = task.separations(parts, pose)
+        rates, excess = rows[:, :3] @ along, separations - need
         level = np.abs(rates) <= DEFAULT.tie
-        beside, closing = separations[level].max(initial=-np.inf), rates[~level]
-        at = separations[~level] / closing
+        beside, closing = excess[level].max(initial=-np.inf), rates[~level]
+        at = excess[~level] / closing
         low, high = at[closing > 0].max(initial=-np.inf), at[closing < 0].min(initial=np.inf)
-        if beside <= slack and low <= high + slack:
-            met[parts] = low, high
+        if beside > slack or low > high + slack:
+            continue
+        if need > 0.0:
+            normals[parts] = np.zeros((2, 3))
+            low, high, distance = nearer_than(need, *_placed(task, parts), along, low, high, normals[parts])
+            beside = max(beside, distance - need)
+        if low <= high + slack:
+            met[parts], features[parts] = (low, high), len(rows)
             if beside < -slack and low < high - slack:
                 blocked[parts] = low, high
     others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
@@ -167,12 +178,14 @@ def straight(task: Task) -> Answer | None:
     else:
         return _impossible(stage)
     q = np.array([least])
-    if task.needs.max() > 0 and not task.meets(q, DEFAULT.line):
+    ways = {parts: normals[parts][int(2.0 * least > sum(blocked[parts]))] for parts in normals.keys() & blocked}
+    if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
         return None
     stop |= {parts for parts in others if np.abs(np.array(met[parts]) - least).min() <= slack}
     names = tuple(dict.fromkeys(task.named(parts) for parts in sorted(stop)))
     near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
-    return task.answer(q, stage, np.inf, names or ON_THE_WAY, task.modelled_by_gaps(q, near))
+    counts = task.modelled(near, variables=1, constraints=len(near), features=sum(map(features.__getitem__, near)))
+    return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
 
 
 # ------------------------------------------------------------------------------------------------- several translations
@@ -247,18 +260,24 @@ def _nearer(task: Task, parts: Parts) -> Array | None:
     """
     from scipy.spatial import ConvexHull
 
-    one, opponent = task.movable.parts[parts[0]], task.opponents[parts[1]]
-    if len(one.vertices) * len(opponent.part.vertices) > MOST_DIFFERENCES:
+    moved, other = _placed(task, parts)
+    if len(moved) * len(other) > MOST_DIFFERENCES:
         return None
-    moved = task.movable.seed + task.target[0] * (one.vertices - task.movable.seed)
-    other = opponent.part.seed + opponent.scale * (opponent.part.vertices - opponent.part.seed)
     differences = (other[:, None] - moved[None]).reshape(-1, 3)
+    need = task.opponents[parts[1]].need
     hull = ConvexHull(differences)
     outward, middles = hull.equations[:, :3], np.zeros_like(differences)
     np.add.at(middles, hull.simplices, outward[:, None])  # within a corner's normal cone
     middles[hull.vertices] /= np.linalg.norm(middles[hull.vertices], axis=1)[:, None]
-    facets = differences[hull.simplices] + opponent.need * outward[:, None]
-    return np.vstack([facets.reshape(-1, 3), (differences + opponent.need * middles)[hull.vertices]])
+    facets = differences[hull.simplices] + need * outward[:, None]
+    return np.vstack([facets.reshape(-1, 3), (differences + need * middles)[hull.vertices]])
+
+
+def _placed(task: Task, parts: Parts) -> tuple[Array, Array]:
+    """Return the vertices of two parts as made, at rest, about s_2."""
+    one, opponent, centre = task.movable.parts[parts[0]], task.opponents[parts[1]], task.static.seed
+    moved = task.target[0] * (one.vertices - task.movable.seed) + (task.movable.seed - centre)
+    return moved, opponent.scale * (opponent.part.vertices - opponent.part.seed) + (opponent.part.seed - centre)
 
 
 def _outside(task: Task, points: Array, shifts: Array) -> Rows | None:

@@ -403,18 +403,18 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
 
 @kernel
 def _gap_bound(
-    part1, part2, turned1, turn, x, spread, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch
+    part1, part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, pad, radius, c, h, enough, scratch
 ):
     """Return a lower bound over a cell for a pair to touch, and where; x is the way between nearest points, in y.
 
     Along any direction n that may move with body 1, |y| >= separation / |M' n|. Taken are the n at the centre, fixed,
-    or attached to body 1, or kept across an edge of each. `spread` are the shares of the points in x.
+    or attached to body 1, or kept across an edge of each. `pairs` are the points that have a share in x.
     """
     levels, slopes, shares = scratch
     points2, half = part2[0], 0.5 * radius * radius
     n = _turned_back(inverse, 0, _times(1.0 / _length(x), x))  # |M' n| = 1
-    i, j, corners1 = _ends(spread)
-    u, w, corners2 = _ends(spread.T)
+    i, j, corners1 = _ends(pairs, 0)
+    u, w, corners2 = _ends(pairs, 1)
     near, far = _lowest(points2, n)[0], _lowest(turned1, _times(-1.0, n))[0]
     best, where = -1.0, c
     for kind in range(3):
@@ -453,15 +453,15 @@ def _gap_bound(
 
 
 @step
-def _ends(spread):
-    """Return two points of a body that have shares, and how many there are."""
-    one, two, count = 0, 0, 0
-    for i in range(spread.shape[0]):
-        own = 0.0
-        for j in range(spread.shape[1]):
-            own += spread[i, j]
-        if own > 0.0:
-            one, two, count = (i if count == 0 else one), i, count + 1
+def _ends(pairs, body):
+    """Return the first and the last of a body's points in some pairs, and how many there are."""
+    one, two, count = pairs[0, body], pairs[0, body], 0
+    for k in range(len(pairs)):
+        new = True
+        for other in range(k):
+            new = new and pairs[other, body] != pairs[k, body]
+        count += new
+        one, two = min(one, pairs[k, body]), max(two, pairs[k, body])
     return one, two, count
 
 
@@ -503,7 +503,7 @@ def least_gap(one, two, pairs, turn, inverse):
         if pairs[k, 0] != last:
             last = pairs[k, 0]
             scaled1 = _mapped(_mapped(_part(one, last)[0], turn), inverse)
-        way, _ = nearest_points(scaled1, _mapped(_part(two, pairs[k, 1])[0], inverse))
+        way, _, _ = nearest_points(scaled1, _mapped(_part(two, pairs[k, 1])[0], inverse))
         if _length(way) < best:
             best, x = _length(way), way
     return x
@@ -574,11 +574,11 @@ def advance(one, two, touching, apart, kind, space, numbers, nodes, ways, pool, 
                     last = touching[k, 0]
                     turned1 = _mapped(part1[0], turn)
                     scaled1 = _mapped(turned1, inverse)
-                x, spread = nearest_points(scaled1, _mapped(part2[0], inverse))
+                x, pairs, _ = nearest_points(scaled1, _mapped(part2[0], inverse))
                 found, where = base, c
                 if _length(x) > 0.0:
                     found, where = _gap_bound(
-                        part1, part2, turned1, turn, x, spread, metric, inverse, spectral, bent, pad, radius, c, h, cut,
+                        part1, part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, pad, radius, c, h, cut,
                         scratch,
                     )  # fmt: skip
                 if found < lowest:
@@ -664,14 +664,14 @@ def _near_bound(part1, part2, turned1, turn, inverse, more, radius, reach, c, h,
     Two points of them are at most |a + b| apart, a their way at the centre and b what turning adds: see `_stretch`.
     """
     levels, slopes, shares = scratch
-    x, spread = nearest_points(_mapped(turned1, inverse), _mapped(part2[0], inverse))
+    x, pairs, weights = nearest_points(_mapped(turned1, inverse), _mapped(part2[0], inverse))
     distance, g = _length(x), (0.0, 0.0, 0.0)
     level = more - distance - radius * reach
     if distance > 0.0:
         n = _turned_back(inverse, 0, _times(1.0 / distance, x))
         point = (0.0, 0.0, 0.0)
-        for k in range(len(turned1)):
-            point = _plus(point, _times(spread[k].sum(), _at(turned1, k)))
+        for k in range(len(weights)):
+            point = _plus(point, _times(weights[k], _at(turned1, pairs[k, 0])))
         finer = more - distance - 0.5 * radius * radius * reach - (radius * reach) ** 2 / (2.0 * distance)
         if finer > level:
             level, g = finer, _turned(turn, 9, _cross(point, n))

@@ -1,0 +1,137 @@
+"""Clearances along one translation: against closed forms of boxes, the collision library and the march of the ray."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ordinary import box, corners
+from strategies import generators, runs
+
+import fcdm_opt as fo
+from fcdm_opt.geometry.collision import ScaledPair
+from fcdm_opt.model.task import Task
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.stages.order import STAGES
+
+Box = tuple[np.ndarray, np.ndarray]
+
+
+def random_box(rng: np.random.Generator) -> Box:
+    low = rng.integers(-6, 6, 3).astype(float)
+    return low, low + rng.integers(1, 6, 3)
+
+
+def distance(one: Box, two: Box) -> float:
+    """Of two boxes; 0 where they meet."""
+    return math.hypot(*np.maximum(0.0, np.maximum(two[0] - one[1], one[0] - two[1])).tolist())
+
+
+def least_clear(moving: Box, others: list[tuple[Box, float]], axis: int, limits: tuple[float, float]) -> float | None:
+    """The least shift of all that end at a clearance of some box, or at a limit, or do not move."""
+    unit = np.eye(3)[axis]
+    places = {0.0, *limits}
+    for (low, high), clearance in others:
+        flat = [np.where(unit > 0, 0.0, end) for end in (moving[0], moving[1], low, high)]
+        aside = distance((flat[0], flat[1]), (flat[2], flat[3]))  # in the other two axes
+        ahead = math.sqrt(max(clearance**2 - aside**2, 0.0))
+        places |= {(low - moving[1])[axis] - ahead, (high - moving[0])[axis] + ahead}
+    for t in sorted(places, key=abs):
+        moved = moving[0] + t * unit, moving[1] + t * unit
+        overlaps = any((moved[0] < high - 1e-9).all() and (moved[1] > low + 1e-9).all() for (low, high), _ in others)
+        near = any(distance(moved, other) < clearance - 1e-9 for other, clearance in others)
+        if limits[0] <= t <= limits[1] and not overlaps and not near:
+            return t
+    return None
+
+
+@runs(100)
+@given(generators, st.sampled_from("xyz"), st.sampled_from([0.5, 1.0, math.sqrt(2.0), 5.0]), st.booleans())
+def test_the_least_shift_of_boxes_that_keeps_clearances_is_found(rng, axis, clearance, limited):
+    """Whole numbers: boxes slide by flush, or at just their clearance, faces, edges and corners ahead of each other."""
+    moving, fixed = random_box(rng), [random_box(rng) for _ in range(int(rng.integers(1, 4)))]
+    kept = [(random_box(rng), float(rng.choice([0.0, 1.0, 2.5]))) for _ in range(int(rng.integers(0, 3)))]
+    limits = (-4.0, 3.0) if limited else (-99.0, 99.0)
+    least = least_clear(moving, [*((own, clearance) for own in fixed), *kept], "xyz".index(axis), limits)
+    solution = fo.solve(
+        fo.Problem(
+            fo.Body.convex(corners(*moving), name="block"),
+            fo.Body.from_parts([corners(*own) for own in fixed], seed=(0, 0, 0), name="stop"),
+            target=(1.0, 1.0),
+            goal="clear",
+            clearance=clearance,
+            motion=fo.Translation(axis),
+            limits={f"T{axis.upper()}": limits},
+            keep_out=[fo.KeepOut(box(*own, f"post {k}"), clearance=need) for k, (own, need) in enumerate(kept)],
+        )
+    )
+    if least is None:
+        assert solution.status is Status.INFEASIBLE
+        return
+    assert solution.verified, solution.certificate
+    assert solution.amount == pytest.approx(abs(least), abs=1e-9)
+    assert solution.stage.startswith(("0:", "1:"))
+    assert solution.lower_bound == solution.amount
+
+
+def ellipsoids(rng: np.random.Generator, count: int) -> tuple[fo.Body, fo.Body]:
+    points = rng.normal(size=(2, count, 3))
+    one, two = points / np.linalg.norm(points, axis=2, keepdims=True) * rng.uniform(0.5, 1.5, (2, 1, 3))
+    return fo.Body.convex(one, name="one"), fo.Body.convex(two + rng.uniform(-0.4, 0.4, 3), name="two")
+
+
+def asked(one: fo.Body, two: fo.Body, clearance: float, axis: Any, **arguments: Any) -> fo.Problem:
+    given = {"target": (1.05, 0.97), "goal": "clear", "clearance": clearance, "motion": fo.Translation(axis)}
+    return fo.Problem(one, two, **given | arguments)
+
+
+@pytest.mark.parametrize("clearance", [1e-6, 0.05, 1.0])
+@pytest.mark.parametrize("count", [8, 60, 400])
+def test_hulls_are_too_near_up_to_the_least_shift_and_as_far_as_asked_there(count, clearance):
+    rng = np.random.default_rng([count, int(1e6 * clearance)])
+    for _ in range(3):
+        one, two = ellipsoids(rng, count)
+        axis = rng.normal(size=3)
+        solution = fo.solve(asked(one, two, clearance, axis))
+        assert solution.stage.startswith("1:")
+        assert solution.lower_bound == solution.amount > 0.0
+        shifts = np.append(np.linspace(-1.0, 1.0, 41)[1:-1], [1.0 - 1e-6, 1e-6 - 1.0, 1.0]) * solution.parameters["T"]
+        transforms = np.tile(np.eye(4), (len(shifts), 1, 1))
+        transforms[:, :3, 3] = shifts[:, None] * axis / np.linalg.norm(axis)
+        found = ScaledPair(one, two).signed_distances([(1.05, 0.97)] * len(shifts), transforms)
+        assert (found[:-1] < clearance).all()
+        assert found[-1] == pytest.approx(clearance, abs=1e-10)
+
+
+def test_a_common_motion_and_swapped_bodies_change_no_clearance():
+    rng = np.random.default_rng(7)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = turn * np.sign(np.linalg.det(turn)), (3.0, -40.0, 900.0)
+    for _ in range(5):
+        one, two = ellipsoids(rng, 30)
+        least = fo.solve(asked(one, two, 0.1, "z"))
+        moved = fo.solve(asked(one.moved(T), two.moved(T), 0.1, T[:3, 2]))
+        swapped = fo.solve(asked(two, one, 0.1, "z", target=(0.97, 1.05)))
+        assert moved.parameters["T"] == pytest.approx(least.parameters["TZ"], abs=1e-9)
+        assert swapped.parameters["TZ"] == pytest.approx(-least.parameters["TZ"], abs=1e-9)
+
+
+def test_unions_among_keep_outs_keep_clearances_as_the_march_finds_them():
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        movable, static = (
+            fo.Body.from_parts([rng.normal(size=(9, 3)) + 1.5 * rng.normal(size=3) for _ in range(4)], seed=(0, 0, 0))
+            for _ in range(2)
+        )
+        post = fo.KeepOut(fo.Body.convex(rng.normal([0, 0, 3], size=(9, 3)), name="post"), clearance=0.2)
+        task = Task.of(asked(movable, static, 0.1, "z", keep_out=[post]))
+        exact, marched = STAGES["straight"](task), STAGES["one parameter"](task)
+        assert exact is not None
+        assert marched is not None
+        assert exact.amount == pytest.approx(marched.amount, abs=1e-9)
+        assert exact.lower_bound == exact.amount >= marched.lower_bound - 1e-9
