@@ -17,7 +17,7 @@ from fcdm_opt.curve.contact import located
 from fcdm_opt.curve.joining import LEAST_SCALE, LIMITS, Visible, visible
 from fcdm_opt.curve.pruning import region_between, relevant_pairs
 from fcdm_opt.curve.region import Piece, Region, same_pair
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
@@ -163,16 +163,16 @@ class Union:
             if _foremost(self.movable, self.static, pose, piece.normal, (i, j)) == own:
                 continue  # the same corners, in another part
             region = region_between(self.movable, self.static, self.regions[0].transform, (i, j))
-            for other in region.pieces:
-                if _one_line(piece, other) and piece.travel @ other.travel > 0:
-                    shift = float((piece.base - other.base) @ other.travel)
-                    slack = DEFAULT.nominal * (float(np.abs(middle).sum()) + 1.0)
-                    lo, hi = (
-                        end if abs(s + shift - end) <= slack else s + shift
-                        for s, end in ((piece.lo, other.lo), (piece.hi, other.hi))
-                    )
-                    if other.lo <= lo < hi <= other.hi:
-                        found.append(_named(region, other.cut(lo, hi), piece.snug))
+            for number in np.flatnonzero(_on_line(region.table, piece)).tolist():
+                other = region.piece(number)
+                shift = float((piece.base - other.base) @ other.travel)
+                slack = DEFAULT.nominal * (float(np.abs(middle).sum()) + 1.0)
+                lo, hi = (
+                    end if abs(s + shift - end) <= slack else s + shift
+                    for s, end in ((piece.lo, other.lo), (piece.hi, other.hi))
+                )
+                if other.lo <= lo < hi <= other.hi:
+                    found.append(_named(region, other.cut(lo, hi), piece.snug))
         return found
 
 
@@ -275,6 +275,15 @@ def _joined(chain: list[Piece]) -> list[Run]:
 def _parallel(one: Piece, two: Piece) -> bool:
     cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
     return bool(cross <= DEFAULT.nominal)
+
+
+def _on_line(table: Array, piece: Piece) -> Flags:
+    """Tell which rows of a table of pieces lie on the line of a piece, in its sense."""
+    base, travel = table[:, :2], table[:, 2:4]
+    turned = np.abs(piece.travel[0] * travel[:, 1] - piece.travel[1] * travel[:, 0])
+    apart = np.abs(base - piece.base).sum(axis=1)
+    near = apart <= DEFAULT.nominal * max(np.abs(piece.base).sum(), LEAST_SCALE)
+    return near & (turned <= DEFAULT.nominal) & (travel @ piece.travel > 0.0)
 
 
 def _one_line(one: Piece, two: Piece) -> bool:

@@ -672,7 +672,8 @@ def _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n):
 def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, round_trip, sites, rows, points):
     """Walk one chain from the axis on which a face and a vertex touch: points[0] is filled by this function.
 
-    With `round_trip` the chain starts on the face and vertex somewhere off the axes, and must come back to them.
+    With `round_trip` the chain starts on the face and vertex somewhere off the axes, and must come back to them or run
+    to infinity.
 
     Forward (+1) is along (b, -a), with the overlap region on the left; -1 is backward. Fills `sites`, `rows` and
     `points`, whose last row is a direction where the chain runs to infinity. Return (state, segments, end).
@@ -717,7 +718,7 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
             return UNDECIDED, 0, FAR
         if real == 0:  # the contact never gets there: the chain ends before, on an axis or at infinity
             end = _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, two)
-            if end < 0 or round_trip:
+            if end < 0 or (round_trip and end != FAR):
                 return UNDECIDED, 0, FAR
             if end == FAR:
                 steep = np.sqrt(one * one + two * two)
@@ -743,7 +744,7 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
 def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points, chains):
     """Walk all chains that start on an axis; return (state, segments, chains). See `walk`.
 
-    Where kind0 >= 0, F1V2 or V1F2, the one closed chain that face0 is on instead.
+    Where kind0 >= 0, F1V2 or V1F2, the one chain that face0 is on instead: closed, or from infinity to infinity.
     """
     if not (reals1[ints1[0] + ints1[1], 1] > 0.0 and reals2[ints2[0] + ints2[1], 1] > 0.0):
         return UNDECIDED, 0, 0
@@ -756,8 +757,8 @@ def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points
         return UNDECIDED, 0, 0
     hit2, in2, out2 = 0, -1, -1
     low_joined = far1_joined = far2_joined = False  # ends on an axis that an earlier chain has reached
-    used, made = 0, 0
-    for start in range(5):
+    used, made, ahead = 0, 0, 0
+    for start in range(6):
         if kind0 < 0 and start == 1 and not (low_joined and reals1[ints1[0] + ints1[1], 2] > 0.0):
             # known already where the first chain ended on this axis and s_2 cannot enter part 1
             hit2, in2, out2 = _seed_ray(reals1, ints1, _entry(frame, D_OWN))
@@ -771,8 +772,10 @@ def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points
             wanted, kind, face, forward = in1 >= 0 and not far1_joined, V1F2, in1, -1.0
         elif start == 3:  # s_2 enters part 1
             wanted, kind, face, forward = in2 >= 0 and not far2_joined, F1V2, in2, 1.0
-        else:
+        elif start == 4:
             wanted, kind, face, forward = kind0 >= 0, kind0, face0, 1.0
+        else:  # where that has run to infinity, the other way
+            wanted, kind, face, forward = ahead > 0, kind0, face0, -1.0
         if not wanted:
             continue
         if kind == V1F2:
@@ -784,14 +787,22 @@ def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points
         if not sure:
             return UNDECIDED, 0, 0
         state, count, end = _walk_chain(
-            reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, start == 4,
-            sites[used:], rows[used:], points[used + made :],
+            reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, start >= 4,
+            sites[used + ahead :], rows[used + ahead :], points[used + made + ahead + (1 if ahead else 0) :],
         )  # fmt: skip
         if state != WALKED:
             return state, 0, 0
+        if start == 4 and end == FAR:
+            ahead = count
+            continue
+        if start == 5:
+            _join_ways(sites[used:], rows[used:], points[used + made :], ahead, count)
+            forward, count = 1.0, ahead + count - 1
         if end == CLOSED:
             _start_lowest(sites[used:], rows[used:], points[used + made :], count)
         chains[made, 0], chains[made, 1], chains[made, 2], chains[made, 3] = used, count, int(forward), end == FAR
+        if start == 5:
+            chains[made, 3] = 3
         low_joined = low_joined or (start == 0 and end == AXIS_2)
         far1_joined = far1_joined or (start == 0 and end == AXIS_1)
         far2_joined = far2_joined or (start > 0 and end == AXIS_2)
@@ -801,6 +812,36 @@ def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points
         n = _times(1.0 / _length(_entry(frame, D)), _entry(frame, D))
         return (EMPTY if _excluded(reals1, ints1, reals2, ints2, frame, n) else ADRIFT), 0, 0
     return WALKED, used, made
+
+
+@step
+def _join_ways(sites, rows, points, ahead, back):
+    """Join the two ways from one segment to infinity, the second backward and stored behind the first."""
+    last = ahead + back - 1
+    for m in range(last, ahead, -1):  # what is met before a segment backward is met after it
+        for entry in range(3, 6):
+            sites[m, entry] = sites[m - 1, entry]
+    for m in range(ahead, last):  # both have the segment that they start on
+        for entry in range(6):
+            sites[m, entry], rows[m, entry] = sites[m + 1, entry], rows[m + 1, entry]
+    for m in range(last + 1):  # they start at no known point of it
+        skipped = 1 if m < ahead else 2
+        points[m, 0], points[m, 1] = points[m + skipped, 0], points[m + skipped, 1]
+    _reverse(rows, ahead)
+    _reverse(rows, last)
+    _reverse(sites, ahead)
+    _reverse(sites, last)
+    _reverse(points, ahead)
+    _reverse(points, last + 1)
+
+
+@step
+def _reverse(table, count):
+    """Reverse the order of the first rows."""
+    for m in range(count // 2):
+        for entry in range(table.shape[1]):
+            other = count - 1 - m
+            table[m, entry], table[other, entry] = table[other, entry], table[m, entry]
 
 
 @step
@@ -948,7 +989,7 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     Where no seed ray hits, the boundary is empty, a closed polygon (its last point is its first), or runs from infinity
     to infinity. State EMPTY: some direction separates the parts at every scale pair. UNDECIDED: a sign within its error
     bound, two features within `planarity`, a line or direction known to too few digits, or no such direction and no
-    closed polygon was found.
+    chain was found.
     """
     room, frame = 32, np.empty(FRAME)
     while True:
