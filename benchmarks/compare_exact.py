@@ -1,9 +1,11 @@
 """Compare the decision curve in floats with exact arithmetic on random pairs of convex parts with integer vertices.
 
-    python benchmarks/compare_exact.py SEED COUNT [--processes 2] [--oracle 0.01] [--json FILE]
+    python benchmarks/compare_exact.py SEED COUNT [--pairs aligned] [--processes 2] [--oracle 0.01] [--json FILE]
 
 Pair k is drawn from (SEED, k) alone, so that a disagreement can be drawn again. Reaches and kinds of seeds (inside, on
-a vertex, on a face, anywhere) take turns. Ends with 1 if anything disagrees.
+a vertex, on a face, anywhere) take turns; `aligned` ones are boxes, prisms and pyramids along the axes, and of
+`unions` of such the curve with all regions in floats is compared with that of regions in rational numbers. Ends with 1
+if anything disagrees.
 """
 
 from __future__ import annotations
@@ -29,16 +31,20 @@ sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from cases import Shape, exact
 from curve_checks import ODD_BOX, SEED_PAIRS
 from oracles import Vec, box_lines, clipped, dot, feature_label, plane_point, root
-from strategies import random_pair
+from strategies import aligned_pair, aligned_union, random_pair
 
+from fcdm_opt.curve import kernels, pruning
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.exact import exact_curve
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.region import Region
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.geometry.bodies import Body
 
 REACHES = (2, 3, 10, 1000)
 UNIT = 1e-13  # what is allowed, and the unit of all errors reported
+ALIGNED = 4  # reach of aligned parts
+CONDITION = 1e3  # of two lines that meet: what the ends of unions' segments may lose
 VERTICALS = 4  # values of rho_1 at which rho_2 is compared
 CHUNK = 50
 SHOWN = 20  # disagreements that are printed
@@ -265,15 +271,69 @@ def _compare_rho2(value: float, rho1: float, truth: Reference, tally: Tally, whe
         tally.error("rho2", float(abs(Fraction(value) - expected) / expected), 1.0, f"{where}: rho1 = {rho1!r}")
 
 
-def run(seed: int, numbers: range, oracle: float, generic: bool) -> Tally:
+def run_unions(seed: int, numbers: range, parts: int = 3) -> Tally:
+    """Draw some pairs of unions; compare the curves of regions in floats and in rationals."""
+    tally = Tally()
+    for k in numbers:
+        rng = np.random.default_rng([seed, k])
+        one, two = (aligned_union(rng, ALIGNED, int(rng.integers(2, parts, endpoint=True))) for _ in range(2))
+        bodies = one.body("one"), two.shifted(rng.integers(-9, 9, 3, endpoint=True).tolist()).body("two")
+        where = f"unions {k}"
+        try:
+            with tally.timed("float"):
+                curve = decision_curve(*bodies, box=ODD_BOX)
+                segments = curve.segments
+            with tally.timed("exact"), in_rationals():
+                truth = decision_curve(*bodies, box=ODD_BOX)
+                expected = truth.segments
+            tally.counts["pairs"] += 1
+            tally.counts["segments"] += len(expected)
+            tally.counts[f"status: {truth.status}"] += 1
+            for region in curve.regions:
+                tally.counts[f"path: {region.path}"] += 1
+            if curve.status != truth.status:
+                tally.disagree("status", f"{where}: {curve.status}, exactly {truth.status}")
+            labels = [[segment.feature.label for segment in side] for side in (segments, expected)]
+            if sorted(labels[0]) != sorted(labels[1]):
+                tally.disagree("features", f"{where}: {labels[0]}, exactly {labels[1]}")
+                continue
+            for own in segments:
+                ends = np.array([own.start, own.end])
+                near = [np.abs(ends - [other.start, other.end]).max() for other in expected if other.feature == own.feature]
+                tally.error("ends", float(min(near) / np.abs(ends).max()), CONDITION, where)
+        except Exception as reason:
+            tally.disagree("exception", f"{where}: {type(reason).__name__}: {reason}")
+    return tally
+
+
+@contextmanager
+def in_rationals() -> Iterator[None]:
+    """Settle all regions of part pairs in rational numbers."""
+    walked = pruning.pair_region
+    pruning._regions.cache_clear()
+    pruning.pair_region = lambda one, two, transform, parts=(0, 0): Region(  # type: ignore[assignment]
+        one, two, transform, parts, kernels.UNDECIDED, None
+    )
+    try:
+        yield
+    finally:
+        pruning.pair_region = walked
+        pruning._regions.cache_clear()
+
+
+def run(seed: int, numbers: range, oracle: float, pairs: str) -> Tally:
     """Draw and compare some pairs; a share of them with both references."""
+    if pairs == "unions":
+        return run_unions(seed, numbers)
     tally, step = Tally(), max(1, round(1 / oracle)) if oracle > 0 else sys.maxsize
     for k in numbers:
         rng = np.random.default_rng([seed, k])
         reach, seeds = REACHES[k % len(REACHES)], SEED_PAIRS[k // len(REACHES) % len(SEED_PAIRS)]
-        if generic:
+        if pairs == "generic":
             reach, seeds = REACHES[-1], SEED_PAIRS[0]
-        one, two = random_pair(rng, reach, seeds)
+        elif pairs == "aligned":
+            reach = ALIGNED
+        one, two = (aligned_pair if pairs == "aligned" else random_pair)(rng, reach, seeds)
         verticals = rng.uniform(*ODD_BOX[0], VERTICALS).tolist()
         where = f"pair {k} (reach {reach}, seeds {seeds[0]} and {seeds[1]})"
         bodies = one.body("one"), two.body("two")
@@ -323,12 +383,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("count", type=int)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--oracle", type=float, default=0.01, help="share of pairs also compared with tests/oracles.py")
-    parser.add_argument("--generic", action="store_true", help="large coordinates and seeds inside only: few ties")
+    parser.add_argument(
+        "--pairs",
+        choices=("random", "generic", "aligned", "unions"),
+        default="random",
+        help="random hulls; generic: large coordinates and seeds inside only; parts along the axes; unions of such",
+    )
     parser.add_argument("--json", type=Path, help="write all counts there")
     given = parser.parse_args(arguments)
     start = time.perf_counter()
     tally = Tally()
-    pieces = [(given.seed, chunk, given.oracle, given.generic) for chunk in chunks(given.count, CHUNK)]
+    pieces = [(given.seed, chunk, given.oracle, given.pairs) for chunk in chunks(given.count, CHUNK)]
     for found in in_pieces(run, pieces, given.processes):
         tally.add(found)
     print(report(tally, given.seed, time.perf_counter() - start))

@@ -68,6 +68,62 @@ def random_pair(
     return one, two.shifted(offset)
 
 
+def aligned_points(rng: np.random.Generator, reach: int) -> list[Vec]:
+    """Integer corners of a box, a box with edges or a corner cut off, a prism or a pyramid, along the axes."""
+    low, high = -rng.integers(1, reach, 3, endpoint=True), rng.integers(1, reach, 3, endpoint=True)
+    cut = int(rng.integers(5))
+    if cut < 2:
+        rows = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    else:
+        flat = _outline(rng, low, high)
+        rows = [(x, y, low[2]) for x, y in flat]
+        rows += [(x, y, high[2]) for x, y in flat] if cut < 4 else [(0, 0, high[2])]
+    order, signs = rng.permutation(3), rng.choice([-1, 1], 3)
+    turned = [tuple(int(signs[k] * row[order[k]]) for k in range(3)) for row in rows]
+    return list(dict.fromkeys(turned))
+
+
+def _outline(rng: np.random.Generator, low: Any, high: Any) -> list[tuple[int, int]]:
+    """Corners of a rectangle with some of its corners cut off, by as much each way or not."""
+    found = []
+    for u, v in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])):
+        p, q = (int(rng.integers(1, abs(end), endpoint=True)) for end in (u, v))
+        if rng.random() < 0.5:
+            found += [(int(u - np.sign(u) * p), int(v)), (int(u), int(v - np.sign(v) * q))]
+        else:
+            found.append((int(u), int(v)))
+    return list(dict.fromkeys(found))
+
+
+def aligned_pair(rng: np.random.Generator, reach: int, seeds: tuple[str, str]) -> tuple[Shape, Shape]:
+    """Two parts as they are drawn: along the axes, moved by whole numbers, seeds where `random_shape` has them."""
+    made = []
+    for seed in seeds:
+        rows = aligned_points(rng, reach)
+        ends = np.array([np.min(rows, axis=0), np.max(rows, axis=0)])
+        middle = [Fraction(int(x), 2) for x in ends.sum(axis=0)]
+        if seed == "inside":
+            point = middle if rng.random() < 0.5 else [Fraction(int(x), 4) for x in ends.sum(axis=0)]
+        elif seed == "vertex":
+            point = rows[int(rng.integers(len(rows)))]
+        elif seed == "face":
+            axis = int(rng.integers(3))
+            point = [Fraction(int(ends[1, k])) if k == axis else middle[k] for k in range(3)]
+        else:
+            point = rng.integers(-2 * reach, 2 * reach, 3, endpoint=True).tolist()
+        made.append(shape(rows, point))
+    return made[0], made[1].shifted(rng.integers(-3 * reach, 3 * reach, 3, endpoint=True).tolist())
+
+
+def aligned_union(rng: np.random.Generator, reach: int, parts: int) -> Shape:
+    """Union of aligned parts with one seed, near the first; parts may overlap, touch or lie apart."""
+    own = []
+    for _ in range(parts):
+        rows = aligned_points(rng, reach)
+        own.append(shape(rows, rows[0]).shifted(rng.integers(-reach, reach, 3, endpoint=True).tolist()))
+    return union(*own, seed=[Fraction(int(x), 2) for x in rng.integers(-2, 2, 3, endpoint=True)])
+
+
 def random_union(rng: np.random.Generator, reach: int, parts: int) -> Shape:
     """Union of convex shapes with one seed, near the first; parts may overlap, touch or lie apart."""
     shifts = rng.integers(-reach, reach, (parts, 3), endpoint=True).tolist()

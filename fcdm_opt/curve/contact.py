@@ -10,6 +10,7 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.touching import touching_vertices
 from fcdm_opt.geometry.arrays import Array, crossed
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
@@ -172,34 +173,8 @@ def contact_at(
     slack : float
         Heights and places this near, relative to the sizes, are the same.
     """
-    tops = _top(one, normal @ pose[:9].reshape(3, 3), slack), _top(two, -normal, slack)
-    supporting = contact_between(one, two, pose, *tops)
-    if len(supporting.one) == len(supporting.two) == 1:
-        return supporting
-    elements = placed_elements(one, two, pose, supporting, rho)
-    points = _shared(*elements, supporting.parallel)
-    near = slack * (np.linalg.norm(pose[9:]) + rho[0] * one.reach + rho[1] * two.reach)
-    own = [
-        [vertices[k] for k in _holding(corners, points, near)]
-        for vertices, corners in zip((supporting.one, supporting.two), elements, strict=True)
-    ]
-    return contact_between(one, two, pose, *own)
-
-
-def _holding(corners: Array, points: Array, near: float) -> list[int]:
-    """Return which corners span the vertex, the side, or the whole of an element that holds some of its points."""
-    count = len(corners)
-    away = np.linalg.norm(points - corners[:, None], axis=2).max(axis=1)
-    if away.min() <= near:
-        return [int(away.argmin())]
-    if count > 2:
-        ways = np.roll(corners, -1, axis=0) - corners
-        ways /= np.linalg.norm(ways, axis=1)[:, None]
-        off = np.linalg.norm(np.cross(points - corners[:, None], ways[:, None]), axis=2).max(axis=1)
-        if off.min() <= near:
-            k = int(off.argmin())
-            return [k, (k + 1) % count]
-    return list(range(count))
+    own = touching_vertices(*one.packed, *two.packed, pose, rho, normal, slack)
+    return contact_between(one, two, pose, *(vertices.tolist() for vertices in own))
 
 
 class Meeting(NamedTuple):
@@ -305,18 +280,14 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     (k, 3) array
         Relative to the seed of body 2, world axes.
     """
-    return _distinct(_shared(*placed_elements(one, two, pose, contact, rho), contact.parallel))
-
-
-def _shared(X: Array, Y: Array, parallel: bool) -> Array:
-    """Return the corners of what two touching elements share, perhaps more than once."""
+    X, Y = placed_elements(one, two, pose, contact, rho)
     if len(X) == 1 or len(Y) == 1:
         return X if len(X) == 1 else Y
     if len(Y) > 2:
         shared = _inside(X, Y[::-1])  # seen from body 1 a face of body 2 runs clockwise
     elif len(X) > 2:
         shared = _inside(Y, X)
-    elif parallel:
+    elif contact.parallel:
         along = (X[1] - X[0]) / np.linalg.norm(X[1] - X[0])
         ends = np.sort(np.array([(X - X[0]) @ along, (Y - X[0]) @ along]), axis=1)
         span = np.array([ends[:, 0].max(), ends[:, 1].min()])
@@ -325,7 +296,7 @@ def _shared(X: Array, Y: Array, parallel: bool) -> Array:
         shared = X[:0]
     if not len(shared):  # a common point, or the middle between them
         shared = np.mean(_nearest_points(X, Y), axis=0, keepdims=True)
-    return shared
+    return _distinct(shared)
 
 
 def _inside(shape: Array, polygon: Array) -> Array:

@@ -1,0 +1,128 @@
+"""Which elements of two touching parts touch, compiled: supports along a direction, and within these again.
+
+Parts that touch along a direction share what their supports share in its plane. Where a line of that plane keeps the
+supports apart, they share what lies on it; where a point of the line does, that point.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcdm_opt.compiling import kernel, light, step
+from fcdm_opt.curve.kernels import _at, _cross, _dot, _entry, _length, _minus, _side, _times, _turned, _turned_back
+
+
+@light
+@kernel
+def touching_vertices(reals1, ints1, reals2, ints2, pose, rho, normal, slack):
+    """Return the vertices of the smallest elements of either part that hold all that two touching parts share.
+
+    Parts in packed arrays, see `kernels`; scale pair rho at which they touch; unit normal from 1 to 2. Heights and
+    places that differ by less than `slack`, relative to the sizes, are the same.
+    """
+    n, d = _entry(normal, 0), _entry(pose, 9)
+    own1 = support(reals1, ints1, _turned_back(pose, 0, n), slack)
+    own2 = support(reals2, ints2, _times(-1.0, n), slack)
+    X, Y = np.empty((len(own1), 3)), np.empty((len(own2), 3))
+    for k in range(len(own1)):
+        X[k, 0], X[k, 1], X[k, 2] = _minus(_times(rho[0], _turned(pose, 0, _at(reals1, own1[k]))), d)
+    for k in range(len(own2)):
+        Y[k, 0], Y[k, 1], Y[k, 2] = _times(rho[1], _at(reals2, own2[k]))
+    near = slack * (_length(d) + rho[0] * reals1[ints1[0] + ints1[1], 0] + rho[1] * reals2[ints2[0] + ints2[1], 0])
+    while True:
+        # the way from 1 to 2 along which what is left of them is farthest apart, if some of it is left behind
+        widest, u, most, least = -near, n, 0.0, 0.0
+        for side in range(2):
+            corners = X if side == 0 else Y
+            count = len(corners)
+            for k in range(count if count > 2 else 4 if count == 2 else 0):
+                way = _minus(_at(corners, (k + 1) % count), _at(corners, k % count))
+                # both run round so that this points from 1 to 2; across and along a segment either way is tried
+                w = _cross(way, n) if count > 2 or k < 2 else way
+                w = _times(1.0 / _length(w), w)
+                highest, lowest = _highest(X, w), -_highest(Y, _times(-1.0, w))
+                if lowest - highest >= widest and (
+                    _count(X, w, highest - near) < len(X) or _count(Y, _times(-1.0, w), -lowest - near) < len(Y)
+                ):
+                    widest, u, most, least = lowest - highest, w, highest, lowest
+        if u == n:
+            return own1, own2
+        own1, X = _kept(own1, X, u, most - near)
+        own2, Y = _kept(own2, Y, _times(-1.0, u), -least - near)
+
+
+@kernel
+def support(reals, ints, n, slack):
+    """Return the vertices of a part's vertex, edge or face whose heights along n are within a slack of the largest.
+
+    A face's in their order around it; where these are on several faces, those of the face with most of them.
+    """
+    heights, top = np.empty(ints[0]), -np.inf
+    for k in range(ints[0]):
+        heights[k] = _dot(n, _at(reals, k))
+        top = max(top, heights[k])
+    least, some, count = top - slack * reals[ints[0] + ints[1], 0], 0, 0
+    for k in range(ints[0]):
+        if heights[k] >= least:
+            some, count = k, count + 1
+    if count < 3:
+        found = np.empty(count, np.int64)
+        count = 0
+        for k in range(ints[0]):
+            if heights[k] >= least:
+                found[count] = k
+                count += 1
+        return found
+    best, face = 0, -1
+    first = h = ints[ints[4] + some]
+    while True:
+        around = _side(ints, h)[2]
+        g, held, size = h, 0, 0
+        while True:
+            held, size = held + int(heights[_side(ints, g)[0]] >= least), size + 1
+            g = _side(ints, g)[3]
+            if g == h:
+                break
+        if held > best:
+            best, face, count = held, around, size
+        h = _side(ints, h ^ 1)[3]
+        if h == first:
+            break
+    found = np.empty(count, np.int64)
+    h = ints[ints[5] + face]
+    for k in range(count):
+        found[k] = _side(ints, h)[0]
+        h = _side(ints, h)[3]
+    return found
+
+
+@step
+def _highest(corners, w):
+    """Return the largest height of some points along a direction."""
+    best = -np.inf
+    for k in range(len(corners)):
+        best = max(best, _dot(w, _at(corners, k)))
+    return best
+
+
+@step
+def _count(corners, w, least):
+    """Return how many points are no lower than that."""
+    count = 0
+    for k in range(len(corners)):
+        count += int(_dot(w, _at(corners, k)) >= least)
+    return count
+
+
+@kernel
+def _kept(own, corners, w, least):
+    """Return the vertices, and their places, that are no lower than that."""
+    count = _count(corners, w, least)
+    left, places, made = np.empty(count, np.int64), np.empty((count, 3)), 0
+    for k in range(len(corners)):
+        if _dot(w, _at(corners, k)) >= least:
+            left[made] = own[k]
+            for axis in range(3):
+                places[made, axis] = corners[k, axis]
+            made += 1
+    return left, places
