@@ -105,8 +105,9 @@ class Task:
         Zero for parameters that "seat" holds.
     goal : "beyond", "at", "seat", "touch" or "clear"
     nominal, target : (2,) arrays
+        The pair that a tracked contact leaves, the target itself where none is tracked; and the target pair.
     signs : (2,) array
-        Side of the target that "beyond" asks for.
+        Side of the target that "beyond" asks for; 0 where none is tracked.
     tracked : tuple of FeaturePoints
         The features of the nominal contact: two at a switching point, one inside a segment, none for "touch", "clear".
     pair : "any", "clear" or "touch"
@@ -177,9 +178,9 @@ class Task:
             weights,
             _held_limits(problem, seats),
             problem.goal,
-            problem.nominal_pair,
+            problem.nominal_pair if tracked else problem.target,
             problem.target,
-            problem.signs,
+            problem.signs if tracked else np.zeros(2),
             tracked,
             problem.pair,
             problem.clearance,
