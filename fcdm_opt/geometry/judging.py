@@ -20,7 +20,7 @@ from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
-TIE, PARALLEL = DEFAULT.tie, DEFAULT.line
+TIE, PARALLEL, SIDE = DEFAULT.tie, DEFAULT.line, DEFAULT.side
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
 
@@ -117,19 +117,26 @@ def placed(points: Array, frames: Array, moving: bool) -> Array:
     return frames[:, None, OFFSET:TURN] + frames[:, 0, None, None] * (points @ _turns(frames).mT)
 
 
-@np.errstate(all="ignore")
-def believed(one: Solid, two: Solid, frames: Array, values: Array, firsts: Array, seconds: Array) -> Flags:
-    """Tell which signed distances can be: near touch their witnesses must lie in the parts and be that far apart."""
-    size = np.abs(values)
-    found = size <= np.abs(frames[:, OFFSET:TURN]).sum(axis=1) + ROOM
-    near = np.flatnonzero(found & (size <= DEFAULT.side))
-    if near.size:
-        frames, p, q = frames[near], firsts[near], seconds[near]
-        inward = ((p - frames[:, OFFSET:TURN])[:, None] @ _turns(frames))[:, 0]
-        out = (inward @ one.planes[:, :3].T - frames[:, :1] * one.planes[:, 3]).max(axis=1)
-        outside = (q @ two.planes[:, :3].T - frames[:, 1:2] * two.planes[:, 3]).max(axis=1)
-        error = np.maximum(np.maximum(out, outside), np.abs(_lengths(q - p) - size[near]))
-        found[near] = error <= DEFAULT.tie
+@light
+@kernel
+def believed(planes, faces, frames, values, firsts, seconds):
+    """Tell which signed distances can be, (k,): near touch their witnesses must lie in both parts and be that far apart.
+
+    Of nan nothing is believed.
+    """
+    found = np.zeros(len(frames), np.bool_)
+    for k in range(len(frames)):
+        frame, p, q, size = frames[k], firsts[k], seconds[k], abs(values[k])
+        offset = (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
+        found[k] = size <= abs(offset[0]) + abs(offset[1]) + abs(offset[2]) + ROOM
+        if found[k] and size <= SIDE:
+            apart, inward = _minus(q, p), _turned(frame[TURN:].reshape(3, 3).T, _minus(p, offset))
+            known = abs(np.sqrt(_dot(apart, apart)) - size) <= TIE
+            for m in range(len(planes)):
+                known = known and _dot(inward, planes[m]) - frame[0] * planes[m, 3] <= TIE
+            for m in range(len(faces)):
+                known = known and _dot(q, faces[m]) - frame[1] * faces[m, 3] <= TIE
+            found[k] = known
     return found
 
 
@@ -146,7 +153,6 @@ def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Arr
     return found
 
 
-@np.errstate(all="ignore")
 def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: Array) -> Array:
     """Return the least over the part pairs of the largest gap along any direction that can separate most, (k,), units.
 
@@ -155,8 +161,9 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
     than the least so far are passed over.
     """
     if len(ones) == len(twos) == 1 and len(ones[0].edges) * len(twos[0].edges) <= most:
-        return np.where(np.isnan(frames[:, UNIT]), np.nan, _widest(ones[0], twos[0], frames, True))
-    bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
+        return _widest(ones[0], twos[0], frames, True)
+    with np.errstate(all="ignore"):
+        bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
     least, unknown = np.full(len(frames), np.inf), np.full(len(frames), np.inf)
     for pair in np.argsort(np.fmin.reduce(bounds, axis=0, initial=np.inf)).tolist():
         one, two = ones[pair // len(twos)], twos[pair % len(twos)]
@@ -194,6 +201,9 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
     room, rooms = ROUNDING * _reach(points), ROUNDING * _reach(others)
     for k in range(len(frames)):
         frame = frames[k]
+        if np.isnan(frame[UNIT]):
+            found[k] = np.nan
+            continue
         R, offset = frame[TURN:].reshape(3, 3), (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
         for m in range(len(points)):
             x[m, 0], x[m, 1], x[m, 2] = _plus(offset, frame[0], _turned(R, points[m]))

@@ -142,6 +142,7 @@ def straight(task: Task) -> Answer | None:
     slack, along = DEFAULT.line * task.size, _shifts(task)[0]
     met: dict[Parts, tuple[float, float]] = {}
     blocked: dict[Parts, tuple[float, float]] = {}
+    features: dict[Parts, int] = {}
     for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
         _, rows, separations = task.separations(parts, task.pose(task.rest))
         rates = rows[:, :3] @ along
@@ -150,7 +151,7 @@ def straight(task: Task) -> Answer | None:
         at = separations[~level] / closing
         low, high = at[closing > 0].max(initial=-np.inf), at[closing < 0].min(initial=np.inf)
         if beside <= slack and low <= high + slack:
-            met[parts] = low, high
+            met[parts], features[parts] = (low, high), len(rows)
             if beside < -slack and low < high - slack:
                 blocked[parts] = low, high
     others = {parts for parts in met if task.opponents[parts[1]].keep_out >= 0}
@@ -172,7 +173,8 @@ def straight(task: Task) -> Answer | None:
     stop |= {parts for parts in others if np.abs(np.array(met[parts]) - least).min() <= slack}
     names = tuple(dict.fromkeys(task.named(parts) for parts in sorted(stop)))
     near = [parts for parts, (a, b) in met.items() if max(a, -b, 0.0) <= abs(least) + slack]
-    return task.answer(q, stage, np.inf, names or ON_THE_WAY, task.modelled_by_gaps(q, near))
+    counts = task.modelled(near, variables=1, constraints=len(near), features=sum(features[parts] for parts in near))
+    return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
 
 
 # ------------------------------------------------------------------------------------------------- several translations
@@ -315,7 +317,8 @@ def _lines(task: Task, parts: Parts, shifts: Array) -> Rows:
 
 def _shifts(task: Task) -> Array:
     """Return what each parameter shifts, (k, 3)."""
-    return np.array([(task.transform(step) - task.transform(task.rest))[:3, 3] for step in np.eye(len(task.weights))])
+    rest = task.transform(task.rest)
+    return np.array([(task.transform(step) - rest)[:3, 3] for step in np.eye(len(task.weights))])
 
 
 def _least(
