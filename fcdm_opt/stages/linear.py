@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from fcdm_opt.curve.kernels import E1E2
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.motions import Screw
@@ -311,8 +311,15 @@ def _lines(task: Task, parts: Parts, shifts: Array) -> Rows:
     _, rows, separations = task.separations(parts, task.pose(task.rest))
     lines = np.column_stack([rows[:, :3] @ shifts.T / task.weights, separations / task.size])
     if task.part_pairs > 1:
-        lines = lines[np.unique(np.round(lines / DEFAULT.tie), axis=0, return_index=True)[1]]
+        lines = lines[_distinct(np.round(lines / DEFAULT.tie))]
     return Rows(lines[:, :-1], lines[:, -1])
+
+
+def _distinct(rows: Array) -> Ints:
+    """Return which rows differ, the first of each, in the order of their entries: as numpy's unique, much sooner."""
+    order = np.lexsort(rows.T[::-1])
+    sorted_ = rows[order]
+    return order[np.append(True, (sorted_[1:] != sorted_[:-1]).any(axis=1))]
 
 
 def _shifts(task: Task) -> Array:
