@@ -10,17 +10,19 @@ rho_1, rho_2, the unit's length, o, and R row by row. All of it is nan where sca
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.compiling import kernel, light, step
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
 TIE, PARALLEL, SIDE = DEFAULT.tie, DEFAULT.line, DEFAULT.side
+NEXT, LAST = [1, 2, 0], [2, 0, 1]  # axes after each axis, of a cross product
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
 
@@ -74,14 +76,14 @@ class Solid(NamedTuple):
 def _planes(points: Array, loops: Sequence[tuple[int, ...]]) -> Array:
     """Return (unit normal, level, doubt) of each face, (f, 5), from the fan of triangles about its first corner."""
     sizes = np.array([len(loop) for loop in loops])
-    corners = np.concatenate([np.array(loop) for loop in loops])
+    corners = np.array(list(chain.from_iterable(loops)))
     starts = np.cumsum(sizes) - sizes
     first, inner = np.repeat(starts, sizes - 2), np.ones(len(corners), bool)
     inner[starts], inner[starts + sizes - 1] = False, False
     second = np.flatnonzero(inner)
     u, v = points[corners[second]] - points[corners[first]], points[corners[second + 1]] - points[corners[first]]
     fans = np.cumsum(sizes - 2) - (sizes - 2)
-    n = np.add.reduceat(np.cross(u, v), fans)
+    n = np.add.reduceat(u[:, NEXT] * v[:, LAST] - u[:, LAST] * v[:, NEXT], fans)
     around, length = np.add.reduceat(_lengths(u) + _lengths(v), fans), _lengths(n)
     n /= length[:, None]
     doubt = ROUNDING * _lengths(points).max() * around / length
@@ -120,9 +122,9 @@ def placed(points: Array, frames: Array, moving: bool) -> Array:
 @light
 @kernel
 def believed(planes, faces, frames, values, firsts, seconds):
-    """Tell which signed distances can be, (k,): near touch their witnesses must lie in both parts and be that far apart.
+    """Tell which signed distances can be, (k,): near touch their witnesses must lie in the parts and be that far apart.
 
-    Of nan nothing is believed.
+    `planes` and `faces` are those of the two parts; nan is not believed.
     """
     found = np.zeros(len(frames), np.bool_)
     for k in range(len(frames)):

@@ -481,16 +481,16 @@ class _Judge:
         filled = _swept(keep_out) if low < high else body  # what the body fills at all its scales
         whole, pairs = scaled_pair(movable, filled), np.array([[own, 1.0 if low < high else low]])
         here = self.transform[None]
-        bound, gaps = whole.lower_bounds(pairs, here), self._asked(whole, pairs, here)
+        bound, gaps = whole.lower_bounds(pairs, here), self._asked(whole, pairs, here).tolist()
         if not (bound[0] >= keep_out.clearance and gaps[0] >= bound[0] - self.limit):  # explicit vertices do not agree
             gaps = self._gaps(pairs, whole)
             if low < high:
                 scales = np.linspace(low, high, self.tolerances.scale_points)
                 each = np.column_stack([np.full(len(scales), own), scales])
-                gaps = np.append(gaps, self._gaps(each, scaled_pair(movable, body)))
+                gaps += self._gaps(each, scaled_pair(movable, body))
         limit = max(self.limit, self.tolerances.tie * body.size)
         note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
-        return _at_least(kept_clear(keep_out.name), float(np.min(gaps)), keep_out.clearance - limit, note)
+        return _at_least(kept_clear(keep_out.name), min(gaps), keep_out.clearance - limit, note)
 
     # ------------------------------------------------------------------------------------------------------- parts
 
