@@ -299,7 +299,8 @@ def run_unions(seed: int, numbers: range, parts: int = 3) -> Tally:
                 continue
             for own in segments:
                 ends = np.array([own.start, own.end])
-                near = [np.abs(ends - [other.start, other.end]).max() for other in expected if other.feature == own.feature]
+                same = [other for other in expected if other.feature == own.feature]
+                near = [np.abs(ends - [other.start, other.end]).max() for other in same]
                 tally.error("ends", float(min(near) / np.abs(ends).max()), CONDITION, where)
         except Exception as reason:
             tally.disagree("exception", f"{where}: {type(reason).__name__}: {reason}")

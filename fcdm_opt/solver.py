@@ -106,7 +106,7 @@ def _solved(problem: Problem, how: _How) -> Solution:
     answer, evidence = _proved(task, answer, how)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     known = problem.amount == "weighted"  # the checker knows no other amount
-    solution = replace(reported(problem, task, answer), evidence=evidence if known else None)
+    solution = reported(problem, task, answer, evidence if known else None)
     watch.lap("prove")
     certificate = verify(solution)
     watch.lap("verify")
@@ -136,7 +136,8 @@ def _proved(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | N
 def _least_of(solutions: list[Solution]) -> Solution:
     """Return the least of the solutions that track two of several features each; its problem names them."""
     best = min(solutions, key=lambda solution: (not solution.usable, not solution.status.found, solution.amount))
-    return replace(best, lower_bound=min(solution.lower_bound for solution in solutions))
+    bound = min(solution.lower_bound for solution in solutions)
+    return best if bound == best.lower_bound else replace(best, lower_bound=bound)
 
 
 def _check(problem: Problem, how: _How) -> None:

@@ -240,7 +240,7 @@ def test_a_clearance_is_named_where_the_keep_out_itself_leaves_room():
 
 def test_where_answers_near_the_least_relaxation_tell_nothing_few_are_asked_for(monkeypatch: pytest.MonkeyPatch):
     a, b = box((-9, -1, -1), (-1.1, 1, 1), "A"), box((1.3, -1, -1), (9, 1, 1), "B")  # as above
-    asked = clear(KeepOut(a, clearance=0.5), b, limits={"TX": (-3, 3)})
+    asked = clear(KeepOut(a, clearance=0.57), b, limits={"TX": (-3, 3)})
     unsure = []
 
     def solved(problem: Problem, **arguments: Any) -> Any:
@@ -256,7 +256,7 @@ def test_where_answers_near_the_least_relaxation_tell_nothing_few_are_asked_for(
     search.alone(search.names)
     least = search.least_relaxation(own)
     assert 2 <= len(unsure) <= 5
-    assert least.failing < 0.1 <= least.by * (1 + 1e-8)
+    assert least.failing < 0.17 <= least.by * (1 + 1e-8)
     assert 1e-7 < least.by - least.failing < 1e-3
     assert f"to within {(least.by - least.failing) / least.by:.1g} of it" in least.note
 

@@ -984,7 +984,8 @@ def walk(reals1, ints1, reals2, ints2, transform, seed1, seed2, planarity):
     chains): sites (k, 6) = kind, i, j, then the contact at the corner after it, as walked: F1V2 where edge i of part 1
     meets vertex j of part 2, V1F2 where edge i of part 2 meets vertex j of part 1, -1 where there is no corner;
     chains (k, 4) = first segment, segments, direction (+1 walked with the overlap region on the left, -1 on the
-    right), 1 where it runs to infinity, and 2 more where it comes from there; chain c has points from its first segment + c on, one more than segments.
+    right), 1 where it runs to infinity, and 2 more where it comes from there; chain c has points from its first
+    segment + c on, one more than segments.
 
     Where no seed ray hits, the boundary is empty, a closed polygon (its last point is its first), or runs from infinity
     to infinity. State EMPTY: some direction separates the parts at every scale pair. UNDECIDED: a sign within its error
@@ -1041,7 +1042,7 @@ _ASIDE = np.array(
 )  # turns, and moves relative to the offset, that nothing that is drawn is aligned with
 _WITHIN = 1e-2  # relative to scales: how far within a boundary it is looked for overlap
 _INWARD = 1e-8  # of the way to a part's middle: how far a seed is moved that is not inside
-_SURE = 1e-9  # of the sizes: overlap by this much is no rounding, and scales that differ by more are far from each other
+_SURE = 1e-9  # of the sizes: overlap by this much is no rounding, scales that differ by more are far from each other
 _TIE, _NEARLY = 1e-14, 1e-10  # heights that differ by less, of the radius, are the same; by less than this, nearly so
 _THIN = 1e-13  # stretches shorter than this, relative to their scales, are points; lines turned by less are one
 
@@ -1082,8 +1083,9 @@ def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, poin
         while state == WALKED and chain < made:
             first, count = chains[chain, 0], chains[chain, 1]
             kept, chains[chain, 3] = _brought_back(
-                reals1, ints1, reals2, ints2, frame, 1.0 * chains[chain, 2], chains[chain, 3], sites[first : first + count],
-                rows[first : first + count], points[first + chain : first + chain + count + 1], witness,
+                reals1, ints1, reals2, ints2, frame, 1.0 * chains[chain, 2], chains[chain, 3],
+                sites[first : first + count], rows[first : first + count],
+                points[first + chain : first + chain + count + 1], witness,
             )  # fmt: skip
             for k in range(kept + 1 if total < first else 0):  # up to where the chain before it ends now
                 points[total + chain + k, 0] = points[first + chain + k, 0]
@@ -1095,7 +1097,9 @@ def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, poin
             chain += 1
             if kept == 0:
                 state = UNDECIDED
-        if state == WALKED and (inside1 or inside2 or _overlap_within(reals1, ints1, reals2, ints2, frame, rows[:total], witness)):
+        if state != WALKED:
+            continue
+        if inside1 or inside2 or _overlap_within(reals1, ints1, reals2, ints2, frame, rows[:total], witness):
             return TIED, total, made
     return UNDECIDED, 0, 0
 
@@ -1172,16 +1176,18 @@ def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, 
             turned, x, y = _meeting(rows[kept[made - 1]], rows[k], forward)
             if turned < 0:
                 return 0, endless
-            if turned == 0 or (closed and made == 1 and turned == 1):
+            if turned == 0 or turned == 3 or (closed and made == 1 and turned == 1):
                 break
             if turned == 1 and made > 1 and _goes_on(rows[kept[made - 1]], forward, starts[made - 1], x, y):
                 break
             if turned == 1 and made == 1 and min(x, y) > -_SURE * max(x, y):
                 break
             turned, made = 1, made - 1  # it is passed in a point, if at all
-        if extreme > 0 and turned > 0:
+        if extreme > 0 and turned == 1:
             kept[made], starts[made, 0], starts[made, 1] = k, x, y
             made += 1
+        elif extreme > 0 and turned == 0 and _tells_more(sites, points, k, kept[made - 1]):
+            kept[made - 1] = k
     if closed:
         while made - low >= 3:
             last, first = kept[made - 1], kept[low]
@@ -1189,11 +1195,17 @@ def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, 
             if turned < 0:
                 return 0, endless
             if turned == 0:  # the chain began within it
+                if _tells_more(sites, points, last, first):
+                    kept[low] = last
                 made -= 1
                 starts[low, 0], starts[low, 1] = starts[made, 0], starts[made, 1]
                 break
             starts[low, 0], starts[low, 1] = x, y
-            if not _goes_on(rows[last], forward, starts[made - 1], x, y):
+            if turned == 2:
+                made -= 1
+            elif turned == 3:
+                low += 1
+            elif not _goes_on(rows[last], forward, starts[made - 1], x, y):
                 made -= 1
             elif not _goes_on(rows[first], forward, starts[low], starts[low + 1, 0], starts[low + 1, 1]):
                 low += 1
@@ -1244,6 +1256,15 @@ def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, 
     if closed:
         _start_lowest(sites, rows, points, made - low)
     return made - low, far[1] + 2 * far[0]
+
+
+@step
+def _tells_more(sites, points, one, two):
+    """Tell which of two pieces of a line it is named by: one on a face, else the longer one beside."""
+    if (sites[one, 0] == E1E2) != (sites[two, 0] == E1E2):
+        return sites[two, 0] == E1E2
+    first = abs(points[one + 1, 0] - points[one, 0]) + abs(points[one + 1, 1] - points[one, 1])
+    return first > abs(points[two + 1, 0] - points[two, 0]) + abs(points[two + 1, 1] - points[two, 1])
 
 
 @step
@@ -1338,7 +1359,7 @@ def _extreme_at(reals, ints, vertex, n):
 def _meeting(before, after, forward):
     """Return (1, x, y): where two lines meet that follow each other.
 
-    0 where they are one or the first leaves less, 2 where the second does, -1 where they are turned the wrong way.
+    0 where they are one, 2 where the second leaves less, 3 where the first does, -1 where they turn the wrong way.
     """
     a, b, c = before[3], before[4], before[5]
     p, q, r = after[3], after[4], after[5]
@@ -1349,7 +1370,9 @@ def _meeting(before, after, forward):
     if not (turned > -_THIN and a * p + b * q > 0.0):
         return -1, 0.0, 0.0
     c, r = c / first, r / second
-    return (2 if r - c > _THIN * (np.abs(c) + np.abs(r)) else 0), 0.0, 0.0
+    if np.abs(r - c) <= _THIN * (np.abs(c) + np.abs(r)):
+        return 0, 0.0, 0.0
+    return (2 if r > c else 3), 0.0, 0.0
 
 
 @step
@@ -1463,15 +1486,16 @@ def _overlap_within(reals1, ints1, reals2, ints2, frame, rows, witness):
     d = _times(witness[2], _entry(frame, D))
     least = _SURE * (x * frame[RADIUS_1] + y * frame[RADIUS_2] + _length(d))
     if (
-        _depth(reals1, ints1, x, _turned_back(frame, R, p)) > least
-        and _depth(reals2, ints2, y, _minus(p, d)) > least
+        _depth(reals1, ints1, x, _turned_back(frame, R, p)) > least and _depth(reals2, ints2, y, _minus(p, d)) > least
     ):  # a mean of points that they share is inside both
         return True
     rho = np.array([x, y]) / witness[2]
     size = rho.max()
     for k in range(len(rows)):
         rho += _WITHIN * size / len(rows) * rows[k, 3:5] / np.sqrt((rows[k, 3:5] ** 2).sum())
-    return rho.min() > 0.0 and -least_separation(reals1, ints1, reals2, ints2, frame[:12].copy(), rho) > least / witness[2]
+    if rho.min() <= 0.0:
+        return False
+    return -least_separation(reals1, ints1, reals2, ints2, frame[:12].copy(), rho) > least / witness[2]
 
 
 @step
@@ -1672,7 +1696,8 @@ def _starts_before(points, chains, one, two):
 def _first_pair(points, chains, chain):
     """Return the first scale pair of a chain, walked with the overlap region on the left; it may be at infinity."""
     first, count, endless = chains[chain, 0] + chain, chains[chain, 1], chains[chain, 3]
-    k, beside, far = (first, first + 1, endless & 2) if chains[chain, 2] > 0 else (first + count, first + count - 1, endless & 1)
+    last = first + count
+    k, beside, far = (first, first + 1, endless & 2) if chains[chain, 2] > 0 else (last, last - 1, endless & 1)
     x, y = points[k, 0], points[k, 1]
     if far > 0:
         x, y = (points[beside, 0] if x == 0.0 else np.inf), (points[beside, 1] if y == 0.0 else np.inf)

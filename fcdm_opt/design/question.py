@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
@@ -169,11 +170,11 @@ class SceneTables:
     tables : dict of str to BodyTable
         By their places: bodies.movable, bodies.static, keep_out[1] and on.
     latest : list
-        The last problem asked about it, which holds on to the curve; or empty.
+        The curve of the last problem asked about it, which the next one finds as long as it is kept; or empty.
     """
 
     tables: Mapping[str, BodyTable]
-    latest: list[Problem] = field(default_factory=list, init=False, repr=False)
+    latest: list[DecisionCurve] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> SceneTables:
@@ -339,7 +340,7 @@ class Question:
         """
         scene = self.scene.drawn
         problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
-        scene.latest[:] = [problem]
+        scene.latest[:] = [problem.curve]
         return problem
 
 

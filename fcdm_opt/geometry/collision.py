@@ -183,13 +183,16 @@ class ScaledPair:
         Asked as long as any can be less; nan stays.
         """
         first, second = self._hulls
-        if len(first) == len(second) == 1:
-            bounds = np.where(np.isnan(frames[:, :1]), np.nan, -np.inf)
+        known, alone = ~np.isnan(frames[:, 0]), len(first) == len(second) == 1
+        if alone and settled is None and known.all():
+            return self._asked(first[0], second[0], frames)
+        if alone:
+            bounds = np.where(known[:, None], -np.inf, np.nan)
         else:
             bounds = judging.nearness(*self._solids, frames).reshape(len(frames), -1)
         if settled is not None:
             bounds[settled.reshape(bounds.shape)] = np.nan
-        least = np.where(np.isnan(frames[:, 0]), np.nan, np.inf)
+        least = np.where(known, np.inf, np.nan)
         for pair in np.argsort(np.fmin.reduce(bounds, axis=0)).tolist():
             at = np.flatnonzero(bounds[:, pair] <= least)
             if at.size:
@@ -202,7 +205,7 @@ class ScaledPair:
         if one.shape is None or two.shape is None:
             return np.array([_explicit(one, two, _Frame.of(frame)) for frame in frames])
         found, believed = self._distances(one, two, frames, self._request)
-        for k in np.flatnonzero(~believed).tolist():
+        for k in () if believed.all() else np.flatnonzero(~believed).tolist():
             found[k] = np.nan
             if not np.isnan(frames[k, 0]):
                 again = self._settings()
@@ -224,7 +227,7 @@ class ScaledPair:
             result.clear()
             values[k] = ask(shape, here, other, here, request, result)
             witnesses[k], opposite[k] = result.getNearestPoint1(), result.getNearestPoint2()
-        return values, judging.believed(one.solid, two.solid, frames, values, witnesses, opposite)
+        return values, judging.believed(one.solid.planes, two.solid.planes, frames, values, witnesses, opposite)
 
     def exact_separation(self, rho: ArrayLike, transform: Array) -> float:
         """Return what `least_separations` does, in rational arithmetic on the numbers as given, rounded at the end.

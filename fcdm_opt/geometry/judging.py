@@ -10,17 +10,19 @@ rho_1, rho_2, the unit's length, o, and R row by row. All of it is nan where sca
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.compiling import kernel, light, step
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
-TIE, PARALLEL = DEFAULT.tie, DEFAULT.line
+TIE, PARALLEL, SIDE = DEFAULT.tie, DEFAULT.line, DEFAULT.side
+NEXT, LAST = [1, 2, 0], [2, 0, 1]  # axes after each axis, of a cross product
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
 
@@ -74,14 +76,14 @@ class Solid(NamedTuple):
 def _planes(points: Array, loops: Sequence[tuple[int, ...]]) -> Array:
     """Return (unit normal, level, doubt) of each face, (f, 5), from the fan of triangles about its first corner."""
     sizes = np.array([len(loop) for loop in loops])
-    corners = np.concatenate([np.array(loop) for loop in loops])
+    corners = np.array(list(chain.from_iterable(loops)))
     starts = np.cumsum(sizes) - sizes
     first, inner = np.repeat(starts, sizes - 2), np.ones(len(corners), bool)
     inner[starts], inner[starts + sizes - 1] = False, False
     second = np.flatnonzero(inner)
     u, v = points[corners[second]] - points[corners[first]], points[corners[second + 1]] - points[corners[first]]
     fans = np.cumsum(sizes - 2) - (sizes - 2)
-    n = np.add.reduceat(np.cross(u, v), fans)
+    n = np.add.reduceat(u[:, NEXT] * v[:, LAST] - u[:, LAST] * v[:, NEXT], fans)
     around, length = np.add.reduceat(_lengths(u) + _lengths(v), fans), _lengths(n)
     n /= length[:, None]
     doubt = ROUNDING * _lengths(points).max() * around / length
@@ -117,19 +119,26 @@ def placed(points: Array, frames: Array, moving: bool) -> Array:
     return frames[:, None, OFFSET:TURN] + frames[:, 0, None, None] * (points @ _turns(frames).mT)
 
 
-@np.errstate(all="ignore")
-def believed(one: Solid, two: Solid, frames: Array, values: Array, firsts: Array, seconds: Array) -> Flags:
-    """Tell which signed distances can be: near touch their witnesses must lie in the parts and be that far apart."""
-    size = np.abs(values)
-    found = size <= np.abs(frames[:, OFFSET:TURN]).sum(axis=1) + ROOM
-    near = np.flatnonzero(found & (size <= DEFAULT.side))
-    if near.size:
-        frames, p, q = frames[near], firsts[near], seconds[near]
-        inward = ((p - frames[:, OFFSET:TURN])[:, None] @ _turns(frames))[:, 0]
-        out = (inward @ one.planes[:, :3].T - frames[:, :1] * one.planes[:, 3]).max(axis=1)
-        outside = (q @ two.planes[:, :3].T - frames[:, 1:2] * two.planes[:, 3]).max(axis=1)
-        error = np.maximum(np.maximum(out, outside), np.abs(_lengths(q - p) - size[near]))
-        found[near] = error <= DEFAULT.tie
+@light
+@kernel
+def believed(planes, faces, frames, values, firsts, seconds):
+    """Tell which signed distances can be, (k,): near touch their witnesses must lie in the parts and be that far apart.
+
+    `planes` and `faces` are those of the two parts; nan is not believed.
+    """
+    found = np.zeros(len(frames), np.bool_)
+    for k in range(len(frames)):
+        frame, p, q, size = frames[k], firsts[k], seconds[k], abs(values[k])
+        offset = (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
+        found[k] = size <= abs(offset[0]) + abs(offset[1]) + abs(offset[2]) + ROOM
+        if found[k] and size <= SIDE:
+            apart, inward = _minus(q, p), _turned(frame[TURN:].reshape(3, 3).T, _minus(p, offset))
+            known = abs(np.sqrt(_dot(apart, apart)) - size) <= TIE
+            for m in range(len(planes)):
+                known = known and _dot(inward, planes[m]) - frame[0] * planes[m, 3] <= TIE
+            for m in range(len(faces)):
+                known = known and _dot(q, faces[m]) - frame[1] * faces[m, 3] <= TIE
+            found[k] = known
     return found
 
 
@@ -146,7 +155,6 @@ def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Arr
     return found
 
 
-@np.errstate(all="ignore")
 def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: Array) -> Array:
     """Return the least over the part pairs of the largest gap along any direction that can separate most, (k,), units.
 
@@ -155,8 +163,9 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
     than the least so far are passed over.
     """
     if len(ones) == len(twos) == 1 and len(ones[0].edges) * len(twos[0].edges) <= most:
-        return np.where(np.isnan(frames[:, UNIT]), np.nan, _widest(ones[0], twos[0], frames, True))
-    bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
+        return _widest(ones[0], twos[0], frames, True)
+    with np.errstate(all="ignore"):
+        bounds = _ball_gaps(ones, twos, frames).reshape(len(frames), -1)
     least, unknown = np.full(len(frames), np.inf), np.full(len(frames), np.inf)
     for pair in np.argsort(np.fmin.reduce(bounds, axis=0, initial=np.inf)).tolist():
         one, two = ones[pair // len(twos)], twos[pair % len(twos)]
@@ -194,6 +203,9 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
     room, rooms = ROUNDING * _reach(points), ROUNDING * _reach(others)
     for k in range(len(frames)):
         frame = frames[k]
+        if np.isnan(frame[UNIT]):
+            found[k] = np.nan
+            continue
         R, offset = frame[TURN:].reshape(3, 3), (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
         for m in range(len(points)):
             x[m, 0], x[m, 1], x[m, 2] = _plus(offset, frame[0], _turned(R, points[m]))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache, cached_property
-from math import hypot, isfinite
+from math import hypot, isfinite, isnan
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -198,7 +198,7 @@ class _Judge:
         carried = carriers(*bodies)
         self.claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in solution.features]
         pairs = [self.rho] if (self.rho == self.problem.target).all() else [self.rho, self.problem.target]
-        gaps = self._gaps(np.array(pairs)).tolist()
+        gaps = self._gaps(np.array(pairs))
         self.gap, self.pair_gap = gaps[0], gaps[-1]
 
     # ------------------------------------------------------------------------------------------------------ stages
@@ -335,7 +335,7 @@ class _Judge:
         own = self.scaled if claim.parts is None else self.scaled.between(*claim.parts)
         step = self._step(line[None, :2], line[:2])
         least = min(self.limit, float(line[:2] @ step) / 2.0)
-        before, after = self._gaps(np.array([self.rho - step, self.rho + step]), own).tolist()
+        before, after = self._gaps(np.array([self.rho - step, self.rho + step]), own)
         if after < -least:
             return _Side(step, before, after, least)
         # vertices and parallel edges meet along more lines than the one claimed; others are nearer than the step
@@ -347,7 +347,7 @@ class _Judge:
             upward = _across(more) if len(more) else np.zeros(2)
             if len(more) and (more @ upward).min() > flat:
                 wider = self._step(more, upward)
-                after = self._gaps((self.rho + wider)[None], own).tolist()[0]
+                after = self._gaps((self.rho + wider)[None], own)[0]
                 return _Side(step, before, after, least)
         return _Side(step, before, after, least, snug=bool(len(more)))
 
@@ -481,16 +481,16 @@ class _Judge:
         filled = _swept(keep_out) if low < high else body  # what the body fills at all its scales
         whole, pairs = scaled_pair(movable, filled), np.array([[own, 1.0 if low < high else low]])
         here = self.transform[None]
-        bound, gaps = whole.lower_bounds(pairs, here), self._asked(whole, pairs, here)
+        bound, gaps = whole.lower_bounds(pairs, here), self._asked(whole, pairs, here).tolist()
         if not (bound[0] >= keep_out.clearance and gaps[0] >= bound[0] - self.limit):  # explicit vertices do not agree
             gaps = self._gaps(pairs, whole)
             if low < high:
                 scales = np.linspace(low, high, self.tolerances.scale_points)
                 each = np.column_stack([np.full(len(scales), own), scales])
-                gaps = np.append(gaps, self._gaps(each, scaled_pair(movable, body)))
+                gaps += self._gaps(each, scaled_pair(movable, body))
         limit = max(self.limit, self.tolerances.tie * body.size)
         note = f"least distance over the scales {low:g} to {high:g}" if low < high else f"at scale {low:g}"
-        return _at_least(kept_clear(keep_out.name), float(np.min(gaps)), keep_out.clearance - limit, note)
+        return _at_least(kept_clear(keep_out.name), min(gaps), keep_out.clearance - limit, note)
 
     # ------------------------------------------------------------------------------------------------------- parts
 
@@ -543,20 +543,20 @@ class _Judge:
         gaps = self._asked(self.scaled, pairs, poses, settled)
         return np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
 
-    def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> Array:
+    def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> list[float]:
         """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree.
 
         At several scale pairs after the motion, (k,), of the problem's two bodies or of another pair.
         """
         scaled = scaled or self.scaled
         poses = np.repeat(self.transform[None], len(pairs), axis=0)
-        gaps, separations = scaled.both_ways(pairs, poses)
-        gaps = np.where(np.isnan(gaps), separations, gaps)
-        low, high = separations <= gaps + self.limit, gaps <= separations + self.limit
-        agree = (low & (high | (separations > 0))) | np.isnan(separations) | np.isnan(gaps)
-        for k in np.flatnonzero(~agree).tolist():
-            gaps[k] = scaled.exact_separation(pairs[k], self.transform)
-        return gaps
+        found, separations = (own.tolist() for own in scaled.both_ways(pairs, poses))
+        for k, (gap, separation) in enumerate(zip(found, separations, strict=True)):
+            if isnan(gap):
+                found[k] = separation
+            elif separation > gap + self.limit or (gap > separation + self.limit and not separation > 0.0):
+                found[k] = scaled.exact_separation(pairs[k], self.transform)
+        return found
 
     def _state(self, gap: float) -> str:
         if np.isnan(gap):

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import Any
 
 from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
 
 
-def reported(problem: Problem, task: Task, answer: Answer) -> Solution:
+def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | None = None) -> Solution:
     """Return the answer as a solution: parameters by name, tracked pair, features, state of the target pair."""
     q = task.rest if answer.q is None else answer.q
     gap, slack = task.gap(q), problem.contact_slack
     state = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
-    common = Solution(
+    moved: dict[str, Any] = {}
+    if answer.q is not None:
+        names = [parameter.name for parameter in task.motion.parameters]
+        moved = {
+            "parameters": dict(zip(names, q.tolist(), strict=True)),
+            "transform": frozen(task.transform(q)),
+            "amount": task.amount(q),
+            "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
+            "features": problem.tracked_features if task.tracked else _touching_features(task, q, slack),
+        }
+    return Solution(
         problem=problem,
-        status=answer.status,
+        status=Status.PAIR_OVERLAPS if moved and state == "overlapping" else answer.status,
         lower_bound=answer.lower_bound,
         pair=problem.target,
         pair_gap=gap,
@@ -27,18 +38,8 @@ def reported(problem: Problem, task: Task, answer: Answer) -> Solution:
         stage=answer.stage,
         active=answer.active,
         modelled=answer.modelled or task.modelled(),
-    )
-    if answer.q is None:
-        return common
-    names = [parameter.name for parameter in task.motion.parameters]
-    return replace(
-        common,
-        status=Status.PAIR_OVERLAPS if state == "overlapping" else answer.status,
-        parameters=dict(zip(names, q.tolist(), strict=True)),
-        transform=frozen(task.transform(q)),
-        amount=task.amount(q),
-        rho=frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-        features=problem.tracked_features if task.tracked else _touching_features(task, q, slack),
+        evidence=evidence,
+        **moved,
     )
 
 

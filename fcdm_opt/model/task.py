@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -33,7 +33,7 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
 
 Parts = tuple[int, int]
-REMEMBERED = 8  # motions whose gaps are kept
+REMEMBERED = 8  # motions whose poses and gaps are kept: stages and report ask about rest and the answer again
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +105,9 @@ class Task:
         Zero for parameters that "seat" holds.
     goal : "beyond", "at", "seat", "touch" or "clear"
     nominal, target : (2,) arrays
+        The pair that a tracked contact leaves, the target itself where none is tracked; and the target pair.
     signs : (2,) array
-        Side of the target that "beyond" asks for.
+        Side of the target that "beyond" asks for; 0 where none is tracked.
     tracked : tuple of FeaturePoints
         The features of the nominal contact: two at a switching point, one inside a segment, none for "touch", "clear".
     pair : "any", "clear" or "touch"
@@ -177,9 +178,9 @@ class Task:
             weights,
             _held_limits(problem, seats),
             problem.goal,
-            problem.nominal_pair,
+            problem.nominal_pair if tracked else problem.target,
             problem.target,
-            problem.signs,
+            problem.signs if tracked else np.zeros(2),
             tracked,
             problem.pair,
             problem.clearance,
@@ -369,7 +370,8 @@ class Task:
     def amount(self, q: Array) -> float:
         """Return the motion amount."""
         if self.weighted:
-            return float(np.linalg.norm(self.weights * q))
+            weighted = self.weights * q
+            return math.sqrt(weighted.dot(weighted))
         if isinstance(self.amount_kind, OwnAmount):
             return self.amount_kind(q)
         T = self.transform(q)
@@ -402,7 +404,7 @@ class Task:
     def transform(self, q: Array) -> Array:
         """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""
         T = self._kinematics.transform(q)
-        return T if np.isfinite(T).all() else np.full((4, 4), np.nan)
+        return T if math.isfinite(T.sum()) else np.full((4, 4), np.nan)
 
     @cached_property
     def _kinematics(self) -> Kinematics:
@@ -410,7 +412,22 @@ class Task:
 
     def pose(self, q: Array) -> Array:
         """Return the pose relative to the static body that the kernels take."""
-        return relative_pose(self.movable, self.static, self.transform(q))
+        return self._remembered(self._poses, q, lambda: relative_pose(self.movable, self.static, self.transform(q)))
+
+    @staticmethod
+    def _remembered(known: dict[bytes, Array], q: Array, made: Callable[[], Array]) -> Array:
+        """Return what is made of a motion, which is kept of the last ones asked about."""
+        key = np.asarray(q, dtype=np.float64).tobytes()
+        found = known.get(key)
+        if found is None:
+            if len(known) == REMEMBERED:
+                known.clear()
+            found = known[key] = made()
+        return found
+
+    @cached_property
+    def _poses(self) -> dict[bytes, Array]:
+        return {}
 
     def _against(self, opponent: Opponent, pose: Array) -> tuple[Array, Array]:
         """Return a pose relative to an opponent, the offset leading to its own seed, and the scales made of both."""
@@ -449,13 +466,8 @@ class Task:
         for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
         exceeds what is needed and the least gap.
         """
-        pose, key = self.pose(q), np.asarray(q, dtype=np.float64).tobytes()
-        gaps = self._facet_gaps.get(key)
-        if gaps is None:
-            if len(self._facet_gaps) == REMEMBERED:
-                self._facet_gaps.clear()
-            gaps = self._facet_gaps[key] = self._along_facets(pose)
-        gaps = gaps.copy()
+        pose = self.pose(q)
+        gaps = self._remembered(self._facet_gaps, q, lambda: self._along_facets(pose)).copy()
         for (i, j), normal in (normals or {}).items():
             one, opponent = self.movable.parts[i], self.opponents[j]
             seen, n = self._against(opponent, pose), normal / np.linalg.norm(normal)
@@ -464,7 +476,6 @@ class Task:
 
     @cached_property
     def _facet_gaps(self) -> dict[bytes, Array]:
-        """Facet gaps at the last motions asked about: stages and report ask about rest and the answer again."""
         return {}
 
     def _along_facets(self, pose: Array) -> Array:
@@ -595,9 +606,9 @@ class Task:
         if not np.isfinite(self.needs).any():
             return True
         gaps, slack = self.pair_gaps(q, normals), slack * self.size
-        short = np.argwhere((gaps > 0) & (gaps < self.needs - slack)).tolist()
-        if short:  # facet directions understate the distance of corners and edges
-            ways = {(i, j): self.way_between((i, j), q) for i, j in short}
+        short = (gaps > 0) & (gaps < self.needs - slack)
+        if short.any():  # facet directions understate the distance of corners and edges
+            ways = {(i, j): self.way_between((i, j), q) for i, j in np.argwhere(short).tolist()}
             gaps = self.pair_gaps(q, {**(normals or {}), **ways})
         return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
 

@@ -138,8 +138,7 @@ class Motion:
         movable_seed, static_seed : (3,) arrays
             Seeds s_1 and s_2 as drawn, world frame.
         """
-        seeds = np.append(movable_seed, static_seed).astype(np.float64)
-        return _kinematics(self, tuple(seeds.tolist()))
+        return _kinematics(self, (*map(float, movable_seed), *map(float, static_seed)))
 
     def composed(self, q: list[Any], movable_seed: Sequence[Any], static_seed: Sequence[Any]) -> Matrix:
         """Return the 4x4 transform as nested tuples, of any kind of scalars: floats, CasADi's, enclosures."""

@@ -155,10 +155,11 @@ class NominalContact:
 
         See `fcdm_opt.curve.tight.choices`. Empty where two were named, or there is no choice.
         """
-        contact = self.nominal_contact
-        if self.features is not None or self.goal not in TRACKING or not isinstance(contact, SwitchingPoint):
+        if self.features is not None or self.goal not in TRACKING:
             return ()
-        return tuple((one.label, two.label) for one, two in choices(contact))
+        contact = self.nominal_contact
+        pairs = choices(contact) if isinstance(contact, SwitchingPoint) else ()
+        return tuple((one.label, two.label) for one, two in pairs)
 
     @property
     def tracked_lines(self) -> tuple[TightLine | Piece, ...]:

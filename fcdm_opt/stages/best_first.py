@@ -27,7 +27,7 @@ class Rows(NamedTuple):
 
     def and_also(self, normals: Array, levels: Array) -> Rows:
         """Return these conditions and further ones."""
-        return Rows(np.vstack([self.normals, normals]), np.append(self.levels, levels))
+        return Rows(np.concatenate([self.normals, normals]), np.concatenate([self.levels, levels]))
 
 
 class Choices(NamedTuple):
@@ -133,7 +133,7 @@ def nearest(
         y, chosen = x + centre, branch.chosen
         if branch.group >= 0:
             chosen = {**chosen, branch.group: int(branch.ways[k])}
-        rows = branch.rows.and_also(branch.further.normals[k], branch.further.levels[k])
+        rows = branch.rows.and_also(branch.further.normals[k : k + 1], branch.further.levels[k : k + 1])
         short = levels - normals @ y
         of_ways, of_groups = choices.of_rows(short)
         for group, way in chosen.items():
@@ -155,7 +155,7 @@ def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[flo
 
     Only those are looked at that can be next.
     """
-    sizes = np.linalg.norm(further.normals, axis=1)
+    sizes = _lengths(further.normals)
     levels = further.levels - further.normals @ centre
     bounds = np.maximum(levels / np.where(sizes > 0.0, sizes, 1.0), 0.0)
     order = np.argsort(bounds, kind="stable")
@@ -165,10 +165,15 @@ def _by_distance(rows: Rows, further: Rows, centre: Array) -> Iterator[tuple[flo
     while first < len(order) or waiting:
         some = order[first : first + many]
         found = compiled.least_distance(G, h, -further.normals[some], -levels[some])
-        for k, x, length in zip(some.tolist(), found, np.linalg.norm(found, axis=1).tolist(), strict=True):
+        for k, x, length in zip(some.tolist(), found, _lengths(found).tolist(), strict=True):
             if length < np.inf:  # nan where there is none
                 heapq.heappush(waiting, (length, k, x))
         first, many = first + many, 2 * many
         following = bounds[order[first]] if first < len(order) else np.inf
         while waiting and waiting[0][0] <= following:
             yield heapq.heappop(waiting)
+
+
+def _lengths(rows: Array) -> Array:
+    """Return the lengths of some rows, of few of them in half the time that numpy's norm takes."""
+    return np.asarray(np.sqrt((rows * rows).sum(axis=1)))

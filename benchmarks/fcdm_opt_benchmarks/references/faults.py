@@ -41,8 +41,8 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
     -------
     list of CurveFault
         Lines may be off by `Tolerances.line` of their largest entry, ends by as much over the sine of the angle under
-        which their lines cross. A contact in more than a point may be named by any facet that it lies on. Stretches
-        that floats cannot tell from points are left out.
+        which their lines cross. A contact in more than a point may be named by any features sharing a corner with it.
+        Stretches that floats cannot tell from points are left out.
     """
     if len(transforms) != len(curves):
         return [CurveFault(-1, -1, "poses", len(curves), len(transforms))]
@@ -64,12 +64,16 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
         for k, own in zip(mine, exact, strict=True):
             kind, i, j = curves.features[k].tolist()
             told, piece = (named[kind][0][i], named[kind][1][j]), own.piece
-            tight = zip(told, (piece.tight_one, piece.tight_two), strict=True)
-            if told != own.touching and not all(set(a) <= set(b) for a, b in tight):
+            touching = zip(told, (piece.tight_one, piece.tight_two), own.touching, strict=True)
+            if told != own.touching and not all(set(a) <= set(b) or set(a) & set(c) for a, b, c in touching):
                 faults.append(CurveFault(pose, k, "feature", told, own.touching))
             ends = np.array([[as_float(x) for x in point] for point in (own.start, own.end)])
             rows.append(k)
-            truths.append((piece.normal, piece.line, ends))
+            normal, line = piece.normal, piece.line
+            if curves.tied[pose]:  # edges along each other touch under many normals: any of them, to the same line
+                normal = curves.normals[k]
+                line = line * float(np.linalg.norm(curves.lines[k]) / np.linalg.norm(line))
+            truths.append((normal, line, ends))
     if rows:
         faults += _number_faults(curves, np.array(rows), truths, box)
     return sorted(faults)
