@@ -13,7 +13,7 @@ from curve_checks import INSIDE, ODD_BOX, SEED_PAIRS, check_convex, check_lines,
 from hypothesis import given
 from hypothesis import strategies as st
 from oracles import plane_point, primitive
-from strategies import generators, random_pair, random_pose, random_shape, reaches, runs
+from strategies import aligned_pair, generators, random_pair, random_pose, random_shape, reaches, runs
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.features import Feature
@@ -124,6 +124,14 @@ def test_convex_pairs_with_seeds_inside_equal_the_exact_curve(rng, reach):
 @given(generators, reaches, st.sampled_from(SEED_PAIRS))
 def test_convex_pairs_with_seeds_anywhere_equal_the_exact_curve(rng, reach, seeds):
     one, two = random_pair(rng, reach, seeds)
+    if not exact(one, two).degenerate:
+        check_convex(one, two)
+
+
+@runs(200)
+@given(generators, st.sampled_from([2, 4, 1000]), st.sampled_from(SEED_PAIRS))
+def test_parts_along_the_axes_equal_the_exact_curve(rng, reach, seeds):
+    one, two = aligned_pair(rng, reach, seeds)
     if not exact(one, two).degenerate:
         check_convex(one, two)
 

@@ -12,7 +12,7 @@ from curve_checks import ODD_BOX, check_gaps, check_lines, curve_of, turned_to
 from hypothesis import given
 from hypothesis import strategies as st
 from oracles import plane_point
-from strategies import generators, random_shape, random_union, runs
+from strategies import aligned_union, generators, random_shape, random_union, runs
 
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.features import Feature
@@ -72,6 +72,15 @@ def check_union(one: Shape, two: Shape, rng: np.random.Generator) -> None:
 def test_unions_equal_the_exact_curve(rng, reach, counts):
     one, two = (random_union(rng, reach, k) for k in counts)
     two = two.shifted(rng.integers(-3 * reach, 3 * reach, 3, endpoint=True).tolist())
+    if not exact(one, two).degenerate:
+        check_union(one, two, rng)
+
+
+@runs(50)
+@given(generators, st.sampled_from([(1, 2), (2, 1), (2, 2), (3, 1)]))
+def test_unions_along_the_axes_equal_the_exact_curve(rng, counts):
+    one, two = (aligned_union(rng, 4, k) for k in counts)
+    two = two.shifted(rng.integers(-9, 9, 3, endpoint=True).tolist())
     if not exact(one, two).degenerate:
         check_union(one, two, rng)
 
