@@ -107,6 +107,53 @@ def contact_faults(
     return sorted(faults, key=lambda fault: -fault.excess)
 
 
+def overlaps_between(
+    movable: Body,
+    static: Body,
+    ends: tuple[tuple[Array, Array], tuple[Array, Array]],
+    touching: set[tuple[int, int]],
+    slack: float,
+) -> list[float] | None:
+    """Return where on the way of a shift parts overlap that are not said to touch, from its end back.
+
+    Parameters
+    ----------
+    movable, static : Body
+    ends : pairs of (relative pose, scale pair)
+        At positions 0 and 1; between them both change in proportion, and nothing turns.
+    touching : set of part pairs
+        Which touch at both ends.
+    slack : float
+        Length by which parts may overlap.
+
+    Returns
+    -------
+    list of float, or None
+        Positions from 1 to 0, one within each stretch of overlap; None where a touching pair is apart at an end.
+    """
+    (start, before), (pose, rho) = ends
+    shift, growth = pose[9:] - start[9:], rho - before
+    reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
+    near = slack + np.linalg.norm(shift) + np.abs(growth) @ reach
+    found = []
+    bounds = kernels.pair_bounds(*movable.packed, *static.packed, start, before)
+    for i, j in sorted(touching.union(map(tuple, np.argwhere(bounds <= near).tolist()))):
+        rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, start)[1]
+        first = rows[:, 5] - rows[:, 3:5] @ before
+        slopes = rows[:, :3] @ shift - rows[:, 3:5] @ growth
+        if (i, j) in touching:
+            if max(first.max(), (first + slopes).max()) > slack:
+                return None
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossed = -(first + slack) / slopes
+        low = crossed[slopes < 0].max(initial=0.0)
+        high = crossed[slopes > 0].min(initial=1.0)
+        if low < high and (first[slopes == 0] < -slack).all():
+            found.append(float(low + high) / 2.0)
+    return sorted(found, reverse=True)
+
+
 def _unsupported(movable: Body, static: Body, pose: Array, rho: Array, feature: Tracked, slack: float) -> list[Fault]:
     one, two = movable.parts[feature.parts[0]], static.parts[feature.parts[1]]
     n = feature.normal

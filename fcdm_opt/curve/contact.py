@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.curve.touching import touching_vertices
+from fcdm_opt.curve.touching import clipped, touching_vertices
 from fcdm_opt.geometry.arrays import Array, crossed
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
@@ -284,9 +284,9 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     if len(X) == 1 or len(Y) == 1:
         return X if len(X) == 1 else Y
     if len(Y) > 2:
-        shared = _inside(X, Y[::-1])  # seen from body 1 a face of body 2 runs clockwise
+        shared = clipped(X, Y[::-1], DEFAULT.tie)  # seen from body 1 a face of body 2 runs clockwise
     elif len(X) > 2:
-        shared = _inside(Y, X)
+        shared = clipped(Y, X, DEFAULT.tie)
     elif contact.parallel:
         along = (X[1] - X[0]) / np.linalg.norm(X[1] - X[0])
         ends = np.sort(np.array([(X - X[0]) @ along, (Y - X[0]) @ along]), axis=1)
@@ -297,29 +297,6 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     if not len(shared):  # a common point, or the middle between them
         shared = np.mean(_nearest_points(X, Y), axis=0, keepdims=True)
     return _distinct(shared)
-
-
-def _inside(shape: Array, polygon: Array) -> Array:
-    """Return the part of a segment or convex polygon inside a polygon of the same plane, in the sense of the latter."""
-    slack = DEFAULT.tie * np.abs(np.vstack([shape, polygon])).max()
-    spokes = polygon[1:] - polygon[0]
-    normal = np.cross(spokes[:-1], spokes[1:]).sum(axis=0)
-    for corner, following in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        inward = np.cross(normal, following - corner)
-        heights = (shape - corner) @ inward / np.linalg.norm(inward)
-        kept = []
-        for k in range(len(shape)):
-            if heights[k] >= -slack:
-                kept.append(shape[k])
-            after = (k + 1) % len(shape)
-            crosses = min(heights[k], heights[after]) < -slack and max(heights[k], heights[after]) > slack
-            if crosses and (k < after or len(shape) > 2):
-                share = heights[k] / (heights[k] - heights[after])
-                kept.append(shape[k] + share * (shape[after] - shape[k]))
-        if not kept:
-            return shape[:0]
-        shape = np.array(kept)
-    return shape
 
 
 def _distinct(points: Array) -> Array:

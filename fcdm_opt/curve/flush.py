@@ -138,6 +138,14 @@ class Flush:
             dimension(points, self.least) >= self.dimension for points in self.shared(pose, rho)
         )
 
+    def holds_between(self, start: tuple[Array, Array], end: tuple[Array, Array]) -> bool:
+        """Tell whether one host shares at two (pose, scale pair) what the elements shared when drawn.
+
+        If they differ by a shift, and in proportion on the way, it does between them.
+        """
+        both = zip(self.shared(*start), self.shared(*end), strict=True)
+        return any(all(dimension(own, self.least) >= self.dimension for own in pair) for pair in both)
+
     def _normal_at(self, pose: Array) -> Array:
         """Return the plane's normal: that of body 2's face if it has one in the plane, else it turns with body 1."""
         turned: Array = pose[:9].reshape(3, 3) @ self.normal

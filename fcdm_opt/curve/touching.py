@@ -1,6 +1,6 @@
-"""Which elements of two touching parts touch, compiled: supports along a direction, and within these again.
+"""Which elements of two touching parts touch, and what they share, compiled.
 
-Parts that touch along a direction share what their supports share in its plane. Where a line of that plane keeps the
+Parts that touch along a direction share what their supports share in its plane. Where a line of it keeps the
 supports apart, they share what lies on it; where a point of the line does, that point.
 """
 
@@ -9,7 +9,19 @@ from __future__ import annotations
 import numpy as np
 
 from fcdm_opt.compiling import kernel, light, step
-from fcdm_opt.curve.kernels import _at, _cross, _dot, _entry, _length, _minus, _side, _times, _turned, _turned_back
+from fcdm_opt.curve.kernels import (
+    _at,
+    _cross,
+    _dot,
+    _entry,
+    _length,
+    _minus,
+    _plus,
+    _side,
+    _times,
+    _turned,
+    _turned_back,
+)  # fmt: skip
 
 
 @light
@@ -126,3 +138,40 @@ def _kept(own, corners, w, least):
                 places[made, axis] = corners[k, axis]
             made += 1
     return left, places
+
+
+@light
+@kernel
+def clipped(shape, polygon, slack):
+    """Return the part of a segment or convex polygon inside a polygon of the same plane, in the sense of the latter.
+
+    Places that differ by less than `slack`, relative to the largest coordinate, are the same.
+    """
+    near = slack * max(np.abs(shape).max(), np.abs(polygon).max())
+    normal, corner = (0.0, 0.0, 0.0), _at(polygon, 0)
+    for k in range(1, len(polygon) - 1):
+        spokes = _cross(_minus(_at(polygon, k), corner), _minus(_at(polygon, k + 1), corner))
+        normal = _plus(normal, spokes)
+    heights = np.empty(len(shape) + len(polygon))
+    own, kept = np.empty((len(heights), 3)), np.empty((len(heights), 3))
+    count = len(shape)
+    own[:count] = shape
+    for side in range(len(polygon)):
+        corner = _at(polygon, side)
+        inward = _cross(normal, _minus(_at(polygon, (side + 1) % len(polygon)), corner))
+        inward = _times(1.0 / _length(inward), inward)
+        for k in range(count):
+            heights[k] = _dot(inward, _minus(_at(own, k), corner))
+        made = 0
+        for k in range(count):
+            after = (k + 1) % count
+            if heights[k] >= -near:
+                kept[made] = own[k]
+                made += 1
+            low, high = min(heights[k], heights[after]), max(heights[k], heights[after])
+            if low < -near and high > near and (k < after or count > 2):
+                share = heights[k] / (heights[k] - heights[after])
+                kept[made] = own[k] + share * (own[after] - own[k])
+                made += 1
+        own, kept, count = kept, own, made
+    return own[:count].copy()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
+from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults, overlaps_between
 from fcdm_opt.curve.contact import located, supporting_contact
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
@@ -559,14 +559,9 @@ class Task:
         The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
         exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
 
-        Of two convex bodies, one of which shifts, every excess is a maximum of linear functions along the path, and not
-        positive where it starts: there its end tells all.
         """
         worst: dict[tuple[object, ...], tuple[float, Array, Fault | None]] = {}
-        turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
-        count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
-        straight = self.motion.shifts and len(self.movable.parts) == len(self.static.parts) == 1
-        for s in np.linspace(1.0, 0.0, count + 1)[: count if self.coherent and not straight else 1]:
+        for s in self._telling(q):
             rho, pose, tracked = self.tracked_contact(q, s)
             if not (np.isfinite(rho).all() and rho.min() > 0 and self._stays_flush(pose, rho, tracked)):
                 worst.setdefault((), (float(s), pose, None))
@@ -580,6 +575,39 @@ class Task:
             if first and worst:
                 break
         return list(worst.values())
+
+    def _telling(self, q: Array) -> Sequence[float]:
+        """Return path positions, from the end back, one of which shows a fault if there is any."""
+        if not self.coherent:
+            return (1.0,)
+        found = self._telling_shift(q) if self.motion.shifts_by(q) else None
+        if found is not None:
+            return found
+        turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
+        count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
+        return np.linspace(1.0, 0.0, count + 1)[:count].tolist()
+
+    def _telling_shift(self, q: Array) -> Sequence[float] | None:
+        """Return these of a motion that shifts: every separation along a facet direction is linear on the way.
+
+        So a contact that holds at both ends comes apart nowhere between, parts overlap in an interval, and two flush
+        elements share something on the way if they do at both ends: it is convex in place and position together. None
+        where several parts take turns at one of these.
+        """
+        (before, start, _), (rho, pose, tracked) = self.tracked_contact(q, 0.0), self.tracked_contact(q)
+        if not (np.isfinite(rho).all() and min(rho.min(), before.min()) > 0):
+            return None
+        touching = {feature.parts for feature in tracked}
+        if len(self.movable.parts) == len(self.static.parts) == 1:
+            overlaps: list[float] | None = []
+        else:
+            ends = (start, before), (pose, rho)
+            overlaps = overlaps_between(self.movable, self.static, ends, touching, DEFAULT.cut * self.size)
+        alike = all(len(seat.hosts) == 1 or seat.holds_between((start, before), (pose, rho)) for seat in self.seats)
+        named = any(whole is not None for whole in self.flush) and any(
+            self.movable.parts[i].elements.spans or self.static.parts[j].elements.spans for i, j in touching
+        )
+        return None if overlaps is None or not alike or named else [1.0, *overlaps]
 
     def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
         return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats) and all(

@@ -67,6 +67,12 @@ class Motion:
         """Whether the body moves in proportion to the parameters and never turns."""
         return all(step.own_shifts(k == 0) for k, step in enumerate(self.steps))
 
+    def shifts_by(self, q: Array) -> bool:
+        """Tell whether it does so all the way to parameters q."""
+        values = iter(q.tolist())
+        own = [[next(values) for _ in step.own_parameters] for step in self.steps]
+        return all(step.own_shifts_by(own[k], k == 0) for k, step in enumerate(self.steps))
+
     @cached_property
     def numbers(self) -> Array:
         """Axes, centres and pitches of all steps, one after the other: what the transform depends on besides."""
@@ -246,6 +252,10 @@ class Step(Motion):
     def own_shifts(self, first: bool) -> bool:
         """Whether the step shifts along a direction that no earlier step changes; `first`: there is none."""
         return False
+
+    def own_shifts_by(self, q: list[float], first: bool) -> bool:
+        """Whether it does so on the way to its parameters q."""
+        return not any(q) or self.own_shifts(first)
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Largest displacement of the points per unit of each parameter; `turned`: an earlier step turns the body."""
@@ -528,6 +538,10 @@ class Free(Step):
             for i in range(3)
         )
         return _about(R, movable_seed, q[:3])
+
+    def own_shifts_by(self, q: list[float], first: bool) -> bool:
+        """Where no rotation is asked."""
+        return not any(q[3:])
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
         """Distances from the axes: a turn by theta moves a point by no more than its arc, |theta x (x - s_1)|."""

@@ -1,6 +1,7 @@
 """Stage 1: motions in which everything that is asked is linear. While nothing tilts, contact lines and separations are.
 
-"shift" is for the goals that bring tracked contacts to the target pair: a least squares problem. "straight" and
+"shift" is for the goals that bring tracked contacts to the target pair, a least squares problem, or beyond it, a least
+distance. "straight" and
 "translations" are for "touch" and "clear". The separation of a part pair along each of its facet directions is linear
 in the parameters then, and the pair is apart where one of them is positive. Along one translation each pair overlaps in
 an interval, and is nearer than a clearance in a longer one. Along several this is a branching over half-spaces, best
@@ -35,6 +36,7 @@ MOST_PARAMETERS = 6  # of which every choice of those at a limit is looked at
 MOST_NODES, MOST_WAYS = 2000, 200
 MOST_DIFFERENCES = 40_000  # pairs of vertices of two parts that are kept apart by a distance
 SHARPENED = 60  # rounds in which polytopes within what clearances forbid are grown
+LINES = "1: contact lines linear in the motion"
 NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
 
@@ -42,7 +44,7 @@ NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is lon
 
 
 def shift(task: Task) -> Answer | None:
-    """Stage 1 for "at" and "seat": the least motion that brings all lines to the target pair, in closed form.
+    """Stage 1 for "at", "seat" and "beyond": the least motion that brings all lines to the target pair, in closed form.
 
     Exact where each line's gap at the target pair is linear in the parameters: for translations, and for turns about
     the one normal of all lines, which change none. The least solution is a lower bound for all motions, and the answer
@@ -50,9 +52,9 @@ def shift(task: Task) -> Answer | None:
     stay flush cannot all lie on one another at the target pair: a motion that keeps them aligned changes each gap by
     n . t, t the displacement of the seed, so two walls that face each other stay as far apart as they are.
     """
-    if task.goal not in ("at", "seat"):
+    if task.goal not in ("at", "seat", "beyond"):
         return None
-    stage, slack = "1: contact lines linear in the motion", DEFAULT.touch * task.size
+    slack = DEFAULT.touch * task.size
     normals, gaps = task.face_gaps
     if len(gaps) and np.abs(normals @ _least_square(normals, gaps) - gaps).max() > slack:
         return _impossible("1: no place fits all flush contacts at the target pair")
@@ -66,22 +68,50 @@ def shift(task: Task) -> Answer | None:
     changes = task.motion.kinematics(task.movable.seed, task.static.seed).rates(task.rest)[1]
     rates = np.where(moving, normals @ (changes @ np.append(task.movable.seed, 1.0))[:, :3].T, 0.0)
     rates[np.abs(rates) <= DEFAULT.tie] = 0.0
+    if task.goal == "beyond":
+        return _beyond(task, rates, gaps)
     candidates = list(_candidates(task, rates, gaps, moving))
     if min((miss for miss, _ in candidates), default=np.inf) > slack:
-        return _impossible(stage)
+        return _impossible(LINES)
     q = min((q for miss, q in candidates if miss <= DEFAULT.cut * task.size), key=task.amount, default=None)
     if q is None:
         return None
     if task.meets(q, DEFAULT.requirement):
-        at_limit = bool(((q == task.limits[:, 0]) | (q == task.limits[:, 1]))[moving].any())
-        active = ("a limit",) if at_limit else ("the tracked contact at the target pair",)
-        kept = [line.parts for line in (*task.tracked, *task.besides)]
-        counts = task.modelled(kept, variables=int(moving.sum()), constraints=len(kept), features=len(kept))
-        return task.answer(q, stage, np.inf, active, counts)
+        return _on_lines(task, q)
     if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
         return None  # there are others, larger
     left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
-    return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, stage, np.inf)
+    return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, LINES, np.inf)
+
+
+def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
+    """Return the least motion for which the lines meet beyond the target pair, if it meets everything else."""
+    met, _, tracked = task.tracked_contact(task.rest)
+    if not np.isfinite(met).all():
+        return None
+    # how the scale pair at which they meet follows the lines' gaps: in proportion
+    ways = task.signs[:, None] * np.linalg.pinv(np.array([line.line[:2] for line in tracked]))
+    normals, levels = -(ways @ rates) / task.weights, -(ways @ gaps) / task.size
+    steep = np.linalg.norm(normals, axis=1)
+    flat = steep * task.size <= DEFAULT.tie
+    rows = Rows(normals[~flat] / steep[~flat, None], levels[~flat] / steep[~flat])
+    never = bool((levels[flat] * task.size > DEFAULT.line).any())
+    least = None if never else _least(task, {}, [(None, rows)])
+    if least is None or least[0] is None:
+        relaxed = None if never else _least(task, {}, [(None, Rows(rows.normals, rows.levels - DEFAULT.touch))])
+        return _impossible(LINES) if never or (relaxed is not None and relaxed[0] is None) else None
+    q = np.clip(least[0] * task.size / task.weights, *task.limits.T)
+    return _on_lines(task, q) if task.meets(q, DEFAULT.requirement) else None
+
+
+def _on_lines(task: Task, q: Array) -> Answer:
+    """Return the least motion that the tracked lines allow as the answer."""
+    moving = (task.limits != 0).any(axis=1)
+    at_limit = bool(((q == task.limits[:, 0]) | (q == task.limits[:, 1]))[moving].any())
+    active = ("a limit",) if at_limit else ("the tracked contact at the target pair",)
+    kept = [line.parts for line in (*task.tracked, *task.besides)]
+    counts = task.modelled(kept, variables=int(moving.sum()), constraints=len(kept), features=len(kept))
+    return task.answer(q, LINES, np.inf, active, counts)
 
 
 def _linear(task: Task, normals: Array, moving: Bools) -> bool:
