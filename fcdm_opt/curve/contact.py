@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -101,15 +101,26 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
     """
     if not (one.elements.spans or two.elements.spans):
         return contact
-    point = contact_set(one, two, pose, contact, rho).mean(axis=0)
-    drawn = _drawn(one, two, pose, (point, point), rho)
+    return contact.labelled(features_along(one, two, contact, [(pose, rho)])[0])
+
+
+def features_along(
+    one: ConvexPart, two: ConvexPart, contact: Contact, places: Sequence[tuple[Array, Array]]
+) -> list[Feature]:
+    """Return the names of a contact at several (pose, scale pair), see `located`."""
+    pairs = (one, contact.one, contact.feature.one), (two, contact.two, contact.feature.two)
+    spanning = [len(own) > 1 and _place(part, own) in part.elements.spans for part, own, _ in pairs]
+    if not any(spanning):
+        return [contact.feature] * len(places)
+    drawn = []
+    for pose, rho in places:
+        point = contact_set(one, two, pose, contact, rho).mean(axis=0)
+        drawn.append(_drawn(one, two, pose, (point, point), rho))
     names = [
-        part.element_at(*_place(part, own), where) if len(own) > 1 else name
-        for part, own, name, where in zip(
-            (one, two), (contact.one, contact.two), (contact.feature.one, contact.feature.two), drawn, strict=True
-        )
+        part.elements_at(*_place(part, own), np.array(where)) if len(own) > 1 else [name] * len(places)
+        for (part, own, name), where in zip(pairs, zip(*drawn, strict=True), strict=True)
     ]
-    return contact.labelled(Feature(*names))
+    return [Feature(*both) for both in zip(*names, strict=True)]
 
 
 def _drawn(

@@ -120,11 +120,15 @@ class ConvexPart(_Sealed):
         It depends on the point where the part's edge or face lies on several of the body's: a bar of a cross has one
         side, of which the other bar leaves two faces.
         """
+        return self.elements_at(kind, k, point[None])[0]
+
+    def elements_at(self, kind: str, k: int, points: Array) -> list[Element]:
+        """Return that at each of some points, (m, 3)."""
         span = self.elements.spans.get((kind, k))
         if span is None:
-            return self.elements[kind][k]
+            return [self.elements[kind][k]] * len(points)
         corners = self.edges[k, :2] if kind == "E" else list(self.loops[k])
-        return span.at(self.vertices[corners], point)
+        return span.at(self.vertices[corners], points)
 
     def carriers(self, element: Element) -> list[tuple[int, ...]]:
         """Return the own vertices of each vertex, edge or face of the part that lies on an element of the body."""

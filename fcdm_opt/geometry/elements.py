@@ -85,20 +85,21 @@ class Span(NamedTuple):
     elements: tuple[Element, ...]
     regions: tuple[Array, ...]
 
-    def at(self, corners: Array, point: Array) -> Element:
-        """Return the element at a point of the part's edge or face.
+    def at(self, corners: Array, points: Array) -> list[Element]:
+        """Return the element at each of some points of the part's edge or face.
 
         Parameters
         ----------
         corners : (n, 3) array
             The corners where they are now: moved and scaled together.
-        point : (3,) array
+        points : (m, 3) array
             In the same place.
         """
-        shares = np.linalg.lstsq((corners[1:] - corners[0]).T, point - corners[0])[0]
+        shares = np.linalg.lstsq((corners[1:] - corners[0]).T, (points - corners[0]).T)[0].T
         drawn = self.corners[0] + shares @ (self.corners[1:] - self.corners[0])
-        off = np.array([distances(drawn[None, None], region).min() for region in self.regions])
-        return self.elements[int((off <= off.min() + DEFAULT.nominal * np.ptp(self.corners, axis=0).max()).argmax())]
+        off = np.array([distances(drawn[None], region).min(axis=0) for region in self.regions])
+        near = off <= off.min(axis=0) + DEFAULT.nominal * np.ptp(self.corners, axis=0).max()
+        return [self.elements[k] for k in near.argmax(axis=0).tolist()]
 
 
 def own_elements(

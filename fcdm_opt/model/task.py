@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults, overlaps_between
-from fcdm_opt.curve.contact import located, supporting_contact
+from fcdm_opt.curve.contact import features_along, located, supporting_contact
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
@@ -581,18 +581,22 @@ class Task:
         if not self.coherent:
             return (1.0,)
         found = self._telling_shift(q) if self.motion.shifts_by(q) else None
-        if found is not None:
-            return found
+        return self._along(q) if found is None else found
+
+    def _along(self, q: Array) -> list[float]:
+        """Return path positions, from the end back, near enough to one another."""
         turned = sum(abs(x) for (_, kind), x in zip(self.motion.parameters, q, strict=True) if kind == "rotation")
         count = max(DEFAULT.path_points - 1, math.ceil(min(turned, MOST_TURNED) / DEFAULT.path_turn))
-        return np.linspace(1.0, 0.0, count + 1)[:count].tolist()
+        places: list[float] = np.linspace(1.0, 0.0, count + 1)[:count].tolist()
+        return places
 
     def _telling_shift(self, q: Array) -> Sequence[float] | None:
         """Return these of a motion that shifts: every separation along a facet direction is linear on the way.
 
         So a contact that holds at both ends comes apart nowhere between, parts overlap in an interval, and two flush
-        elements share something on the way if they do at both ends: it is convex in place and position together. None
-        where several parts take turns at one of these.
+        elements share something on the way if they do at both ends: it is convex in place and position together. Where
+        what they share lies on several faces of a body, its name is looked at all along. None where several parts take
+        turns at one of these.
         """
         (before, start, _), (rho, pose, tracked) = self.tracked_contact(q, 0.0), self.tracked_contact(q)
         if not (np.isfinite(rho).all() and min(rho.min(), before.min()) > 0):
@@ -604,10 +608,20 @@ class Task:
             ends = (start, before), (pose, rho)
             overlaps = overlaps_between(self.movable, self.static, ends, touching, DEFAULT.cut * self.size)
         alike = all(len(seat.hosts) == 1 or seat.holds_between((start, before), (pose, rho)) for seat in self.seats)
-        named = any(whole is not None for whole in self.flush) and any(
-            self.movable.parts[i].elements.spans or self.static.parts[j].elements.spans for i, j in touching
-        )
-        return None if overlaps is None or not alike or named else [1.0, *overlaps]
+        return None if overlaps is None or not alike else [1.0, *overlaps, *self._renamed(q, tracked)]
+
+    def _renamed(self, q: Array, tracked: Sequence[Tracked]) -> list[float]:
+        """Return the first path position, from the end back, at which a flush contact of a shift has another name."""
+        found = []
+        for whole, feature in zip(self.flush, tracked, strict=False):
+            one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
+            if whole is not None and (one.elements.spans or two.elements.spans):
+                places = self._along(q)
+                ways = [self.tracked_contact(q, s)[1::-1] for s in places]
+                contact = supporting_contact(one, two, feature.normal, ways[0][0])
+                names = features_along(one, two, contact, ways)
+                found += [s for s, name in zip(places, names, strict=True) if name != whole][:1]
+        return found
 
     def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
         return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats) and all(
