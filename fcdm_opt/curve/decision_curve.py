@@ -103,7 +103,7 @@ class DecisionCurve(Shown):
                 branches.append(Branch(tuple(run)))
         for rho, one, two in [] if self._convex else self._union.alone:
             near = DEFAULT.nominal * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
-            if in_box(rho, self.box) and abs(float(self.gap(rho))) <= near:
+            if in_box(rho, self.box) and abs(float(self.gap(rho, settled=False))) <= near:
                 runs = Run(one, (one,)), Run(two, (two,))
                 points.append(self._switching_point(*runs, len(points) + 1, alone=True))
         return tuple(branches), tuple(points)
@@ -229,7 +229,7 @@ class DecisionCurve(Shown):
 
     def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:
         near = tolerance * np.abs(point).max()
-        if point.min() > 0 and abs(float(self.gap(point))) > 2.0 * near * self._reach.sum():
+        if point.min() > 0 and abs(float(self.gap(point, settled=False))) > 2.0 * near * self._reach.sum():
             return None  # a change of the scales by `near` closes no such gap
         each = np.maximum(tolerance * np.abs(point), DEFAULT.point * np.abs(point).max())  # one may be much smaller
         for curve in (self, self._about(point)):
@@ -301,10 +301,10 @@ class DecisionCurve(Shown):
         found = [self.crossings(x) for x in values.ravel().tolist()]
         return np.array([s[0] if s.size else np.nan for s in found]).reshape(values.shape)
 
-    def gap(self, rho: ArrayLike) -> Array | float:
+    def gap(self, rho: ArrayLike, *, settled: bool = True) -> Array | float:
         """Return the signed gap: > 0 apart, 0 touching, < 0 overlapping, length units.
 
-        For positive scales its sign is always right.
+        For positive scales its sign is always right, or with `settled` false within rounding of 0.
 
         For each part pair the largest separation over the facet directions of its Minkowski difference (minus the
         penetration depth where they overlap), least over the pairs; never more than the distance. Pairs of a union
@@ -313,6 +313,8 @@ class DecisionCurve(Shown):
         Parameters
         ----------
         rho : (2,) or (n, 2) array
+        settled : bool
+            Have rational arithmetic settle the sign where rounding would decide; false for what has a slack anyway.
         """
         pairs = numbers(rho, "rho")
         if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or not np.isfinite(pairs).all():
@@ -325,7 +327,7 @@ class DecisionCurve(Shown):
             gaps = kernels.least_gaps(*self._bodies, flat)[0]
         positive = (flat > 0).all(axis=1)
         near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._reach)
-        for k in np.flatnonzero(positive & (np.abs(gaps) <= near)):  # rounding would decide
+        for k in np.flatnonzero(positive & (np.abs(gaps) <= near)) if settled else ():  # rounding would decide
             gaps[k] = self._exact_gap(flat[k], near[k])
         return float(gaps[0]) if pairs.ndim == 1 else gaps.reshape(pairs.shape[:-1])
 

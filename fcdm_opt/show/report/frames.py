@@ -122,7 +122,7 @@ class Frames:
         """
         curve = self._curve(transform)
         if gap is None or not math.isfinite(gap):
-            gap = float(curve.gap(sizes))
+            gap = float(curve.gap(sizes, settled=False))
         state = self._state(gap)
         contacts = self._contacts(curve, sizes) if state == "touching" else {}
         return {
@@ -198,7 +198,7 @@ class Frames:
             return ""
         if not (np.isfinite(rho).all() and min(rho) > 0):
             return "the tracked features meet at no pair of scales here"
-        state = self._state(float(curve.gap(rho)))
+        state = self._state(float(curve.gap(rho, settled=False)))
         if state == "touching":
             return ""
         return f"the tracked features are not the contact here: at their scales the bodies are {state}"
