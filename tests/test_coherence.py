@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from oracles import plane_point
 from strategies import generators, random_pair, random_pose, random_union, runs
 
-from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults
+from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults, overlaps_between
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.curve.segments import Segment
@@ -291,3 +291,22 @@ def test_exact_corners_of_the_paper_s_lines_are_faultless_on_their_own_pieces_on
         if beyond.min() > 0:
             assert truth.gap(beyond) > 0
             assert [fault.kind for fault in faults(curve.movable, curve.static, beyond, tracked)] == ["apart"]
+
+
+# ------------------------------------------------------------------------------------------------- along a whole shift
+
+
+@pytest.mark.parametrize(("low", "high", "expected"), [(5, 6, 0.5), (1.5, 2, 0.125), (9.5, 11, 0.925), (20, 21, None)])
+def test_what_a_shift_runs_into_on_its_way_is_found(low, high, expected):
+    """A cube slides by 10 over a floor, through a post from `low` to `high` that it overlaps from low - 1 to high."""
+    cube = box_shape((0, 0, 0), (1, 1, 1)).body("cube")
+    floor = union(box_shape((-1, -1, -1), (30, 2, 0)), box_shape((low, 0, 0), (high, 1, 3)), seed=(0, 0, -0.5)).body("floor")
+    slid = np.eye(4)
+    slid[0, 3] = 10.0
+    sizes = np.ones(2)
+    ends = tuple((relative_pose(cube, floor, transform), sizes) for transform in (np.eye(4), slid))
+    found = overlaps_between(cube, floor, ends, {(0, 0)}, SLACK)
+    assert found == ([] if expected is None else [pytest.approx(expected, abs=1e-8)])
+    slid[2, 3] = 1e-3
+    lifted = ends[0], (relative_pose(cube, floor, slid), sizes)
+    assert overlaps_between(cube, floor, lifted, {(0, 0)}, SLACK) is None
