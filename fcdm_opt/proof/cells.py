@@ -565,29 +565,6 @@ def placed(R, d, body, x, out):
         out[0], out[1], out[2] = _turned_back(R, 0, _plus(x, d))
 
 
-@kernel
-def apart_cells(T, known, one, two, margin, flags, sites):
-    """Tell, as flags, where two polyhedra stay apart, by which site."""
-    n, height = np.zeros((3, T.shape[2])), np.zeros(T.shape[2])
-    for cell in range(len(T)):
-        if known[cell]:
-            continue
-        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        for edged in (False, True):
-            gap = best_site(R, d, one, two, edged, sites[cell])
-            if gap > margin and apart(T[cell], sites[cell], one[0], two[0], margin, n, height):
-                flags[cell] = True
-                break
-
-
-@kernel
-def meet_cells(T, pair, one, two, margin, codes, witness):
-    """Tell where two polyhedra, a part and an opponent by number, overlap all over a cell."""
-    for cell in range(len(T)):
-        if codes[cell] == OPEN and meets(T[cell], one, two, margin, witness[cell]):
-            codes[cell], witness[cell, 0], witness[cell, 1] = MEETS, pair[0], pair[1]
-
-
 # --------------------------------------------------------------------------------------------------------- distances
 
 
@@ -609,24 +586,119 @@ def set_nearest(R, d, one, two, x, y):
 
 
 @kernel
-def near_cells(T, pair, one, two, need, margin, codes, witness):
-    """Tell where two points of two polyhedra are nearer than `need` all over a cell.
+def nearer(T, one, two, need, margin, witness):
+    """Tell whether two points of two polyhedra are nearer than `need` over a whole cell.
 
     `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about s_2.
     """
-    m = T.shape[2]
+    m = T.shape[1]
     x, y, ways, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
+    if not set_nearest(T[:9, 0].copy(), T[9:12, 0].copy(), one, two, x, y) < need:
+        return False
+    _turn(T, x, ways)
+    for j in range(3):
+        _add(ways[j], -1.0, T[9 + j])
+        ways[j, 0] -= y[j]
+    _product(ways, ways, square)
+    if not _high(square) < (need - margin) ** 2:
+        return False
+    witness[2:5], witness[5:8] = x, y
+    return True
+
+
+# ----------------------------------------------------------------------------------------------------- all part pairs
+
+
+@kernel
+def _part(solids, i):
+    """Return a polyhedron of a packed list of them."""
+    vertices, normals, levels, edges, starts, _ = solids
+    v, f, e = starts[i]
+    end_v, end_f, end_e = starts[i + 1]
+    return vertices[v:end_v], normals[f:end_f], levels[f:end_f], edges[e:end_e]
+
+
+@kernel
+def _within_reach(T, balls1, balls2, near, gaps, pairs):
+    """List the pairs whose balls are nearer than they may be at the centre of a cell, the nearest first; count them."""
+    R, d, count = T[:9, 0], T[9:12, 0], 0
+    centre = np.empty(3)
+    for i in range(len(balls1)):
+        placed(R, d, 0, balls1[i, :3], centre)
+        for j in range(len(balls2)):
+            way = _minus(_entry(centre, 0), _at(balls2, j))
+            square, reach = _dot(way, way), balls1[i, 3] + balls2[j, 3] + near[j]
+            if square < reach * reach:
+                gaps[count], pairs[count] = np.sqrt(square) - reach, i * len(balls2) + j
+                count += 1
+    pairs[:count] = pairs[:count][np.argsort(gaps[:count])]
+    return count
+
+
+@kernel
+def _too_near(T, movable, opponents, pair, asked, near, margin, witness):
+    """Return why all motions of a cell bring a part too near to an opponent, as far as a pair of them tells."""
+    i, j = pair // len(asked), pair % len(asked)
+    one, two = _part(movable, i), _part(opponents, j)
+    witness[0], witness[1] = i, j
+    if asked[j] and meets(T, one, two, margin, witness):
+        return MEETS
+    return NEAR if near[j] > 0.0 and nearer(T, one[0], two[0], near[j], margin, witness) else OPEN
+
+
+@kernel
+def _stay_apart(T, movable, opponents, pair, margin, site, n, height):
+    """Tell whether a pair of parts stays apart over a whole cell, by which site."""
+    R, d = T[:9, 0].copy(), T[9:12, 0].copy()
+    one, two = _part(movable, pair[0]), _part(opponents, pair[1])
+    for edged in (False, True):
+        gap = best_site(R, d, one, two, edged, site)
+        if gap > margin and apart(T, site, one[0], two[0], margin, n, height):
+            site[PARTS], site[PARTS + 1] = pair
+            return True
+    return False
+
+
+@kernel
+def pair_cells(T, movable, opponents, partners, asked, near, margin, tries, codes, witness):
+    """Tell where a part overlaps an opponent or is too near, and where all pairs that ought to touch stay apart.
+
+    Cells come in runs of `tries`, of which the first that is excluded is enough. `movable` and `opponents` are packed,
+    the first `partners` opponents are those of which one ought to be touched; `asked` tells which may not be
+    overlapped, `near` how near they may be. Pairs whose balls are apart at a cell's centre cannot overlap all over it;
+    the pair that excluded the cell before is tried first.
+    """
+    balls1, balls2 = movable[5], opponents[5]
+    most = len(balls1) * len(balls2)
+    gaps, pairs, close = np.empty(most), np.empty(most, np.int64), np.zeros(most, np.bool_)
+    n, height, last = np.zeros((3, T.shape[2])), np.zeros(T.shape[2]), 0
     for cell in range(len(T)):
-        if codes[cell] != OPEN:
+        if cell % tries == 0:
+            done = False
+        done = done or codes[cell] != OPEN
+        if done:
             continue
-        R, d = T[cell, :9, 0].copy(), T[cell, 9:12, 0].copy()
-        if not set_nearest(R, d, one, two, x, y) < need:
+        count = _within_reach(T[cell], balls1, balls2, near, gaps, pairs)
+        for k in range(-1, count):
+            pair = last if k < 0 else pairs[k]
+            if k >= 0 and pair == last:
+                continue
+            codes[cell] = _too_near(T[cell], movable, opponents, pair, asked, near, margin, witness[cell, 0])
+            if codes[cell] != OPEN:
+                last, done = pair, True
+                break
+        if done or partners == 0:
             continue
-        _turn(T[cell], x, ways)
-        for j in range(3):
-            _add(ways[j], -1.0, T[cell, 9 + j])
-            ways[j, 0] -= y[j]
-        _product(ways, ways, square)
-        if _high(square) < (need - margin) ** 2:
-            codes[cell], witness[cell, 0], witness[cell, 1] = NEAR, pair[0], pair[1]
-            witness[cell, 2:5], witness[cell, 5:8] = x, y
+        close[:], done = False, True
+        for k in range(count + most):
+            pair = pairs[k] if k < count else k - count
+            i, j = pair // len(balls2), pair % len(balls2)
+            if close[pair] or j >= partners:
+                continue
+            close[pair] = True
+            site = witness[cell, i * partners + j]
+            if not _stay_apart(T[cell], movable, opponents, (i, j), margin, site, n, height):
+                done = False
+                break
+        if done:
+            codes[cell] = APART

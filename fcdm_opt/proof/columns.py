@@ -263,7 +263,7 @@ def _advance(scene: Exclusion, columns: Columns, record: Record, rows: Ints, eno
     strides = np.minimum(columns.stride[rows], last - front)
     ends = np.minimum(front[:, None] + strides[:, None] * np.array(REACHES), last[:, None])
     cells = columns.cells(np.repeat(rows, tries), ends.ravel())
-    codes, witness = scene.reasons(cells, enough)
+    codes, witness = scene.reasons(cells, enough, tries)
     closing = scene.closes[codes].reshape(len(rows), tries)
     excluded = (codes != Reason.OPEN).reshape(len(rows), tries)
     closed, some = closing.any(axis=1), excluded.any(axis=1)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,9 @@ LEAST_SCALE = 1e-3  # of the target pair: tracked scales below are taken as thes
 
 Solid = tuple[Array, Array, Array, Ints]
 """Vertices, face normals, their levels and edges, as a compiled test takes them."""
+
+Packed = tuple[Array, Array, Array, Ints, Ints, Array]
+"""Many solids one after the other, where the vertices, faces and edges of each begin, and a ball around each."""
 
 
 class Cells:
@@ -77,6 +80,17 @@ def _solid(part: ConvexPart, vertices: Array) -> Solid:
     """Return a part whose vertices have been scaled and shifted."""
     levels = np.array([(vertices[list(loop)] @ n).max() for loop, n in zip(part.loops, part.normals, strict=True)])
     return np.ascontiguousarray(vertices), np.array(part.normals), levels, np.array(part.edges)
+
+
+def _pack(solids: Sequence[Solid]) -> Packed:
+    """Return solids one after the other, where each begins, and a ball around each."""
+    vertices, normals, levels, edges = zip(*solids, strict=True)
+    starts = np.array([[0, 0, 0], *([len(v), len(n), len(e)] for v, n, _, e in solids)]).cumsum(axis=0)
+    centres = np.array([(v.min(axis=0) + v.max(axis=0)) / 2.0 for v in vertices])
+    radii = [np.linalg.norm(v - c, axis=1).max() for v, c in zip(vertices, centres, strict=True)]
+    balls = np.column_stack([centres, np.array(radii) * (1.0 + DEFAULT.line)])
+    joined = (np.concatenate(own) for own in (vertices, normals, levels, edges))
+    return *joined, starts, balls  # type: ignore[return-value]
 
 
 def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
@@ -314,10 +328,11 @@ class Exclusion:
 
     # -------------------------------------------------------------------------------------------------------- reasons
 
-    def reasons(self, cells: Cells, enough: float = np.inf) -> tuple[Ints, Array]:
+    def reasons(self, cells: Cells, enough: float = np.inf, tries: int = 1) -> tuple[Ints, Array]:
         """Return why each cell is excluded, as far as one test tells, (n,), and its witness rows, (n, r, 16).
 
-        Motions of an amount of at least `enough` are not wanted either, unless the amount is the weighted one.
+        Motions of an amount of at least `enough` are not wanted either, unless the amount is the weighted one. Of each
+        `tries` cells in a row the first that is excluded is enough, unless another closes its column.
         """
         count = len(cells.faces)
         codes, witness = np.zeros(count, dtype=np.int64), np.zeros((count, self.rows, WITNESS))
@@ -329,7 +344,7 @@ class Exclusion:
         if self.task.tracked:
             self._tracked(T, codes, witness[:, 0])
         if np.isfinite(self.needs).any():
-            self._pairs(T, codes, witness)
+            self._pairs(T, codes, witness, tries)
         return codes, witness
 
     @cached_property
@@ -372,21 +387,13 @@ class Exclusion:
         one, two = (_solid(body.parts[0], body.parts[0].vertices - body.seed) for body in bodies)
         return one, two
 
-    def _pairs(self, T: Array, codes: Ints, witness: Array) -> None:
-        task, partners = self.task, len(self.task.static.parts)
-        if task.must_touch:
-            all_apart = codes == Reason.OPEN
-            sites = np.zeros((len(T), self.rows, WITNESS))
-            for row, (i, j) in enumerate(product(range(len(self.movable)), range(partners))):
-                flags = np.zeros(len(T), dtype=bool)
-                solids = self.movable[i], self.opponents[j]
-                tests.apart_cells(T, ~all_apart, *solids, self.margin, flags, sites[:, row])
-                sites[:, row, tests.PARTS :] = i, j
-                all_apart &= flags
-            codes[all_apart], witness[all_apart] = Reason.APART, sites[all_apart]
-        for i, j in product(range(len(self.movable)), range(len(self.opponents))):
-            one, two, need = self.movable[i], self.opponents[j], float(task.needs[j])
-            if np.isfinite(self.needs[j]):
-                tests.meet_cells(T, (i, j), one, two, self.margin, codes, witness[:, 0])
-            if need > 0 and not self.swollen:
-                tests.near_cells(T, (i, j), one[0], two[0], need, self.margin, codes, witness[:, 0])
+    def _pairs(self, T: Array, codes: Ints, witness: Array, tries: int) -> None:
+        task = self.task
+        partners = len(task.static.parts) if task.must_touch else 0
+        near = np.zeros(len(task.needs)) if self.swollen else np.maximum(task.needs, 0.0)
+        asked = np.isfinite(self.needs)
+        tests.pair_cells(T, *self._packed, partners, asked, near, self.margin, tries, codes, witness)
+
+    @cached_property
+    def _packed(self) -> tuple[Packed, Packed]:
+        return _pack(self.movable), _pack(self.opponents)

@@ -80,82 +80,104 @@ def descended(task: Task, q: Array, radius: float) -> Answer | None:
 
 
 def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
-    """Return the motion nearest to `centre` within a radius of y in which all linearised pairs are apart."""
+    """Return the motion nearest to `centre` within a radius of y in which all linearised pairs are apart.
+
+    A pair is linearised once a motion is found at which it is not apart: of many pairs that are near, few matter.
+    """
+    scene = _Scene.of(task, y, radius)
+    if scene is None:
+        return None
     low, high = (np.maximum(y - radius, task.limits[:, 0] * task.weights), y + radius)
     high = np.minimum(high, task.limits[:, 1] * task.weights)
     sides = Rows(np.vstack([np.eye(len(y)), -np.eye(len(y))]), np.concatenate([low, -high]))
-    nearby = _linearised(task, y, radius)
-    if nearby is None:
-        return None
-    apart, closings = nearby
     scale = float(np.abs(sides.levels).max()) + float(np.linalg.norm(centre))
     search = partial(nearest, centre=centre, slack=DEFAULT.line * max(scale, DEFAULT.least_unit), nodes=NODES)
-    best = search(Choices.of(apart, len(y)), [sides]).y
-    if task.must_touch and best is not None and not any(Choices.of(each, len(y)).met(best) for each in closings):
-        best, length = None, np.inf
-        for closing in closings:
-            closed = search(Choices.of([*apart, *closing], len(y)), [sides], most=length).y
-            if closed is not None:
-                best, length = closed, float(np.linalg.norm(closed - centre))
+    gaps = task.pair_gaps(y / task.weights)
+    waiting, apart = gaps < task.needs + scene.band, list[list[Rows]]()
+
+    def parted(closing: list[list[Rows]], most: float = np.inf) -> Array | None:
+        """Return the nearest motion at which the pairs are apart and those to touch are joined."""
+        found = gaps
+        while True:
+            for parts in np.argwhere(waiting & (found < task.needs)).tolist():
+                waiting[tuple(parts)] = False
+                ways = scene.apart(parts)
+                if ways is not None:
+                    apart.append(ways)
+            best = search(Choices.of([*apart, *closing], len(y)), [sides], most=most).y if all(apart) else None
+            if best is None:
+                return None
+            found = task.pair_gaps(best / task.weights)
+            if not (waiting & (found < task.needs)).any():
+                return best
+
+    best = parted([])
+    if task.must_touch and best is not None:
+        partners = gaps[:, : len(task.static.parts)]
+        near = sorted(np.argwhere(partners < scene.band).tolist(), key=lambda own: float(gaps[tuple(own)]))
+        closings = []
+        for parts in near[:CLOSINGS]:
+            closings.append(scene.joined(parts))
+            if Choices.of(closings[-1], len(y)).met(best):
+                break
+        else:
+            best, length = None, np.inf
+            for closing in closings:
+                closed = parted(closing, length)
+                if closed is not None:
+                    best, length = closed, float(np.linalg.norm(closed - centre))
     return None if best is None else np.clip(best, low, high)
 
 
 # ------------------------------------------------------------------------------------------------------- linear rows
 
 
-def _linearised(task: Task, y: Array, radius: float) -> tuple[list[list[Rows]], list[list[list[Rows]]]] | None:
-    """Return what a task asks within a radius of y, as groups of `Choices`; None where nothing there can do.
-
-    First the pairs, with their ways apart; then, for each pair that may be the one to touch, the directions that must
-    not keep it apart, with the vertices that may be the first to meet their planes.
-    """
-    q = y / task.weights
-    pose, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)
-    if not (np.isfinite(pose).all() and np.isfinite(rates).all()):
-        return None
-    rates = rates / task.weights[:, None, None]
-    band = 2.0 * search_rate(task) * radius * np.sqrt(len(y))
-    seed, other = task.movable.seed, task.static.seed
-    scene = _Scene(
-        task,
-        q,
-        pose[:3, :3],
-        pose[:3, :3] @ seed + pose[:3, 3] - other,
-        rates[:, :3, :3],
-        rates[:, :3, :3] @ seed + rates[:, :3, 3],
-        band,
-    )
-    gaps, partners = task.pair_gaps(q), len(task.static.parts)
-    groups: list[list[Rows]] = []
-    for i, j in np.argwhere(gaps < task.needs + band).tolist():
-        ways = scene.ways((i, j))
-        if ways is None:
-            continue
-        if not ways:
-            return None
-        groups.append([Rows(J, task.needs[j] - g + J @ y) for J, g in ways])
-    near = [parts for parts in np.ndindex(len(gaps), partners) if task.must_touch and gaps[parts] < band]
-    closings = [
-        [
-            [Rows(-J[k : k + 1], g[k : k + 1] - J[k : k + 1] @ y) for k in range(len(g))]
-            for J, g in scene.directions(parts)
-            if g.min() > -band
-        ]
-        for parts in sorted(near, key=lambda own: float(gaps[own]))[:CLOSINGS]
-    ]
-    return groups, closings
-
-
 class _Scene(NamedTuple):
-    """A motion and its rates: R and seed of body 1 about s_2, derivatives by y; gaps within `band` matter."""
+    """A motion y and its rates: R and seed of body 1 about s_2, derivatives by y; gaps within `band` matter."""
 
     task: Task
-    q: Array
+    y: Array
     R: Array
     offset: Array
     turns: Array
     shifts: Array
     band: float
+
+    @classmethod
+    def of(cls, task: Task, y: Array, radius: float) -> _Scene | None:
+        """Return a motion with its rates and what may change within a radius; None where they are not finite."""
+        pose, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(y / task.weights)
+        if not (np.isfinite(pose).all() and np.isfinite(rates).all()):
+            return None
+        rates = rates / task.weights[:, None, None]
+        seed, other = task.movable.seed, task.static.seed
+        return cls(
+            task,
+            y,
+            pose[:3, :3],
+            pose[:3, :3] @ seed + pose[:3, 3] - other,
+            rates[:, :3, :3],
+            rates[:, :3, :3] @ seed + rates[:, :3, 3],
+            2.0 * search_rate(task) * radius * np.sqrt(len(y)),
+        )
+
+    @property
+    def q(self) -> Array:
+        """The parameters."""
+        return self.y / self.task.weights
+
+    def apart(self, parts: Parts) -> list[Rows] | None:
+        """Return a pair's ways apart as alternatives, none where it has none; None where nothing can join it."""
+        ways = self.ways(parts)
+        return ways and [Rows(J, self.task.needs[parts[1]] - g + J @ self.y) for J, g in ways]
+
+    def joined(self, parts: Parts) -> list[list[Rows]]:
+        """Return groups that let a pair touch: each direction, with the vertices that may first meet its plane."""
+        return [
+            [Rows(-J[k : k + 1], g[k : k + 1] - J[k : k + 1] @ self.y) for k in range(len(g))]
+            for J, g in self.directions(parts)
+            if g.min() > -self.band
+        ]
 
     def ways(self, parts: Parts) -> list[tuple[Array, Array]] | None:
         """Return (gradients, separations) of each direction that may part a pair; None where nothing can join it."""
