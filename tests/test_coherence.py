@@ -300,7 +300,9 @@ def test_exact_corners_of_the_paper_s_lines_are_faultless_on_their_own_pieces_on
 def test_what_a_shift_runs_into_on_its_way_is_found(low, high, expected):
     """A cube slides by 10 over a floor, through a post from `low` to `high` that it overlaps from low - 1 to high."""
     cube = box_shape((0, 0, 0), (1, 1, 1)).body("cube")
-    floor = union(box_shape((-1, -1, -1), (30, 2, 0)), box_shape((low, 0, 0), (high, 1, 3)), seed=(0, 0, -0.5)).body("floor")
+    floor = union(box_shape((-1, -1, -1), (30, 2, 0)), box_shape((low, 0, 0), (high, 1, 3)), seed=(0, 0, -0.5)).body(
+        "floor"
+    )
     slid = np.eye(4)
     slid[0, 3] = 10.0
     sizes = np.ones(2)

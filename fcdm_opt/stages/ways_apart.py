@@ -99,9 +99,9 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
         """Return the nearest motion at which the pairs are apart and those to touch are joined."""
         found = gaps
         while True:
-            for parts in np.argwhere(waiting & (found < task.needs)).tolist():
-                waiting[tuple(parts)] = False
-                ways = scene.apart(parts)
+            for i, j in np.argwhere(waiting & (found < task.needs)).tolist():
+                waiting[i, j] = False
+                ways = scene.apart((i, j))
                 if ways is not None:
                     apart.append(ways)
             best = search(Choices.of([*apart, *closing], len(y)), [sides], most=most).y if all(apart) else None
@@ -116,8 +116,8 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
         partners = gaps[:, : len(task.static.parts)]
         near = sorted(np.argwhere(partners < scene.band).tolist(), key=lambda own: float(gaps[tuple(own)]))
         closings = []
-        for parts in near[:CLOSINGS]:
-            closings.append(scene.joined(parts))
+        for i, j in near[:CLOSINGS]:
+            closings.append(scene.joined((i, j)))
             if Choices.of(closings[-1], len(y)).met(best):
                 break
         else:
@@ -169,7 +169,7 @@ class _Scene(NamedTuple):
     def apart(self, parts: Parts) -> list[Rows] | None:
         """Return a pair's ways apart as alternatives, none where it has none; None where nothing can join it."""
         ways = self.ways(parts)
-        return ways and [Rows(J, self.task.needs[parts[1]] - g + J @ self.y) for J, g in ways]
+        return None if ways is None else [Rows(J, self.task.needs[parts[1]] - g + J @ self.y) for J, g in ways]
 
     def joined(self, parts: Parts) -> list[list[Rows]]:
         """Return groups that let a pair touch: each direction, with the vertices that may first meet its plane."""
