@@ -11,11 +11,13 @@ import numpy as np
 
 from fcdm_opt_benchmarks.shapes import random_rotation
 from fcdm_opt_benchmarks.stability import scenes
-from fcdm_opt_benchmarks.stability.scenes import CUBE, FREE, PLATE, RY, RZ, SLANT, Plain, X, Y, Z
+from fcdm_opt_benchmarks.stability.drawn_parts import PARTS
+from fcdm_opt_benchmarks.stability.scenes import CUBE, FREE, PLATE, RX, RY, RZ, SLANT, Plain, X, Y, Z
 
 Truth = float | str | None
 Members = Iterator[tuple[str, Plain, Truth]]
 Family = tuple[Callable[[Any], Members], str]
+NEAR = [[0.8, 1.2], [0.8, 1.2]]  # scales of ordinary parts
 LITTLE = 5e-8  # what linear programming lets pass
 SIGNS = {"A": (1, 1), "B": (1, -1), "C": (-1, 1), "D": (-1, -1)}
 
@@ -211,7 +213,46 @@ def displacements(rng: Any) -> Members:
         yield f"{name} to {offset}", asked, away
 
 
+def as_drawn(rng: Any) -> Members:
+    """Restore what ordinary parts rest on after both came out 1 % off; free them, and bring them to a wall."""
+    tau, arms = 0.01, {"dovetail": (8, 4), "lid": (2, 10)}
+    motions = {"z": [Z], "x, z": [X, Z], "x, y, z": [X, Y, Z], "z, tilts": [Z, RX, RY]}
+    for letter, (one, two) in SIGNS.items():
+        made: dict[str, Any] = {"nominal": [1.0, 1.0], "tolerance": tau, "requirement": letter, "box": NEAR}
+        for (name, own), (kind, motion) in product(arms.items(), motions.items()):
+            amount = abs(one * own[0] + two * own[1]) * tau
+            yield f"{name} seated, {letter}, {kind}", _pair(name, motion, goal="seat", **made), amount
+        yield f"key seated, {letter}", _pair("key", [X, Y], goal="seat", **made), abs(one * 6 + two * 12) * tau
+        room = 10 * (1 + two * tau) - 9.75 * (1 + one * tau)
+        at_wall = math.hypot(room - 0.25, max(0.0, 0.125 - room))
+        yield f"peg at the wall, {letter}", _pair("peg", [X, Y], goal="at", **made), at_wall
+    for name, part, motion, target, amount in (
+        ("rail made larger", "dovetail", [X, Z], (1.0, 1.02), 0.08),
+        ("box made larger", "lid", [Z, RX, RY], (1.0, 1.01), 0.1),
+        ("L made larger", "ell", [X, Z], (1.01, 1.0), math.hypot(0.02, 0.02)),
+        ("step made larger", "ell", [X, Z], (1.0, 1.01), math.hypot(0.03, 0.06)),
+        ("peg too wide", "peg", [X, Y], (1.03, 1.0), None),
+    ):
+        held = scenes.limits(TX=(-5, 5), TY=(-5, 5)) if amount is None else None
+        asked: dict[str, Any] = {"goal": "clear", "target": list(target), "box": NEAR}
+        yield f"clear, {name}", _pair(part, motion, **asked, **({"limits": held} if held else {})), amount
+    yield "clear, dovetail with room", _pair("dovetail", [X, Z], goal="clear", clearance=0.25, box=NEAR), 0.25
+    for name, part, motion, target, amount in (
+        ("T down in its U", "tee", [X, Z], (0.99, 0.98), 0.18),
+        ("T sideways in its U", "tee", [X], (0.99, 0.98), 0.96),
+        ("L down on its step", "ell", [X, Z], (0.99, 0.99), 0.05),
+    ):
+        yield f"touch, {name}", _pair(part, motion, target=list(target), box=NEAR), amount
+
+
+def _pair(name: str, motion: Any, **asked: Any) -> Plain:
+    """Return the problem of two parts as drawn."""
+    bodies = (scenes.union(*map(scenes.convex, own.parts), seed=own.seed) for own in PARTS[name])
+    return scenes.problem(*bodies, motion, **asked)
+
+
 OF_BODIES: dict[str, Family] = {
+    "parts as drawn": (as_drawn, "gaps of the faces, linear in scales and shifts"),
     "unions": (unions, "corners of the boxes of shifts that overlap"),
     "keep-outs": (keep_outs, "differences of coordinates"),
     "extreme weights": (extreme_weights, "a quadratic program in two variables"),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import product
+from collections.abc import Iterable, Sequence
+from itertools import pairwise, product
 
 import numpy as np
 
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt_benchmarks.stability.contacts.scenes import (
     BLOCK,
     CUBE,
@@ -36,6 +37,7 @@ from fcdm_opt_benchmarks.stability.contacts.scenes import (
     turned,
     turns,
 )
+from fcdm_opt_benchmarks.stability.drawn_parts import PARTS
 
 FAMILIES: Families = {}
 
@@ -282,6 +284,24 @@ def many_features(rng: np.random.Generator) -> list[HardPair]:
         HardPair("the seams of two bars", bar, shifted(bar, (0, 0, 2))),
     ]
     return [*made, *turns(made)]
+
+
+@family(FAMILIES, "parts as drawn")
+def ordinary_parts(rng: np.random.Generator) -> list[HardPair]:
+    """Dovetail, lid, peg, key, T in a U and L on a step: flush as drawn, tilted together, made larger and smaller."""
+    made = []
+    for name, (movable, static) in PARTS.items():
+        one, two = (solid(np.vstack(own.parts), own.seed, _numbered(own.parts)) for own in (movable, static))
+        made.append(HardPair(f"{name}, as drawn", one, two))
+        made.append(seen(f"{name}, tilted", one, two, TILT))
+        made += [HardPair(f"{name}, at {rho}", one, two, rho=rho) for rho in ((1.01, 1.01), (0.99, 1.01), (0.99, 0.99))]
+    return [*made, *turns(made)]
+
+
+def _numbered(parts: Sequence[Array]) -> list[range]:
+    """Return the places of each part's corners in the list of all."""
+    ends = np.cumsum([0, *map(len, parts)]).tolist()
+    return [range(*ends_of) for ends_of in pairwise(ends)]
 
 
 @family(FAMILIES, "corner of the scale box")
