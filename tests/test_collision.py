@@ -220,7 +220,9 @@ def test_separations_of_very_large_parts_are_not_attempted() -> None:
     scaled = ScaledPair(Body.convex(points, seed=[0, 0, 0]), Body.convex(points + np.array([3, 0, 0]), seed=[3, 0, 0]))
     assert np.isnan(least_separation(scaled, (1.0, 1.0)))
     assert np.isnan(scaled.exact_separation((1.0, 1.0), HERE))
-    assert scaled.best_direction((1.0, 1.0), HERE, (0, 0)) is None
+    leaf = np.array([0])  # the faces about one corner are looked at
+    direction = scaled.best_direction((1.0, 1.0), HERE, (0, 0), (leaf, leaf))
+    assert 0 in direction.one + direction.two
     assert 0.9 < scaled.signed_distance((1.0, 1.0), HERE) < 1.1
 
 

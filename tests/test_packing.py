@@ -13,6 +13,7 @@ from oracles import cross, dot, minus, rational
 from strategies import generators, random_pose, random_shape, runs
 
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.measures import cross as crosses
 from fcdm_opt.geometry.packing import HEADER
 
 GRID = box_shape((0, 0, 0), (1, 1, 1), ("0.25", "0.5", "0.5"))
@@ -144,3 +145,10 @@ def test_packed_arrays_are_read_only():
     for array in GRID.body().parts[0].packed:
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
+
+
+def test_cross_products_of_whole_numbers_are_exact_however_large():
+    u, v = (np.array(own, dtype=object) for own in ((2**32 + 1, 3, 5), (7, 2**31 + 3, 2**33)))
+    n = crosses(u, v)
+    assert n.tolist() == [3 * 2**33 - 5 * (2**31 + 3), 35 - (2**32 + 1) * 2**33, (2**32 + 1) * (2**31 + 3) - 21]
+    assert u @ n == v @ n == 0

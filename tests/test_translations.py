@@ -15,6 +15,8 @@ from strategies import generators, runs
 
 import fcdm_opt as fo
 from fcdm_opt.stages import linear
+from fcdm_opt_benchmarks.motions.upright import least_shift as least_shift_of_prisms
+from fcdm_opt_benchmarks.pairs import lattice_prism
 
 AXES = "xyz"
 
@@ -206,3 +208,23 @@ def test_one_pair_of_many_faces_is_settled(number):
         assert solution.stage.startswith("1")
         assert solution.amount == pytest.approx(least, rel=1e-12)
         assert solution.lower_bound == solution.amount
+
+
+@pytest.mark.parametrize("count", [8, 24, 100, 400])
+@pytest.mark.parametrize("axes", ["xyz", "slanted"])
+def test_prisms_whose_faces_are_all_parallel_are_shifted_by_the_rational_least(count, axes):
+    """Flush on faces, along edges and at corners; parts of 400 corners are too large for the judge to try all edges."""
+    rng = np.random.default_rng([count, len(axes)])
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    for ways in ((3, 0, 0), (0, 2, 1), (1, 1, 1), (1, 0, 1)):
+        one, two = (lattice_prism(rng, count) for _ in range(2))
+        reach = (np.ptp(one, axis=0) + np.ptp(two, axis=0)) / 2
+        bodies = [fo.Body.convex(own, seed="box") for own in (one, two + reach * ways)]
+        if axes == "slanted":
+            motion = fo.Translation((reach * ways + (0.25, 0.125, 0.5)).tolist())
+        for target, goal in (((0.75, 0.875), "touch"), ((1.5, 1.25), "touch"), ((1.5, 1.25), "clear")):
+            problem = fo.Problem(*bodies, motion=motion, goal=goal, target=target, nominal=(1.0, 1.0))
+            least, solution = least_shift_of_prisms(problem), fo.solve(problem)
+            assert least is not None
+            assert solution.status.name == ("SOLVED" if least else "ALREADY_SATISFIED"), (ways, target, goal)
+            assert solution.amount == pytest.approx(least, rel=1e-11)

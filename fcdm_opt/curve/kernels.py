@@ -1773,34 +1773,46 @@ def facet_rows(reals1, ints1, reals2, ints2, pose):
 def _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, edges):
     """Return sites and rows, and of some edges of part 1 all with edges of part 2 whose arcs may cross theirs."""
     f1, f2, r1, r2 = ints1[0], ints2[0], frame[RADIUS_1], frame[RADIUS_2]
+    # of each edge of part 2 its way, its length, and the normal of its arc's plane seen from part 1
+    ways, across, lengths = np.empty((ints2[2], 3)), np.empty((ints2[2], 3)), np.empty(ints2[2])
+    for other in range(ints2[2]):
+        u, v, _, _ = _side(ints2, 2 * other)
+        way = _minus(_at(reals2, v), _at(reals2, u))
+        ways[other, 0], ways[other, 1], ways[other, 2] = way
+        across[other, 0], across[other, 1], across[other, 2] = _turned_back(frame, COFACTORS, way)
+        lengths[other] = _length(way)
     for edge in edges:
         h = 2 * edge
         a, b, left, _ = _side(ints1, h)
         right = _side(ints1, h + 1)[2]
         along = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a)))
+        length = _length(along)
         before, after = _at(reals1, f1 + left), _at(reals1, f1 + right)
         slack, slack2 = r2 * (2.0 * reals1[f1 + left, 3] + SPOKE), r2 * (2.0 * reals1[f1 + right, 3] + SPOKE)
         for other in range(ints2[2]):
-            u, v, over, _ = _side(ints2, 2 * other)
-            way = _minus(_at(reals2, v), _at(reals2, u))
-            across = _turned_back(frame, COFACTORS, way)
             # where each arc's ends lie beside the other's plane, and how far that may be wrong
-            p, q = _dot(across, before), _dot(across, after)
+            p, q = _dot(_at(across, other), before), _dot(_at(across, other), after)
             if (p > slack and q > slack2) or (p < -slack and q < -slack2):
                 continue
-            under = _side(ints2, 2 * other + 1)[2]
+            over, under = _side(ints2, 2 * other)[2], _side(ints2, 2 * other + 1)[2]
             bound, bound2 = r1 * (2.0 * reals2[f2 + over, 3] + SPOKE), r1 * (2.0 * reals2[f2 + under, 3] + SPOKE)
             s, t = _dot(along, _at(reals2, f2 + over)), _dot(along, _at(reals2, f2 + under))
             if (s > bound and t > bound2) or (s < -bound and t < -bound2):
                 continue
             # a product over the length of this one is the sine of the angle from the face's direction to theirs
-            near = SAME * _length(_cross(along, way))
-            one = near / _length(along)
-            two = near / _length(way)
+            near = SAME * _length(_cross(along, _at(ways, other)))
+            one, two = near / length, near / lengths[other]
             if not near > 0.0 or (
                 np.abs(p) + slack <= one or np.abs(q) + slack2 <= one
                 or np.abs(s) + bound <= two or np.abs(t) + bound2 <= two
             ):  # fmt: skip
+                continue
+            # edges of two faces that are parallel meet in the direction of these, however short they are
+            angle, shared = near / (length * lengths[other]), False
+            for face, faced in ((left, over), (left, under), (right, over), (right, under)):
+                lean = _length(_plus(_turned(frame, COFACTORS, _at(reals1, f1 + face)), _at(reals2, f2 + faced)))
+                shared = shared or lean + 2.0 * (reals1[f1 + face, 3] + reals2[f2 + faced, 3]) + SPOKE <= angle
+            if shared:
                 continue
             for turn in range(2):
                 sign = 1.0 - 2.0 * turn

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt.geometry import judging
-from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
@@ -264,10 +264,16 @@ class ScaledPair:
                 )
         return np.vstack(found)
 
-    def best_direction(self, rho: ArrayLike, transform: Array, parts: tuple[int, int]) -> Direction | None:
-        """Return a direction in which two parts are farthest apart, or overlap least; None for very large parts."""
+    def best_direction(
+        self, rho: ArrayLike, transform: Array, parts: tuple[int, int], elements: tuple[Ints, Ints]
+    ) -> Direction:
+        """Return a direction in which two parts that touch with some elements are farthest apart, or overlap least.
+
+        Of very large parts among the faces at the elements, given by their vertices.
+        """
         one, two = (hulls[k] for hulls, k in zip(self._hulls, parts, strict=True))
-        return next(iter(_best_directions(one, two, self._frame(rho, transform))), None)
+        frame = self._frame(rho, transform)
+        return next(iter(_best_directions(one, two, frame) or [_best_face(one, two, frame, elements)]))
 
     def _framed(self, pairs: ArrayLike, transforms: Array) -> Array:
         rows, poses = np.array(pairs, dtype=np.float64), np.array(transforms, dtype=np.float64, order="C")
@@ -352,8 +358,13 @@ def _gaps(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Array, Array]:
     if len(one.edges) * len(two.edges) > EXHAUSTIVE:
         return np.full(1, np.nan), np.eye(3)[:1]
     n = _directions(one, two, frame.R)
+    return _gaps_along(n, one, two, frame), n
+
+
+def _gaps_along(n: Array, one: _Hull, two: _Hull, frame: _Frame) -> Array:
+    """Return the gap of two parts along each direction."""
     first = frame.offset + frame.scales[0] * one.points @ frame.R.T
-    return frame.scales[1] * (two.points @ n.T).min(axis=0) - (first @ n.T).max(axis=0), n
+    return np.asarray(frame.scales[1] * (two.points @ n.T).min(axis=0) - (first @ n.T).max(axis=0))
 
 
 def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
@@ -406,6 +417,23 @@ def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:
             first, second = one.part.edges[place // edges, :2], two.part.edges[place % edges, :2]
             found.append(Direction(tuple(first.tolist()), tuple(second.tolist()), -1 if turn else 1))
     return found
+
+
+def _best_face(one: _Hull, two: _Hull, frame: _Frame, elements: tuple[Ints, Ints]) -> Direction:
+    """Return the direction whose gap is the largest among those of the faces at elements of two parts."""
+    own, others = (_faces_at(hull.part, rows) for hull, rows in zip((one, two), elements, strict=True))
+    n = np.vstack([one.part.normals[own] @ frame.R.T, -two.part.normals[others]])
+    k = int(np.argmax(_gaps_along(n, one, two, frame)))
+    if k < len(own):
+        return Direction(face_corners(one.part, int(own[k])), (), 1)
+    return Direction((), face_corners(two.part, int(others[k - len(own)])), -1)
+
+
+def _faces_at(part: ConvexPart, rows: Ints) -> Ints:
+    """Return the faces on whose edges all of some vertices lie, or one where it is one."""
+    ends = np.isin(part.edges[:, :2], rows)
+    faces: Ints = np.unique(part.edges[ends.any(axis=1) if len(rows) == 1 else ends.all(axis=1), 2:])
+    return faces
 
 
 def face_corners(part: ConvexPart, face: int) -> tuple[int, int, int]:

@@ -17,7 +17,8 @@ BLOCK = 1 << 18  # pairs of points and triangles looked at together
 def cross(u: Array, v: Array) -> Array:
     """Return cross products of vectors, (..., 3); quicker than numpy's."""
     a, b, c, x, y, z = u[..., 0], u[..., 1], u[..., 2], v[..., 0], v[..., 1], v[..., 2]
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+    # of objects the type is told: numpy would make machine integers of what is left of them, and round or overflow
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1, dtype=np.result_type(u, v))
 
 
 def norms(vectors: Array) -> Array:

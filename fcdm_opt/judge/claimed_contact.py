@@ -107,24 +107,22 @@ class Claim:
     def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:
         self.feature = feature
         self._seeds = carried.seeds
-        found = (self._signed(host, scaled, rho, transform) for host in carried.of(feature))
-        hosts = [host for host in found if host is not None]
+        hosts = [self._signed(host, scaled, rho, transform) for host in carried.of(feature)]
         if len(hosts) > 1:  # the best first
             errors = [self._errors(host, rho[None], transform[None])[0] for host in hosts]
             best = int(np.argmin(errors))
             hosts = [hosts[best], *hosts[:best], *hosts[best + 1 :]]
         self._hosts = hosts
 
-    def _signed(self, host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host | None:
-        """Return the host with its contact normal at this pose; None where it has none."""
+    def _signed(self, host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host:
+        """Return the host with its contact normal at this pose."""
         if host.sign != UNKNOWN:
             return host
         if self.feature.kind == "E1E2":
             sign = judging.edge_sign(host.one, host.two, host.across, host.along, transform)
             if sign != UNKNOWN:
                 return host._replace(sign=sign)
-        direction = scaled.best_direction(rho, transform, host.parts)
-        return None if direction is None else host.towards(direction)
+        return host.towards(scaled.best_direction(rho, transform, host.parts, (host.first, host.second)))
 
     @property
     def parts(self) -> tuple[int, int] | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -285,6 +286,9 @@ QUICK = (
     Drawn("translation, rotation", "touch", 100, "long"),
     Drawn("three translations", "clear", 100, "round"),
     Drawn("free", "clear", 8, "long"),
+    Drawn("translation", "touch", 20, "aligned"),
+    Drawn("three translations", "touch", 8, "aligned", "apart"),
+    Drawn("three translations", "clear", 20, "aligned"),
 )
 
 
@@ -332,6 +336,16 @@ def _all() -> Iterator[Drawn]:
             yield Drawn(motion, "touch", 1000, shape)
         yield Drawn(motion, "clear", 1000, "long")
     yield Drawn("translation", "beyond", 1000, "long")
+    yield from _aligned()
+
+
+def _aligned() -> Iterator[Drawn]:
+    """Yield what is asked of parts whose faces stay parallel: as many as of the others."""
+    for motion, vertices in product(("translation", "three translations"), (8, 20, 48, 100, 200, 400, 1000)):
+        for goal, separation in (("touch", "close"), ("clear", "close"), ("touch", "apart")):
+            yield Drawn(motion, goal, vertices, "aligned", separation)
+    for motion, goal in product(("rotation", "screw", "free screw"), ("touch", "clear")):
+        yield Drawn(motion, goal, 8, "aligned")
 
 
 def _charted(seed: int, drawn: Drawn) -> ChartCase:

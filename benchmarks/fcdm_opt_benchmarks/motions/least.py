@@ -6,7 +6,7 @@ of FLINT with 57 digits: the equations of Karush, Kuhn and Tucker of the least w
 contacts, their solution by Newton steps, an enclosure of it by Krawczyk's test, which proves that there is one and one
 only, signs of multipliers and curvature, and that the contacts are what touches there: each one's plane has all other
 vertices strictly on their sides, and the common point lies strictly inside both elements. Flush contacts have no such
-proof: refused.
+proof: refused, but of shifts of upright prisms, whose least amount is rational (`upright`).
 
 Not proved is that the way there is coherent, where a goal asks it (the judge has looked), and that no second minimum
 hides in the gap between bound and amount, which `Least.lower` tells.
@@ -29,6 +29,7 @@ from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.method import Failure
 from fcdm_opt_benchmarks.motions.held import SLACK, ExactParts, Held, crossing, holders
 from fcdm_opt_benchmarks.motions.jets import BITS
+from fcdm_opt_benchmarks.motions.upright import least_shift
 
 NEWTON = 12  # steps: each doubles the digits, of which a solver leaves about eight
 RADIUS, STILL = 2.0**-128, 2.0**-160  # of the ball of Krawczyk's test, and of a last step, times the largest unknown
@@ -72,6 +73,8 @@ def least_amount(problem: Problem) -> Least | Failure:
         return Failure("the weighted amount alone, and no other state of the pair than the goal's")
     if problem.goal == "seat":
         return Failure("flush contacts have no reference")
+    if (shift := least_shift(problem)) is not None:
+        return Least(shift, shift, "the border of the shifts at which upright prisms overlap, in rationals")
     solution = solve(problem)
     known = _bound_of_shifts(Task.of(problem)) if problem.motion.shifts and solution.usable else solution.lower_bound
     if solution.usable and known < solution.amount * (1.0 - GAP):
