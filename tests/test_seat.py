@@ -14,9 +14,9 @@ from strategies import random_pose
 
 from fcdm_opt.curve.flush import dimension, flush_contacts
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.certificate import Certificate, verify
-from fcdm_opt.judge.claimed_contact import extents
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -650,5 +650,11 @@ def test_the_judge_measures_what_is_shared(name):
     orders: list[Callable[[Any], Any]] = [lambda own: own, lambda own: own[::-1]]
     for order in orders:
         for first, second in ((one, two), (two, one)):
-            found = extents(*(own[None] for own in (moved(order(first), T), moved(second, T), T[:3, 2])))[0].tolist()
-            assert found == pytest.approx((length, width), abs=1e-8)
+            # three points of the plane besides, which give its normal
+            drawn = np.array([*order(first), (0, 0, 0), (1, 0, 0), (0, 1, 0)]), np.array(second)
+            rows = [np.arange(len(own)) for own in (first, second)]
+            plane, nothing = len(first) + np.arange(3), np.array([], dtype=np.int64)
+            placed = [moved(own, T) for own in drawn]
+            here = np.zeros((2, 3)), np.ones((1, 2)), np.eye(4)[None]
+            found = judging.contact_flushness(*placed, *rows, plane, nothing, 1, *here)[0].tolist()
+            assert found == pytest.approx((0.0, length, width), abs=1e-8)

@@ -21,7 +21,7 @@ from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
-TIE, PARALLEL, SIDE = DEFAULT.tie, DEFAULT.line, DEFAULT.side
+TIE, PARALLEL, SIDE, TOUCH = DEFAULT.tie, DEFAULT.line, DEFAULT.side, DEFAULT.touch
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # axes after each axis, of a cross product
 ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and no deeper in each other than this
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
@@ -344,6 +344,127 @@ def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, p
             error = _larger(error, level - _dot(n, y[m]))
         errors[k] = np.inf if np.isnan(error) else error
     return errors
+
+
+@light
+@kernel
+def contact_flushness(one, two, first, second, across, along, sign, seeds, pairs, poses):
+    """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths.
+
+    How far their vertices are from one plane along the normal, or of two edges from one line; length and width of what
+    the elements, seen along the normal, share: it is bounded by what each has of the other's sides.
+    """
+    found, x, y = np.empty((len(poses), 3)), np.empty((len(first), 3)), np.empty((len(second), 3))
+    p, q = np.empty((len(first), 2)), np.empty((len(second), 2))
+    corners = np.empty((2 * len(first) + 2 * len(second), 2))
+    for k in range(len(poses)):
+        n, offset = _normal(one, two, across, along, sign, poses[k]), _offset(seeds, poses[k])
+        low, high = np.inf, -np.inf
+        for m in range(len(first)):
+            x[m, 0], x[m, 1], x[m, 2] = _plus(offset, pairs[k, 0], _turned(poses[k], one[first[m]]))
+            low, high = min(low, _dot(n, x[m])), max(high, _dot(n, x[m]))
+        for m in range(len(second)):
+            y[m, 0], y[m, 1], y[m, 2] = _plus((0.0, 0.0, 0.0), pairs[k, 1], two[second[m]])
+            low, high = min(low, _dot(n, y[m])), max(high, _dot(n, y[m]))
+        found[k, 0] = high - low
+        if len(first) == len(second) == 2:
+            u, v = _minus(x[1], x[0]), _minus(y[1], y[0])
+            found[k, 0] = _off_line(x, y) if _dot(u, u) >= _dot(v, v) else _off_line(y, x)
+        least = 0
+        for axis in range(1, 3):
+            least = axis if np.abs(n[axis]) < np.abs(n[least]) else least
+        u = _cross(n, (1.0 if least == 0 else 0.0, 1.0 if least == 1 else 0.0, 1.0 if least == 2 else 0.0))
+        size = np.sqrt(_dot(u, u))
+        u = (u[0] / size, u[1] / size, u[2] / size)
+        v = _cross(n, u)
+        for m in range(len(first)):
+            way = _minus(x[m], x[0])
+            p[m, 0], p[m, 1] = _dot(u, way), _dot(v, way)
+        for m in range(len(second)):
+            way = _minus(y[m], x[0])
+            q[m, 0], q[m, 1] = _dot(u, way), _dot(v, way)
+        slack = TOUCH * min(_longest_side(p), _longest_side(q))
+        count = _sides_within(q, p, slack, corners, _sides_within(p, q, slack, corners, 0))
+        found[k, 1], found[k, 2] = _extents(corners, count)
+    return found
+
+
+@step
+def _off_line(longer, other):
+    """Return how far two points are from the line through two others."""
+    u, square = _minus(longer[1], longer[0]), 0.0
+    for m in range(2):
+        away = _cross(_minus(other[m], longer[0]), u)
+        square = max(square, _dot(away, away))
+    return np.sqrt(square / _dot(u, u))
+
+
+@step
+def _longest_side(points):
+    """Return the length of the longest side of a polygon."""
+    square = 0.0
+    for m in range(len(points)):
+        e, f = points[m, 0] - points[m - 1, 0], points[m, 1] - points[m - 1, 1]
+        square = max(square, e * e + f * f)
+    return np.sqrt(square)
+
+
+@step
+def _sides_within(x, y, slack, corners, count):
+    """Append both ends of what an element x has of each side of another, and return how many are there then.
+
+    Each side of y is cut by the half-planes of x that it leaves by more than the slack; a segment's are those beyond
+    its ends too.
+    """
+    last, middle_e, middle_f = len(x) - 1, 0.0, 0.0
+    for m in range(len(x)):
+        middle_e, middle_f = middle_e + x[m, 0] / len(x), middle_f + x[m, 1] / len(x)
+    for j in range(len(y)):
+        after = j + 1 if j + 1 < len(y) else 0
+        e, f = y[after, 0] - y[j, 0], y[after, 1] - y[j, 1]
+        low, high, outside = 0.0, 1.0, False
+        for i in range(len(x) if last > 1 else 4):
+            start = i if last > 1 else i % 2
+            end = start + 1 if start < last else 0
+            g, h = x[end, 0] - x[start, 0], x[end, 1] - x[start, 1]
+            if i > last:  # beyond the end of a segment
+                start = end
+            else:
+                g, h = h, -g
+                if last > 1 and (x[start, 0] - middle_e) * g + (x[start, 1] - middle_f) * h < 0.0:
+                    g, h = -g, -h
+            size = np.sqrt(g * g + h * h)
+            room = ((x[start, 0] - y[j, 0]) * g + (x[start, 1] - y[j, 1]) * h) / size
+            rate = (e * g + f * h) / size
+            if min(room, room - rate) < -slack:
+                if rate < 0.0:
+                    low = max(low, room / rate)
+                elif rate > 0.0:
+                    high = min(high, room / rate)
+                else:
+                    outside = True
+        if not outside and (high - low) * np.sqrt(e * e + f * f) >= -slack:
+            low, high = min(max(low, 0.0), 1.0), min(max(high, 0.0), 1.0)
+            corners[count, 0], corners[count, 1] = y[j, 0] + low * e, y[j, 1] + low * f
+            corners[count + 1, 0], corners[count + 1, 1] = y[j, 0] + high * e, y[j, 1] + high * f
+            count += 2
+    return count
+
+
+@step
+def _extents(corners, count):
+    """Return the largest distance of so many points of the plane, and their width across that direction."""
+    square, e, f = 0.0, 0.0, 0.0
+    for i in range(count):
+        for j in range(i):
+            g, h = corners[j, 0] - corners[i, 0], corners[j, 1] - corners[i, 1]
+            if g * g + h * h > square:
+                square, e, f = g * g + h * h, g, h
+    length, low, high = np.sqrt(square), 0.0, 0.0
+    for i in range(1, count if length > 0.0 else 0):
+        across = (e * (corners[i, 1] - corners[0, 1]) - f * (corners[i, 0] - corners[0, 0])) / length
+        low, high = min(low, across), max(high, across)
+    return length, high - low
 
 
 @step

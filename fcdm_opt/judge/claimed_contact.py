@@ -17,7 +17,6 @@ from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import Direction, PerPair, ScaledPair, face_corners
-from fcdm_opt.tolerances import DEFAULT
 
 UNKNOWN = 0  # the sign of a direction that depends on the pose
 
@@ -158,12 +157,10 @@ class Claim:
         """
         found = np.tile([np.inf, 0.0, 0.0], (len(poses), 1))
         for host in self._hosts:
-            normals = self._rows(host, poses)[:, :3]
-            placed = self._placed(host.one[host.first], host.two[host.second], pairs, poses)
-            shared = extents(*placed, normals)
-            wider = (shared[:, 1] > found[:, 2]) | ((shared[:, 1] == found[:, 2]) & (shared[:, 0] > found[:, 1]))
-            found[:, 0] = np.minimum(found[:, 0], _off_common_planes(*placed, normals))
-            found[wider, 1:] = shared[wider]
+            own = judging.contact_flushness(*host[:-1], self._seeds, pairs, poses)
+            wider = (own[:, 2] > found[:, 2]) | ((own[:, 2] == found[:, 2]) & (own[:, 1] > found[:, 1]))
+            found[:, 0] = np.fmin(found[:, 0], own[:, 0])
+            found[wider, 1:] = own[wider, 1:]
         return found
 
     def _rows(self, host: _Host, poses: Array) -> Array:
@@ -171,86 +168,3 @@ class Claim:
 
     def _errors(self, host: _Host, pairs: Array, poses: Array) -> Array:
         return judging.contact_errors(*host[:-1], self._seeds, pairs, poses)
-
-    def _placed(self, one: Array, two: Array, pairs: Array, poses: Array) -> tuple[Array, Array]:
-        """Scale, move and shift points of both bodies, (k, m, 3) each."""
-        R = poses[:, :3, :3]
-        offset = R @ self._seeds[0] + poses[:, :3, 3] - self._seeds[1]
-        return (
-            offset[:, None] + pairs[:, 0, None, None] * np.einsum("kij,mj->kmi", R, one),
-            pairs[:, 1, None, None] * two[None],
-        )
-
-
-def _off_common_planes(x: Array, y: Array, n: Array) -> Array:
-    """Return how far vertices are from one plane along its normal, or those of two edges from one line, (k,)."""
-    if x.shape[1] == y.shape[1] == 2:
-        lengths = [np.linalg.norm(own[:, 1] - own[:, 0], axis=1) for own in (x, y)]
-        first = (lengths[0] >= lengths[1])[:, None, None]
-        longer, other = np.where(first, x, y), np.where(first, y, x)
-        along = (longer[:, 1] - longer[:, 0]) / np.maximum(*lengths)[:, None]
-        return np.asarray(np.linalg.norm(np.cross(other - longer[:, :1], along[:, None]), axis=2).max(axis=1))
-    heights = np.concatenate([x, y], axis=1) @ n[:, :, None]
-    return np.asarray(np.ptp(heights[..., 0], axis=1))
-
-
-def extents(x: Array, y: Array, n: Array) -> Array:
-    """Return length and width, (k, 2), of what two segments or convex polygons share, each time seen along a normal.
-
-    What they share is bounded by what each has of the other's sides.
-
-    Parameters
-    ----------
-    x, y : (k, m, 3), (k, l, 3) arrays
-        Their vertices in order.
-    n : (k, 3) array
-        Unit normals.
-    """
-    x, y = (own - x[:, :1] for own in (x, y))
-    across = np.cross(n, np.eye(3)[np.abs(n).argmin(axis=1)])
-    across /= np.linalg.norm(across, axis=1)[:, None]
-    axes = np.stack([across, np.cross(n, across)], axis=2)
-    x, y = x @ axes, y @ axes
-    sizes = [np.linalg.norm(np.roll(own, -1, axis=1) - own, axis=2).max(axis=1) for own in (x, y)]
-    slack = DEFAULT.touch * np.minimum(*sizes)
-    points, known = (np.concatenate(own, axis=1) for own in zip(_cut(x, y, slack), _cut(y, x, slack), strict=True))
-    points = np.where(known[..., None], points, points[np.arange(len(x)), known.argmax(axis=1)][:, None])
-    far = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
-    first, second = np.divmod(far.reshape(len(x), -1).argmax(axis=1), points.shape[1])
-    rows = np.arange(len(x))
-    length = far[rows, first, second]
-    some = known.any(axis=1) & (length > 0.0)
-    along = (points[rows, first] - points[rows, second])[some, None] / length[some, None, None]
-    offsets = _crossed(along, points[some] - points[some, :1])
-    shared = np.zeros((len(x), 2))
-    shared[some] = np.column_stack([length[some], np.ptp(offsets, axis=1)])
-    return shared
-
-
-def _cut(x: Array, y: Array, slack: Array) -> tuple[Array, Array]:
-    """Return both ends of what an element has of each side of another, (k, 2 l, 2), and which are ends of something.
-
-    Each side y + t u is cut by the half-planes of the element that it leaves by more than the slack, (k,).
-    """
-    sides = np.roll(x, -1, axis=1) - x
-    outward = np.stack([sides[..., 1], -sides[..., 0]], axis=2)
-    if x.shape[1] == 2:  # a segment: between its ends too
-        outward, starts = np.concatenate([outward, sides], axis=1), np.concatenate([x, x[:, ::-1]], axis=1)
-    else:
-        outward *= np.sign(((x - x.mean(axis=1, keepdims=True)) * outward).sum(axis=2, keepdims=True))
-        starts = x
-    outward /= np.linalg.norm(outward, axis=2, keepdims=True)
-    u = np.roll(y, -1, axis=1) - y
-    room, rate = (starts * outward).sum(axis=2)[:, None] - y @ outward.mT, u @ outward.mT
-    cut = np.minimum(room, room - rate) < -slack[:, None, None]
-    at = room / np.where(rate == 0.0, 1.0, rate)
-    low = np.where(cut & (rate < 0.0), at, 0.0).max(axis=2)
-    high = np.where(cut & (rate > 0.0), at, 1.0).min(axis=2)
-    known = ((high - low) * np.linalg.norm(u, axis=2) >= -slack[:, None]) & ~(cut & (rate == 0.0)).any(axis=2)
-    low, high = np.clip(low, 0.0, 1.0), np.clip(high, 0.0, 1.0)
-    ends = [y + share[..., None] * u for share in (low, high)]
-    return np.concatenate(ends, axis=1), np.tile(known, 2)
-
-
-def _crossed(a: Array, b: Array) -> Array:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

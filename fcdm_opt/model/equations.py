@@ -19,6 +19,7 @@ import numpy as np
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, crossed, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.model.templates import template
 from fcdm_opt.motion.motions import Motion
 
@@ -102,7 +103,7 @@ def _widest(polygon: Array) -> Array:
         ]
     )
     corners = polygon[np.array(triples)]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = norms(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     return corners[int(np.argmax(areas))]
 
 

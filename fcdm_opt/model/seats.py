@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, crossed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.tolerances import DEFAULT
@@ -23,6 +23,8 @@ def spins(motion: Motion, movable: Body, static: Body) -> Array:
 
     Rates, not finite turns: a screw along the seeds has no axis where another parameter brings them together.
     """
+    if motion.shifts:
+        return np.zeros((len(motion.parameters), 3))
     rates = motion.kinematics(movable.seed, static.seed).rates(np.zeros(len(motion.parameters)))[1]
     axes = np.array([[W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]] for W in rates]) / 2.0
     return np.where(np.linalg.norm(axes, axis=1)[:, None] > DEFAULT.nominal, axes, 0.0)
@@ -37,7 +39,7 @@ def tilts(seats: Sequence[Flush], axes: Array) -> Array:
     axes : (k, 3) array
         See `spins`.
     """
-    return np.array([axes @ np.cross(p, m) for seat in seats for m, p in seat.turns]).reshape(-1, len(axes))
+    return np.array([axes @ crossed(p, m) for seat in seats for m, p in seat.turns]).reshape(-1, len(axes))
 
 
 def independent(rows: Array) -> list[int]:
@@ -61,8 +63,9 @@ def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) ->
     mixture of turns does so, and still tilts something further on, nothing may turn at all.
     """
     axes = spins(motion, movable, static)
-    rates, turning = tilts(seats, axes), axes.any(axis=1)
-    if not len(rates) or not turning.any():
+    turning = axes.any(axis=1)
+    rates = tilts(seats, axes) if turning.any() else np.zeros((0, len(axes)))
+    if not len(rates):
         return np.zeros(len(axes), dtype=bool)
     _, sizes, ways = np.linalg.svd(rates[:, turning])
     free = ways[int((sizes > DEFAULT.nominal).sum()) :]

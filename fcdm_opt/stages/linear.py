@@ -120,9 +120,10 @@ def _linear(task: Task, normals: Array, moving: Bools) -> bool:
     if any(not step.bounded and some for step, some in zip(steps, moving, strict=True)):
         return False  # of the user's own: anything
     turning = moving & task.spins.any(axis=1)
-    along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
-    if turning.any() and not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.besides))):
-        return False
+    if turning.any():
+        along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
+        if not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.besides))):
+            return False
     between = any(isinstance(step, Screw) and step.axis == "seeds" and moving[k] for k, step in enumerate(steps))
     return not between or moving.sum() == 1  # its axis follows what the others do
 
