@@ -24,7 +24,7 @@ from fcdm_opt.stages import direction_search, ways_apart
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.stages.linear import translations
-from fcdm_opt.stages.rays import ON_THE_WAY
+from fcdm_opt.stages.rays import ON_THE_WAY, on_a_ray
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.turns import least_over_turns
 from fcdm_opt.tolerances import DEFAULT
@@ -47,6 +47,7 @@ SECONDS = 20.0  # for the search over rotations
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
 NEAR = (1e-3, 3e-2, 0.3)  # relative: radius of the descent from a motion that is held back, until one finds a motion
+MANY_PAIRS = 64  # part pairs from which on no program holds them all
 FEW_PAIRS = 100  # part pairs up to which more motions are descended from
 SPREAD = 0.3  # the same, from motions that are not the least for certain
 GAINED = 1e-5  # relative: smaller gains may come from what counts as met, where a gap opens with the square of a turn
@@ -163,9 +164,15 @@ def _turned_back(task: Task) -> NDArray[np.bool_] | None:
 
 
 def least_apart(task: Task) -> Answer | None:
-    """Stage 4, where rows of one choice at a time do not do: descent over all ways apart; None where it finds none."""
+    """Stage 4, where rows of one choice at a time do not do: descent over all ways apart; None where it finds none.
+
+    Of many part pairs from the first contact on a ray too: a program over all of them takes minutes.
+    """
     answer = Answer(Status.NOT_FOUND, None, STAGE_APART, displacement_bound(task))
     answer = spread(task, answer, [*_unturned(task), task.start])
+    if answer.q is None and task.part_pairs >= MANY_PAIRS and ways_apart.suits(task) and task.allows(task.rest):
+        contact = on_a_ray(task, None)
+        answer = answer if contact is None else spread(task, answer, [contact.motion])
     return None if answer.q is None else answer
 
 

@@ -28,6 +28,7 @@ STEPS = 2000  # safe steps along one ray, at most
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
 SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 ON_THE_WAY = ("the nearest contact on the way",)
+LARGE = 0.5  # of the size: displacements beyond this are large
 FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
 
@@ -171,6 +172,23 @@ def _searched(task: Task, direction: Array, limit: float, start: float) -> First
 
 
 # ------------------------------------------------------------------------------------------------------- steady rays
+
+
+def on_a_ray(task: Task, known: Answer | None) -> Answer | None:
+    """Return the least first contact along fixed directions; None if it is not less than the best known.
+
+    Along the axes always, as a start may have passed the contact by; along the others where nothing is known, or the
+    best known motion is as large as the bodies.
+    """
+    large = known is None or known.amount * search_rate(task) > LARGE * task.size
+    contact = None
+    for direction in directions(task, FINE) if large else directions(task, ()):
+        least = contact or known
+        limit = min(reach(task, direction), np.inf if least is None else least.amount)
+        amount = first_contact(task, direction, limit).amount
+        if amount < limit and task.meets(q := amount * direction, DEFAULT.requirement):
+            contact = task.answer(q, active=ON_THE_WAY, modelled=task.modelled_by_gaps(q))
+    return contact
 
 
 def is_steady(task: Task, direction: Array) -> bool:

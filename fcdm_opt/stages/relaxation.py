@@ -9,7 +9,7 @@ import numpy as np
 
 from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.model.bounds import displacement_bound, search_rate
+from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Answer, Opponent, Parts, Task
 from fcdm_opt.problem.solution import Status
@@ -26,7 +26,6 @@ KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they 
 REACH = 3.0  # starts away from rest, in typical amounts
 WIDE_REACH, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
 FALLBACK_CHOICES = 3  # choices of features tried then
-LARGE = 0.5  # of the size: displacements beyond this are large
 HELD = 3  # vertices of either part that a new separating plane holds at once
 
 
@@ -56,7 +55,7 @@ def _program(task: Task) -> Answer:
     the same task gives the same answer.
     """
     best, reached = _first_found(task)
-    contact = _on_a_ray(task, best) if not task.tracked and task.allows(task.rest) else None
+    contact = rays.on_a_ray(task, best) if not task.tracked and task.allows(task.rest) else None
     if contact is not None:
         best = contact
         for relaxation in choices(task, contact.motion, near=True):
@@ -97,23 +96,6 @@ def _first_found(task: Task) -> tuple[Answer | None, bool]:
         if best is not None:
             break
     return best, reached
-
-
-def _on_a_ray(task: Task, known: Answer | None) -> Answer | None:
-    """Return the least first contact along fixed directions; None if it is not less than the best known.
-
-    Along the axes always, as a start may have passed the contact by; along the others where nothing is known, or the
-    best known motion is as large as the bodies.
-    """
-    large = known is None or known.amount * search_rate(task) > LARGE * task.size
-    contact = None
-    for direction in rays.directions(task, rays.FINE) if large else rays.directions(task, ()):
-        least = contact or known
-        limit = min(rays.reach(task, direction), np.inf if least is None else least.amount)
-        amount = rays.first_contact(task, direction, limit).amount
-        if amount < limit and task.meets(q := amount * direction, DEFAULT.requirement):
-            contact = task.answer(q, active=rays.ON_THE_WAY, modelled=task.modelled_by_gaps(q))
-    return contact
 
 
 @dataclass(eq=False)
