@@ -86,7 +86,7 @@ def oracle(case: HardCase) -> ExactCurve:
 
 
 def test_every_item_of_the_list_has_cases() -> None:
-    assert set(LISTED.values()) == set(contacts.FAMILIES)
+    assert {*LISTED.values(), "parts as drawn"} == set(contacts.FAMILIES)
     assert {case.family for case in quick()} == set(contacts.FAMILIES)
 
 
