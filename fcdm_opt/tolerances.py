@@ -19,6 +19,9 @@ class Tolerances:
     """Vertices of a mesh nearer to each other than this times its size, or than four of its coordinates' last digits,
     are one, and so are what is on an edge or in a plane: as `planarity`. Files in single precision give equal points
     with equal digits; nothing drawn is finer."""
+    seam: float = 2e-6
+    """Where a mesh is open, vertices nearer than this times its size are made one, and how far they were moved is told:
+    exports leave seams of a millionth."""
     drawn: float = 1e-6
     """Corners of a polygon in a file that are off its plane by at most this times their largest coordinate are so by
     rounding to the file's digits, often 6 or 7: they are moved onto it. Polygons that are more bent are refused."""

@@ -332,17 +332,8 @@ BAD = {
     "a missing triangle": ((CUBE, TRIANGLES[1:]), "not closed: 3 edges with a face on one side only"),
     "a wall inside": (together(box((0, 0, 0), (1, 1, 1)), (CUBE + np.array([1, 0, 0]), QUADS[1:])), "three or more"),
     "a flap": (([*CUBE, (2, 2, 2)], [*QUADS, (1, 7, 8)]), "not closed: 3 edges .*vertex 9"),
-    "crossing cubes": (together(box(0, 2), box(1, 3)), r"faces \d+ and \d+ cross.*at \("),
-    "a corner through a face": (pierced(), r"faces 2 and \d+ cross, .*at \(2, "),
     "a cube in a cube": (together(box(0, 3), box(1, 2)), "inside another.*7, 8 and 9, inside 6 faces, the first 1, 2"),
     "a cavity around a solid": (together(inverted(box(0, 3)), inverted(box(1, 2))), "wound the same way"),
-    "cubes glued by half a face": (together(box(0, 1), box((1, 0.5, 0), (2, 1.5, 1))), "overlap, or touch"),
-    "an edge on a face": (
-        together(
-            box(0, 2), ([(2, 1, 0.5), (2, 1, 1.5), (3, 0, 1), (3, 2, 1)], [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
-        ),
-        "touch along a line",
-    ),
     "folded flat": (
         ([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0.5, 0.5, 1)], [(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]),
         "overlap|no volume",
@@ -398,9 +389,58 @@ def test_a_missing_triangle_is_found_where_it_is(rng):
         assert f"vertex {v + 1} (" in str(caught.value)
 
 
+TOGETHER = {
+    "crossing cubes": (together(box(0, 2), box(1, 3)), 15.0, "2 closed surfaces made one solid, 0.0625 of"),
+    "a corner through a face": (pierced(), 9 - 1 / 27, "2 closed surfaces made one solid"),
+    "cubes glued by half a face": (together(box(0, 1), box((1, 0.5, 0), (2, 1.5, 1))), 2.0, "made one solid, 0 of"),
+    "cubes that touch along part of an edge": (together(box(0, 1), box((1, 1, 0.25), (2, 2, 0.75))), 1.5, ""),
+    "an edge on a face": (
+        together(
+            box(0, 2), ([(2, 1, 0.5), (2, 1, 1.5), (3, 0, 1), (3, 2, 1)], [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
+        ),
+        8 + 1 / 3,
+        "",
+    ),
+    "three in a row": (together(box(0, 2), box((1, 0, 0), (4, 1, 1)), box((3, 0, 0), (5, 3, 1))), 15.0, "3 closed"),
+    "all wound inwards": (together(inverted(box(0, 2)), inverted(box(1, 3))), 15.0, "2 closed"),
+}
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+@pytest.mark.parametrize("size", [1.0, 1e-6, 3e7])
+def test_closed_surfaces_that_overlap_or_touch_are_one_solid(name, size):
+    (points, faces), volume, remark = TOGETHER[name]
+    made = checked_mesh(np.array(points) * size, faces)
+    assert made.volume == pytest.approx(volume * size**3, rel=1e-9)
+    assert made.moved <= 1e-9 * size
+    said = [own for own in made.repairs if "made one solid" in own]
+    assert all(remark in own for own in said)
+    assert len(said) == bool(remark)
+
+
+def test_a_surface_that_crosses_itself_is_refused_with_the_place():
+    points = CUBE.copy()
+    points[np.argmax(points.sum(axis=1))] = (-1, 0.3, 0.4)  # a corner drawn out through the face at x = 0
+    with pytest.raises(InputError, match=r"faces \d+ and \d+ cross.*at \("):
+        checked_mesh(points, TRIANGLES)
+
+
+def test_a_seam_of_a_millionth_is_closed_and_told():
+    rng = np.random.default_rng(5)
+    corners = CUBE[np.array(TRIANGLES)].reshape(-1, 3)
+    drawn = corners + rng.uniform(-4e-7, 4e-7, corners.shape)
+    made = checked_mesh(drawn, np.arange(len(drawn)).reshape(-1, 3))
+    assert len(np.unique(made.triangles)) == 8
+    assert made.volume == pytest.approx(1.0, abs=1e-5)
+    assert 0 < made.moved < 2e-6
+    assert any(own.startswith("made one with others nearer than 2e-06") for own in made.repairs)
+    with pytest.raises(InputError, match="not closed"):
+        checked_mesh(corners + rng.uniform(-1e-4, 1e-4, corners.shape), np.arange(len(drawn)).reshape(-1, 3))
+
+
 @runs(50)
 @given(generators)
-def test_two_solids_are_refused_as_one_surface_exactly_where_they_overlap(rng):
+def test_two_solids_are_one_surface_whether_they_overlap_or_not(rng):
     from manifold3d import Manifold, Mesh64
 
     one, two = (random_solid(rng, "extrusion", True) for _ in range(2))
@@ -412,11 +452,16 @@ def test_two_solids_are_refused_as_one_surface_exactly_where_they_overlap(rng):
     ]
     common = (solids[0] ^ solids[1]).volume()
     mesh = together((one.vertices, one.triangles.tolist()), (moved, two.triangles.tolist()))
-    if common > 1e-9:
-        with pytest.raises(InputError, match=r"cross|inside another"):
+    if common > 1e-9 and min(one.volume, two.volume) - common < 1e-9:
+        with pytest.raises(InputError, match="inside another"):
             checked_mesh(*mesh)
-    elif common == 0:
-        np.testing.assert_allclose(checked_mesh(*mesh).volume, one.volume + two.volume, rtol=1e-10)
+    elif common > 1e-9 or common == 0:
+        made = checked_mesh(*mesh)
+        np.testing.assert_allclose(made.volume, one.volume + two.volume - common, rtol=1e-9)
+        places = rng.uniform(made.vertices.min(axis=0), made.vertices.max(axis=0), (50, 3))
+        parts = (checked_mesh(own, other.triangles) for own, other in ((one.vertices, one), (moved, two)))
+        inside = np.array([own.contains(places) for own in parts]).any(axis=0)
+        assert (made.contains(places) == inside).all()
 
 
 # --------------------------------------------------------------------------------------- crossings, in rational numbers

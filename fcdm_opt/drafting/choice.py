@@ -1,4 +1,4 @@
-"""Goal and motion for parts as drawn: those that solve all four requirements, found by trying."""
+"""Goal and motion for parts as drawn: what the drawn contact asks for, and the motion that answers it best."""
 
 from __future__ import annotations
 
@@ -50,10 +50,11 @@ class Choice:
         return {letter: answer for letter, answer in self.solutions.items() if answer is not None and answer.usable}
 
     @property
-    def answered(self) -> int:
-        """How many requirements are solved, or told not to fit together: that is an answer of another goal's too."""
-        outside = sum(answer is not None and answer.status is Status.OUTSIDE_FIT for answer in self.solutions.values())
-        return len(self.usable) + outside
+    def settled(self) -> bool:
+        """Whether some cases are solved and the others told not to fit together: no other motion of this goal helps."""
+        told = (Status.OUTSIDE_FIT, Status.INFEASIBLE)
+        others = [answer for letter, answer in self.solutions.items() if letter not in self.usable]
+        return bool(self.usable) and all(answer is not None and answer.status in told for answer in others)
 
     @cached_property
     def tied(self) -> tuple[str, ...]:
@@ -68,11 +69,11 @@ class Choice:
     @property
     def axis(self) -> Array | None:
         """The one direction in which all translations found go, (3,); None where there are several, or none."""
-        poses = [None if answer is None else answer.transform for answer in self.solutions.values()]
+        poses = [answer.transform for answer in self.usable.values()]
         moves = [pose[:3, 3] for pose in poses if pose is not None]
         longest = max(moves, key=lambda move: float(np.linalg.norm(move)), default=np.zeros(3))
         length = float(np.linalg.norm(longest))
-        if not length > 0 or len(self.usable) < len(SIGNS):
+        if not length > 0:
             return None
         axis: Array = longest / length
         aside = max(float(np.linalg.norm(move - (move @ axis) * axis)) for move in moves)
@@ -80,27 +81,33 @@ class Choice:
 
 
 def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) -> Choice:
-    """Return the first goal, of those that make sense for the state, that some motion answers in all four cases.
+    """Return the goal that the parts as drawn ask for, and the simplest motion that answers most of the four cases.
 
-    Translations along one axis come before those along three wherever they are as small, and rotations after both.
-    `at` is told what is tried.
+    Parts that touch flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where
+    that cannot be asked, or no case of it is solved: a case in which the parts do not fit is an answer. Translations
+    along one axis come before those along three wherever they are as small, and rotations after both. `at` is told
+    what is tried.
     """
-    best: Choice | None = None
+    found: Choice | None = None
     start = perf_counter()
     for goal in GOALS[situation.state]:
+        best: Choice | None = None
         for motion in (ANY_SHIFT, Translation(named(situation.normal)), Free()):
-            if best is not None and perf_counter() - start > SECONDS:
-                return best
+            if best is not None and (best.settled or perf_counter() - start > SECONDS):
+                break
             at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
             tried = _tried(situation, goal, motion)
             if tried is None:
-                continue
-            if tried.answered == len(SIGNS):
-                return _simpler(situation, tried)
-            if best is None or tried.answered > best.answered:
+                break
+            if best is None or len(tried.usable) > len(best.usable):
                 best = tried
-    assert best is not None  # "touch" and "clear" can be asked of any parts
-    return best
+        if best is not None and best.usable:
+            return _simpler(situation, best)
+        found = found or best
+        if found is not None and perf_counter() - start > SECONDS:
+            break
+    assert found is not None  # "touch" and "clear" can be asked of any parts
+    return found
 
 
 def named(axis: Array) -> str | tuple[float, float, float]:
@@ -114,7 +121,7 @@ def named(axis: Array) -> str | tuple[float, float, float]:
 def _simpler(situation: Situation, choice: Choice) -> Choice:
     """Return the choice with one axis in place of three where that costs nothing."""
     axis = choice.axis
-    moves = any(answer is not None and answer.amount > 0 for answer in choice.solutions.values())
+    moves = any(answer.amount > 0 for answer in choice.usable.values())
     if len(choice.motion.steps) == 1 or (axis is None and moves):
         return choice
     less = _tried(situation, choice.goal, Translation(named(situation.normal if axis is None else axis)))

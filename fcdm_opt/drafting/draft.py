@@ -37,6 +37,7 @@ TILTED = (
     "the faces that meet are parallel within {:.0e} rad, not exactly (single precision, say); "
     "fcdm_opt takes the corners as the file has them"
 )
+MOST_CONTACTS = 6  # contacts that are listed
 MOST_POINTS = 8  # switching points that are listed
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
 UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
@@ -49,6 +50,14 @@ WHY = {
     "at": "the same feature touches, at exactly the sizes made",
     "beyond": "the paper's: the switching point moves into the quadrant beyond the sizes made",
 }
+BECAUSE = {
+    ("touching", "seat"): "flush as drawn, the parts are to stay so",
+    ("touching", "touch"): "touching as drawn, the parts are to touch again",
+    ("apart", "touch"): "apart as drawn, the parts are to meet",
+    ("overlapping", "clear"): "overlapping as drawn, the parts are to come apart",
+}
+"""Why a goal is proposed, by how the parts lie."""
+OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
 WORDS = {
     "A": "both parts made larger",
     "B": "the movable part larger, the static one smaller",
@@ -127,6 +136,7 @@ def draft(
         tolerance=TOLERANCE,
         goals=_goals(situation),
         choice=choice,
+        because=_because(situation, choice),
         motions=_motions(situation, choice),
         words=WORDS,
         patience=SECONDS,
@@ -138,7 +148,8 @@ def draft(
         f"as drawn: {state}",
         *([f"practically face on face: {tilted}"] if tilted else []),
         *(f"warning: {remark}" for remark in warned),
-        f"{asked}: {len(choice.usable)} of {len(SIGNS)} cases solved and verified",
+        f"proposed: {asked}: {_because(situation, choice)}",
+        f"{len(choice.usable)} of {len(SIGNS)} cases solved and verified",
         *(
             f"{letter}: {answer.advice}"
             for letter, answer in choice.solutions.items()
@@ -197,12 +208,24 @@ def state_text(situation: Situation, unit: str) -> str:
     }
     text = words[situation.state]
     if situation.state == "touching":
-        near = situation.nearest
-        return text + (f": {short(near.features)}" if near is not None else "")
+        labels = [short(contact.label) for contact in situation.contacts]
+        more = [f"{len(labels) - MOST_CONTACTS} more"] if len(labels) > MOST_CONTACTS else []
+        listed = " and ".join([*labels[:MOST_CONTACTS], *more])
+        at = f", at {len(labels)} places" if len(labels) > 1 else ""
+        return f"{text}{at}: {listed}" if labels else text
     if math.isfinite(situation.growth):
         return f"{text}; both made {situation.growth:.6g} times as large, they would touch"
     low, high = WIDE[0]
     return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
+
+
+def _because(situation: Situation, choice: Choice) -> str:
+    """Return why a goal and a motion are proposed."""
+    why = BECAUSE.get((situation.state, choice.goal), OTHERWISE)
+    shift = choice.motion.steps[0]
+    if len(choice.motion.steps) == 1 and isinstance(shift, Translation) and shift.axis == named(situation.normal):
+        why += ", and along the contact's normal is the shortest way"
+    return why
 
 
 def _remedy(situation: Situation, unit: str) -> str:

@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
+from fcdm_opt.curve.contact import meetings
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
@@ -68,6 +70,15 @@ class Situation:
         if abs(self.gap) <= DEFAULT.snap * self.size and moved <= DEFAULT.snap:
             return "touching"
         return "apart" if self.gap > 0 else "overlapping"
+
+    @cached_property
+    def contacts(self) -> tuple[Feature, ...]:
+        """Everything that touches as drawn, each once; empty where nothing does."""
+        if self.state != "touching":
+            return ()
+        pose, slack = relative_pose(self.movable, self.static, np.eye(4)), DEFAULT.snap * self.size
+        found = meetings(self.movable, self.static, pose, np.array(DRAWN), slack)
+        return tuple(dict.fromkeys(meeting.contact.feature for meeting in found))
 
     @cached_property
     def growth(self) -> float:

@@ -6,7 +6,7 @@ What is wrong in one way only is repaired and reported; anything else is refused
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
 from fcdm_opt.geometry.polygons import Polygon, Sides, components, triangulated
+from fcdm_opt.geometry.shells import Union, union_of_shells
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -98,13 +99,14 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
     -------
     Mesh
         With every certain repair in `repairs`: copies of faces, faces without area or with nothing between them left
-        out; vertices on the edge of a face made corners of it; windings made consistent and outward.
+        out; vertices on the edge of a face made corners of it; windings made consistent and outward; seams of up to
+        `Tolerances.seam` of the size closed; closed surfaces that overlap or touch made one.
 
     Raises
     ------
     InputError
-        For a surface that is open, that crosses or touches itself along more than shared edges, or of which it is not
-        certain what is inside. Names faces and vertices (1-based) and a place.
+        For a surface that is open, that crosses itself, or of which it is not certain what is inside. Names faces and
+        vertices (1-based) and a place.
     """
     key = f"body '{name}'"
     points = checked_corners(numbers(vertices, f"{key}: vertices"), key) + 0.0  # no negative zeros
@@ -116,15 +118,20 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
         raise InputError("all points of the faces coincide up to rounding", key=key, found=used[0].tolist())
     unit = int(np.frexp(size)[1])
     scaled = np.ldexp(points, -unit)
-    slack = max(DEFAULT.weld * float(np.ldexp(size, -unit)), 4 * float(np.spacing(np.abs(used).max() * 2.0**-unit)))
-    kept, owners, repairs = _welded(scaled, slack)
-    surface = closed(Faces(scaled[kept], unit, *_shortened(polygons, owners, key), repairs), slack, key)
+    surface, kept, owners, slack = _closed_up(scaled, polygons, unit, float(np.ldexp(size, -unit)), key)
     triangles, owner = triangulated(surface.points, surface.polygons, surface.numbers, slack, key)
     crossing = first_crossing(surface.points, triangles, slack)
     if crossing is not None:
         one, two = sorted(surface.numbers[owner[k]] for k in (crossing.one, crossing.two))
         what = f"faces {one + 1} and {two + 1} cross, overlap, or touch along a line that is no edge of both"
-        raise InputError(f"{what}, at {surface.at(np.array(crossing.place))}", key=key)
+        refused = InputError(f"{what}, at {surface.at(np.array(crossing.place))}", key=key)
+        shell = _shells(surface)[owner]
+        joined = union_of_shells(surface.points, triangles, shell)
+        own = [triangles[shell == k] for k in np.unique(shell)]
+        if joined is None or any(first_crossing(surface.points, some, slack) for some in own):
+            raise refused
+        if joined.triangles is not None:
+            return _joined(joined, surface, refused, unit, name)
     turned, remarks = _outward(surface, triangles, owner, slack, key)
     outlines = tuple(reverse(own) if turn else own for own, turn in zip(surface.polygons, turned, strict=True))
     triangles = np.where(turned[owner][:, None], triangles[:, ::-1], triangles)
@@ -135,8 +142,41 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
         triangle_faces=frozen(owner, np.int64),
         repairs=surface.repairs + remarks,
         name=name,
-        moved=float(norms(points - points[kept][owners]).max()) if repairs else 0.0,
+        moved=float(norms(points - points[kept][owners]).max()),
     )
+
+
+def _joined(joined: Union, surface: Faces, refused: InputError, unit: int, name: str) -> Mesh:
+    """Return the mesh of closed surfaces made one; what was wrong with them is raised where that is no solid either."""
+    try:
+        made = checked_mesh(np.ldexp(joined.points, unit), joined.triangles, name=name)
+    except InputError:
+        raise refused from None
+    if joined.remark in made.repairs:  # no better than it was
+        raise refused
+    repairs = (*surface.repairs, joined.remark, *made.repairs)
+    return replace(made, repairs=repairs, moved=made.moved + float(np.ldexp(joined.off, unit)))
+
+
+def _closed_up(
+    points: Array, polygons: list[Polygon], unit: int, size: float, key: str
+) -> tuple[Faces, Ints, Ints, float]:
+    """Return a closed surface, the points kept, the place among them of each point, and the slack of welding.
+
+    Where it is open, points a little further from each other are made one: meshes come with seams of a millionth.
+    """
+    rounding = 4 * float(np.spacing(np.abs(points).max()))
+    refused: InputError | None = None
+    for weld in (DEFAULT.weld, DEFAULT.seam):
+        slack = max(weld * size, rounding)
+        kept, owners, repairs = _welded(points, slack, max(weld, rounding / size))
+        try:
+            drawn = Faces(points[kept], unit, *_shortened(polygons, owners, key), repairs)
+            return closed(drawn, slack, key), kept, owners, slack
+        except InputError as reason:
+            refused = refused or reason
+    assert refused is not None
+    raise refused
 
 
 # ---------------------------------------------------------------------------------------------------- input checks
@@ -155,7 +195,7 @@ def _polygons(faces: Any, count: int, key: str) -> list[Polygon]:
     return polygons
 
 
-def _welded(points: Array, slack: float) -> tuple[Ints, Ints, tuple[str, ...]]:
+def _welded(points: Array, slack: float, share: float) -> tuple[Ints, Ints, tuple[str, ...]]:
     """Return the rows of distinct points, the place among them of each point, and a remark on unequal ones made one."""
     from scipy.spatial import cKDTree
 
@@ -164,7 +204,7 @@ def _welded(points: Array, slack: float) -> tuple[Ints, Ints, tuple[str, ...]]:
     if not len(pairs):
         return distinct, owners, ()
     least, group = _ranked(components(pairs, len(distinct)))
-    remark = f"made one with others nearer than {DEFAULT.weld:g} of the size: {len(distinct) - len(least)} vertices"
+    remark = f"made one with others nearer than {share:.1g} of the size: {len(distinct) - len(least)} vertices"
     return distinct[least], group[owners], (remark,)
 
 

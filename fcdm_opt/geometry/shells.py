@@ -1,0 +1,80 @@
+"""Closed surfaces that overlap or touch, as drawings and exports have them, made the surface of one solid."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.measures import volume_and_centroid
+from fcdm_opt.tolerances import DEFAULT
+
+
+class Union(NamedTuple):
+    """The surface of several solids taken together.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+    triangles : (t, 3) int array or None
+        None where the solids only touch, along lines and at points: their surfaces are that of the union.
+    off : float
+        How far points may be from where surfaces cross.
+    remark : str
+        What was done, with the volume in common.
+    """
+
+    points: Array
+    triangles: Ints | None
+    off: float
+    remark: str
+
+
+def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> Union | None:
+    """Return what closed surfaces bound together, by manifold3d; None for a single one, and where one is no solid.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    triangles : (t, 3) int array
+        Of all surfaces.
+    shells : (t,) int array
+        Which surface each triangle is of. Those wound the other way than most, and inside the others, are cavities.
+    """
+    from manifold3d import Error, Manifold, Mesh64, OpType
+
+    own = [triangles[shells == k] for k in np.unique(shells)]
+    if len(own) < 2:
+        return None
+    volumes = np.array([volume_and_centroid(points[some])[0] for some in own])
+    inwards = volumes < 0 if volumes.sum() > 0 else volumes > 0
+    solids = []
+    for some, volume in zip(own, volumes, strict=True):
+        rows, place = np.unique(some, return_inverse=True)
+        faces = place.reshape(-1, 3)[:, :: 1 if volume > 0 else -1]
+        solids.append(Manifold(Mesh64(np.ascontiguousarray(points[rows]), np.ascontiguousarray(faces, np.uint64))))
+        if solids[-1].status() != Error.NoError or solids[-1].is_empty():
+            return None
+    whole = Manifold.batch_boolean(
+        [solid for solid, inward in zip(solids, inwards, strict=True) if not inward], OpType.Add
+    )
+    cavities = list[Manifold]()
+    for solid in (solid for solid, inward in zip(solids, inwards, strict=True) if inward):
+        if (whole ^ solid).volume() >= solid.volume() * (1.0 - DEFAULT.nominal):
+            cavities.append(solid)
+        else:
+            whole += solid  # drawn the wrong way round
+    if cavities:
+        whole -= Manifold.batch_boolean(cavities, OpType.Add)
+    if whole.status() != Error.NoError or whole.is_empty():
+        return None
+    mesh = whole.to_mesh64()
+    before, after = float(np.abs(volumes).sum()), float(whole.volume())
+    if len(whole.decompose()) == len(own) and abs(after - before) <= DEFAULT.nominal * before:
+        return Union(points, None, 0.0, "")
+    remark = (
+        f"{len(own)} closed surfaces made one solid, {abs(round(1.0 - after / before, 9)):.3g} of their volumes common"
+    )
+    made = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+    return Union(*made, float(whole.get_tolerance()), remark)
