@@ -92,8 +92,12 @@ def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) 
     start = perf_counter()
     for goal in GOALS[situation.state]:
         best: Choice | None = None
-        for motion in (ANY_SHIFT, Translation(named(situation.normal)), Free()):
-            if best is not None and (best.settled or perf_counter() - start > SECONDS):
+        along = Translation(named(situation.normal))
+        # what is flush stays so by a shift along its normal, if by any
+        for motion in (along, ANY_SHIFT, Free()) if goal == "seat" else (ANY_SHIFT, along, Free()):
+            if best is not None and perf_counter() - start > SECONDS:
+                break
+            if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
                 break
             at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
             tried = _tried(situation, goal, motion)
