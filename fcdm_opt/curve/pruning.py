@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fcdm_opt.curve import kernels
+from fcdm_opt.curve import kernels, mattering
 from fcdm_opt.curve.region import Region, pair_region
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
@@ -111,13 +111,16 @@ class _Pairs:
         pose = kernels.relative_pose(transform, movable.seed, static.seed)
         middle = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])
         lines, most1, most2 = kernels.quick_lines(*movable.packed, *static.packed, pose, *middle)
-        self._lines = list(lines.reshape(len(movable.parts) * len(static.parts), -1, 3))
+        count = len(movable.parts) * len(static.parts)
+        self._lines = lines  # of all pairs, and of each walked one anew behind them: (a, b, c), (n, 3)
+        self._firsts = np.arange(count) * (len(lines) // count)
+        self._lasts = self._firsts + len(lines) // count
         self._R = pose[:9].reshape(3, 3)
         self.slack = DEFAULT.prune * (float(np.linalg.norm(pose[9:])) + box[1] * most1 + box[3] * most2)
         self._vertices = [
             (
                 np.concatenate([part.vertices - part.seed for part in body.parts]),
-                np.cumsum([0, *(len(part.vertices) for part in body.parts[:-1])]),
+                np.cumsum([0, *(len(part.vertices) for part in body.parts)]),
             )
             for body in self._bodies
         ]
@@ -128,36 +131,26 @@ class _Pairs:
         if code not in self.walked:
             parts = divmod(code, self._count)
             self.walked[code] = made = region_between(*self._bodies, self._transform, parts)
-            self._lines[code] = made.rows[:, 3:]
+            self._firsts[code] = len(self._lines)
+            self._lines = np.concatenate([self._lines, made.rows[:, 3:]])
+            self._lasts[code] = len(self._lines)
         return self.walked[code]
 
     def depths(self, codes: Ints, cell: Cell) -> Array:
         """Return how deep pairs overlap at least in a cell, by the lines known; -inf where one keeps them apart."""
-        known = [self._lines[code] for code in codes.tolist()]
-        (x0, x1, y0, y1), (a, b, c) = cell, np.concatenate(known).T
-        starts = np.cumsum([0, *map(len, known[:-1])])
-        level = a * (0.5 * (x0 + x1)) + b * (0.5 * (y0 + y1)) - c
-        spread = np.abs(a) * (0.5 * (x1 - x0)) + np.abs(b) * (0.5 * (y1 - y0))
-        apart = np.minimum.reduceat(level + spread, starts) < -self.slack
-        return np.where(apart, -np.inf, np.minimum.reduceat(level - spread, starts))
+        return np.asarray(
+            mattering.pair_depths(self._lines, self._firsts, self._lasts, codes, np.array(cell), self.slack)
+        )
 
     def inside(self, code: int, codes: Ints, cell: Cell) -> tuple[Flags, Flags]:
         """Tell which pairs are further on than one along a line of its own that crosses a cell, and which end with it.
 
         All others are inside the one there.
         """
-        x0, x1, y0, y1 = cell
-        rows = self.region(code).rows
-        a, b, c = rows[:, 3:].T
-        rows = rows[np.minimum(a * x0, a * x1) + np.minimum(b * y0, b * y1) - c <= self.slack]
-        heights = [
-            np.maximum.reduceat(ways @ vertices.T, starts, axis=1)[:, parts]
-            for ways, (vertices, starts), parts in zip(
-                (rows[:, :3] @ self._R, -rows[:, :3]), self._vertices, divmod(codes, self._count), strict=True
-            )
-        ]
-        own = int(np.flatnonzero(codes == code)[0])
-        a, b = (height - height[:, own, None] for height in heights)
-        most = np.maximum(a * x0, a * x1) + np.maximum(b * y0, b * y1)
-        beyond = (most > DEFAULT.line / DEFAULT.prune * self.slack).any(axis=0)
-        return beyond, ~beyond & (most > -self.slack).any(axis=0)
+        rows, own = self.region(code).rows, int(np.flatnonzero(codes == code)[0])
+        (one, starts), (two, others) = self._vertices
+        line = DEFAULT.line / DEFAULT.prune * self.slack
+        beyond, level = mattering.pairs_further(
+            rows, self._R, one, starts, two, others, codes, own, np.array(cell), self.slack, line
+        )
+        return beyond, level
