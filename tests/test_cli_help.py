@@ -9,6 +9,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -195,6 +196,21 @@ def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solved, "solved_case", interrupted)
     result = run("solve", BOXES)
     assert (result.exit_code, result.stderr) == (INTERRUPTED, "interrupted\n")
+
+
+@pytest.mark.parametrize("after", [0.3, 0.8, 1.6])
+def test_an_interrupt_while_libraries_load_ends_a_command_without_a_traceback(after: float) -> None:
+    """It was swallowed by some of them, and others crashed."""
+    command = [sys.executable, "-m", "fcdm_opt", "solve", "--certify", str(TOP / "problems/dovetail.toml")]
+    begun = subprocess.Popen(
+        command, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    time.sleep(after)
+    begun.send_signal(signal.SIGINT)
+    said = begun.communicate(timeout=20)[1]
+    assert begun.returncode in (INTERRUPTED, -signal.SIGINT)
+    assert "Traceback" not in said
 
 
 def test_an_interrupt_was_not_heard_while_a_library_was_busy() -> None:

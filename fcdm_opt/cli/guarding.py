@@ -6,6 +6,7 @@ Nobody sees a traceback who did not ask for it with `--debug`.
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import signal
 import sys
@@ -15,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
+from types import FrameType
 
 import typer
 
@@ -30,7 +32,9 @@ EXIT_CODES = (
     (INTERNAL, "a defect of fcdm-opt"),
     (INTERRUPTED, "interrupted"),
 )
-GRACE = 10.0  # seconds after which a run ends that an interrupt does not get through to
+GRACE, PATIENCE = 0.7, 10.0  # seconds after which a run ends that an interrupt does not get through to; with processes
+BEGUN_BY_OTHERS = ("importlib", "_frozen_importlib", "numba", "llvmlite", "casadi", "coal")
+"""Modules in whose midst an interrupt ends the run at once: their code is not made to be left there."""
 
 
 @dataclass(frozen=True)
@@ -115,21 +119,37 @@ def _interruptible() -> Iterator[None]:
 
     def watch() -> None:
         while numbers := os.read(reader, 64):  # written by the signal itself, before Python handles it
-            if signal.SIGINT in numbers and not ended.wait(GRACE):
-                say("interrupted")
-                os._exit(INTERRUPTED)
+            if signal.SIGINT in numbers and not ended.wait(PATIENCE if multiprocessing.active_children() else GRACE):
+                _end()
 
     watcher = threading.Thread(target=watch, daemon=True)
-    before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    before, handler = signal.set_wakeup_fd(writer, warn_on_full_buffer=False), signal.getsignal(signal.SIGINT)
+    if handler is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupted)
     watcher.start()
     try:
         yield
     finally:
         ended.set()
+        signal.signal(signal.SIGINT, handler)
         signal.set_wakeup_fd(before)
         os.close(writer)
         watcher.join()
         os.close(reader)
+
+
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    """Leave the run where Python can be left; inside other libraries, which may crash or go on, end it."""
+    while frame is not None:
+        if str(frame.f_globals.get("__name__", "")).partition(".")[0] in BEGUN_BY_OTHERS:
+            _end()
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _end() -> None:
+    say("interrupted")
+    os._exit(INTERRUPTED)
 
 
 def _unheard() -> typer.Exit:

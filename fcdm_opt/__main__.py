@@ -1,0 +1,22 @@
+"""`fcdm-opt`, also as `python -m fcdm_opt`: loads the command line, and runs it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+
+
+def main() -> None:
+    """Entry point; an interrupt while the command line is loaded ends it without a word."""
+    if threading.current_thread() is threading.main_thread():
+        before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+        from fcdm_opt import cli
+
+        signal.signal(signal.SIGINT, before)
+    else:
+        from fcdm_opt import cli
+    cli.main()
+
+
+if __name__ == "__main__":
+    main()
