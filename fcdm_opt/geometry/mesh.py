@@ -148,6 +148,7 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
 
 def _joined(joined: Union, surface: Faces, refused: InputError, unit: int, name: str) -> Mesh:
     """Return the mesh of closed surfaces made one; what was wrong with them is raised where that is no solid either."""
+    assert joined.triangles is not None
     try:
         made = checked_mesh(np.ldexp(joined.points, unit), joined.triangles, name=name)
     except InputError:
