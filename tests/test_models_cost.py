@@ -12,7 +12,7 @@ from fcdm_opt import Body, KeepOut, Problem, Rotation, Solution, Status, Transla
 from fcdm_opt.errors import InputError
 from fcdm_opt.solver import STAGES
 from fcdm_opt_benchmarks.cost import models
-from fcdm_opt_benchmarks.cost.models_picture import models_figure
+from fcdm_opt_benchmarks.cost.models_picture import STYLES, models_figure
 from fcdm_opt_benchmarks.cost.scenes import QUICK, names, overlapping, scene
 from fcdm_opt_benchmarks.record import BenchRun, Load
 
@@ -117,6 +117,10 @@ def solved() -> dict[tuple[str, str], Solution]:
             except InputError:
                 continue
     return found
+
+
+def test_every_stage_has_a_mark_of_its_own():
+    assert {*STAGES, "auto"} == set(STYLES)
 
 
 def test_every_stage_settles_something(solved):

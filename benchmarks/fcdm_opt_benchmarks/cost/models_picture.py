@@ -21,6 +21,8 @@ STYLES = {
     "one parameter": ("^", GREEN, 24),
     "rotations": ("v", GREEN, 24),
     "descent": ("<", PURPLE, 24),
+    "ways apart": ("h", PURPLE, 26),
+    "directions": ("d", PURPLE, 22),
     "nlp": (">", PURPLE, 24),
     "branch and bound": ("p", ORANGE, 26),
     "full": ("X", BLACK, 34),

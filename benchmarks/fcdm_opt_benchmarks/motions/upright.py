@@ -6,7 +6,7 @@ prisms it is one too: over the sum of two polygons, whose sides are theirs. All 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cmp_to_key
 from typing import Any
 
@@ -100,7 +100,8 @@ def _sum_of(one: list[Flat], two: list[Flat]) -> list[tuple[Flat, fmpq]]:
         normals += [(q[1] - p[1], p[0] - q[0]) for p, q in zip(outline, ends, strict=True)]
     normals.sort(key=cmp_to_key(_before))
     kept = [own for k, own in enumerate(normals) if k == 0 or _before(normals[k - 1], own)]
-    return [(n, sum(max(n[0] * x + n[1] * y for x, y in own) for own in (one, two))) for n in kept]
+    reaches = [[max(n[0] * x + n[1] * y for x, y in own) for own in (one, two)] for n in kept]
+    return [(n, here + there) for n, (here, there) in zip(kept, reaches, strict=True)]
 
 
 def _before(one: Flat, two: Flat) -> int:
@@ -134,7 +135,7 @@ def _to_segment(p: Flat, q: Flat) -> fmpq:
     return x * x + y * y
 
 
-def _along(rows: list[tuple[fmpq, ...]], way: list[fmpq], apart: bool) -> fmpq | None:
+def _along(rows: Sequence[tuple[fmpq, ...]], way: list[fmpq], apart: bool) -> fmpq | None:
     """Return the square of the least t at which t times a way is on the border of a polyhedron, None: it misses it."""
     slopes = [(sum(n * u for n, u in zip(row[:3], way, strict=True)), row[3]) for row in rows]
     if any(slope == 0 and reach < 0 for slope, reach in slopes):

@@ -226,16 +226,17 @@ def as_drawn(rng: Any) -> Members:
         room = 10 * (1 + two * tau) - 9.75 * (1 + one * tau)
         at_wall = math.hypot(room - 0.25, max(0.0, 0.125 - room))
         yield f"peg at the wall, {letter}", _pair("peg", [X, Y], goal="at", **made), at_wall
-    for name, part, motion, target, amount in (
+    clear: tuple[tuple[str, str, Any, tuple[float, float], float | None], ...] = (
         ("rail made larger", "dovetail", [X, Z], (1.0, 1.02), 0.08),
         ("box made larger", "lid", [Z, RX, RY], (1.0, 1.01), 0.1),
         ("L made larger", "ell", [X, Z], (1.01, 1.0), math.hypot(0.02, 0.02)),
         ("step made larger", "ell", [X, Z], (1.0, 1.01), math.hypot(0.03, 0.06)),
         ("peg too wide", "peg", [X, Y], (1.03, 1.0), None),
-    ):
-        held = scenes.limits(TX=(-5, 5), TY=(-5, 5)) if amount is None else None
+    )
+    for name, part, motion, target, least in clear:
+        held = scenes.limits(TX=(-5, 5), TY=(-5, 5)) if least is None else None
         asked: dict[str, Any] = {"goal": "clear", "target": list(target), "box": NEAR}
-        yield f"clear, {name}", _pair(part, motion, **asked, **({"limits": held} if held else {})), amount
+        yield f"clear, {name}", _pair(part, motion, **asked, **({"limits": held} if held else {})), least
     yield "clear, dovetail with room", _pair("dovetail", [X, Z], goal="clear", clearance=0.25, box=NEAR), 0.25
     for name, part, motion, target, amount in (
         ("T down in its U", "tee", [X, Z], (0.99, 0.98), 0.18),
@@ -247,8 +248,8 @@ def as_drawn(rng: Any) -> Members:
 
 def _pair(name: str, motion: Any, **asked: Any) -> Plain:
     """Return the problem of two parts as drawn."""
-    bodies = (scenes.union(*map(scenes.convex, own.parts), seed=own.seed) for own in PARTS[name])
-    return scenes.problem(*bodies, motion, **asked)
+    movable, static = (scenes.union(*map(scenes.convex, own.parts), seed=own.seed) for own in PARTS[name])
+    return scenes.problem(movable, static, motion, **asked)
 
 
 OF_BODIES: dict[str, Family] = {
