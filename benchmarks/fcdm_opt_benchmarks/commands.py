@@ -37,7 +37,7 @@ def bench_command(
 ) -> None:
     """Chart speed against accuracy: every method at several settings, against exact references.
 
-    The quick form takes about a minute, the full form about a quarter of an hour.
+    The quick form takes about two minutes, the full form nearly an hour.
     """
     from fcdm_opt_benchmarks.chart import bench, results
 
