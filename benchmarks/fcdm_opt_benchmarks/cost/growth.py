@@ -77,7 +77,7 @@ def growth(quick: bool, seed: int, progress: Say) -> list[Row]:
             progress(f"growth: {x} {axis.name}")
             for scene in (maker() for maker in makers):
                 asked = [method for method in axis.methods if method.refuses(scene.subject) is None]
-                if turn == 0:
+                if turn < 2:  # single parts, and several
                     warmed([scene], asked)
                 there = [method for method in asked if _key(scene, method) not in slow]
                 found = measured(scene, there, axis.plan, rng, [])
