@@ -39,6 +39,7 @@ from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
+from fcdm_opt import pacing
 from fcdm_opt.doors import upper
 
 config: Any = numba_config
@@ -364,7 +365,7 @@ class _Progress(event.Listener):
     """Tells how far compiling is: a bar on a terminal, once a line elsewhere. What is kept is not compiled."""
 
     def __init__(self) -> None:
-        self._depth = 0
+        self._depth, self._start = 0, 0.0
         self._said = False
         self._bar: Any = None
 
@@ -375,7 +376,10 @@ class _Progress(event.Listener):
         self._depth += 1
         if self._depth > 1:
             return
-        if sys.stderr is not None and sys.stderr.isatty():
+        self._start = perf_counter()
+        if pacing.heard():
+            self._show()
+        elif sys.stderr is not None and sys.stderr.isatty():
             from rich.progress import BarColumn, Progress, TextColumn
 
             columns = TextColumn("compiling numerical kernels"), BarColumn(), TextColumn("{task.description}")
@@ -394,14 +398,19 @@ class _Progress(event.Listener):
         if event.data["dispatcher"] not in _ALL:
             return
         self._depth -= 1
-        if self._bar is not None:
+        if self._depth == 0:
+            pacing.spare(perf_counter() - self._start)
+        if self._bar is not None or pacing.heard():
             self._show()
-            if self._depth == 0:
+            if self._depth == 0 and self._bar is not None:
                 self._bar.stop()
                 self._bar = None
 
     def _show(self) -> None:
         done = sum(1 for made in list(_ALL) if made.overloads)
+        if self._bar is None:
+            pacing.at("compiling numerical kernels, kept for later runs", done, len(_ALL))
+            return
         text = f"{done} of at most {len(_ALL)}, kept for later runs"
         self._bar.update(self._bar.task_ids[0], completed=done, total=len(_ALL), description=text)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, UnsolvedError
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.judge.engagement import inside_fit
@@ -20,7 +22,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import EFFORTS, Solution
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
-from fcdm_opt.stages.order import STAGES, settled
+from fcdm_opt.stages.order import STAGES, left, settled
 from fcdm_opt.stages.rounding import in_steps
 
 
@@ -31,6 +33,7 @@ def solve(
     certify: bool = False,
     effort: str = "proved",
     seconds: float | None = None,
+    time: float | None = None,
     throw: bool = False,
 ) -> Solution:
     """Find the smallest motion that meets a problem's requirement, and have it judged.
@@ -51,6 +54,10 @@ def solve(
     seconds : float, optional
         Wall time of the proof. Without, it ends after a number of looks that does not depend on the machine, with
         `certify` about a minute's.
+    time : float, optional
+        Wall time after which the whole search ends, with the best motion and bound so far, see `Solution.stopped`; what
+        was found is judged as ever. An enclosing `pacing.within` limits several calls together; it raises
+        `TimeOverError`, unless there is a `time` here too, which may be infinite.
     throw : bool
         Raise `UnsolvedError` where the solution is not usable.
 
@@ -63,13 +70,21 @@ def solve(
     """
     how = _How(model, certify, effort, seconds)
     _check(problem, how)
-    asked = [problem.changed(features=pair) for pair in problem.feature_pairs] or [problem]
-    if seconds is not None:
-        how = how._replace(seconds=seconds / len(asked))
-    solution = _least_of([_solved(one, how) for one in asked])
+    with pacing.within(time):
+        solution = _solved_all(problem, how)
+        if solution.stopped and time is None:  # whoever asked would take it for all that can be had
+            raise pacing.TimeOverError
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution
+
+
+def _solved_all(problem: Problem, how: _How) -> Solution:
+    """Return the least solution over the pairs of features that the problem may track."""
+    asked = [problem.changed(features=pair) for pair in problem.feature_pairs] or [problem]
+    if how.seconds is not None:
+        how = how._replace(seconds=how.seconds / len(asked))
+    return _least_of([_solved(one, how) for one in asked])
 
 
 class _How(NamedTuple):
@@ -105,12 +120,15 @@ def _solved(problem: Problem, how: _How) -> Solution:
     watch.lap("solve")
     answer, evidence = _proved(task, answer, how)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
+    stopped = pacing.stopped()
     known = problem.amount == "weighted"  # the checker knows no other amount
-    solution = reported(problem, task, answer, evidence if known else None)
-    watch.lap("prove")
-    certificate = verify(solution)
-    watch.lap("verify")
-    return inside_fit(solution.with_certificate(certificate, watch.seconds))
+    with pacing.unlimited():  # whatever was found is judged
+        pacing.at("judging the motion found")
+        solution = replace(reported(problem, task, answer, evidence if known else None), stopped=stopped)
+        watch.lap("prove")
+        certificate = verify(solution)
+        watch.lap("verify")
+        return inside_fit(solution.with_certificate(certificate, watch.seconds))
 
 
 def _least_motion(task: Task, model: str) -> Answer:
@@ -119,11 +137,22 @@ def _least_motion(task: Task, model: str) -> Answer:
         return settled(task, model)
     nearest = nearest_weighted(task)
     weighted = settled(nearest, model)
-    return another_amount(task, confirmed(nearest, weighted) if model == "auto" else weighted)
+    try:
+        return another_amount(task, confirmed(nearest, weighted) if model == "auto" else weighted)
+    except pacing.TimeOverError:
+        return left(task)
 
 
 def _proved(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
     """Return the answer, or a better one, with the bound that is asked for, and what proves it if that is asked for."""
+    pacing.at("proving that nothing smaller does")
+    with suppress(pacing.TimeOverError):
+        return _bounded(task, answer, how)
+    return answer, None
+
+
+def _bounded(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+    """Return the same, where the time does for it."""
     if how.certify:
         return proved(task, answer, gap=GAP, seconds=how.seconds)
     if how.model != "auto":

@@ -12,7 +12,15 @@ import fcdm_opt.solver
 from fcdm_opt.stages.order import STAGES
 
 ROOT = Path(fcdm_opt.solver.__file__).parents[1]
-GROUND = {"compiling", "doors", "errors", "plain", "tolerances", "version"}  # single files that anything may use
+GROUND = {
+    "compiling",
+    "doors",
+    "errors",
+    "pacing",
+    "plain",
+    "tolerances",
+    "version",
+}  # files that anything may use
 
 PACKAGES = {
     "geometry": set(),

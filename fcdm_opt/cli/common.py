@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fcdm_opt import pacing
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, refuse, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
@@ -66,6 +67,15 @@ Files = Annotated[list[Path], argument("FILE", "Problem files (TOML).", autocomp
 AsJson = Annotated[bool, option("--json", None, "Write one JSON document to stdout in place of tables.", OUTPUT)]
 Out = Annotated[Path | None, option("--out", "DIR", "Write pictures (PNG and SVG) there.", OUTPUT)]
 Seed = Annotated[int, option("--seed", "N", "Start of everything that is drawn at random, >= 0.", min=0)]
+Time = Annotated[
+    float | None,
+    option(
+        "--time",
+        "S",
+        "Wall time after which all ends, with the best answers and bounds so far.",
+        callback=lambda seconds: pacing.begin(seconds, key="--time"),
+    ),
+]
 Cases = Annotated[
     list[str] | None,
     option("--case", "NAME", "Take only this case; may be repeated.", CHOICE, autocompletion=case_names),
@@ -179,24 +189,24 @@ class Inquiry:
         """Ask about every case of every file; bad input met meanwhile is said, and ends nothing else; then `finish`.
 
         `answered` gets file, case and the case's entry in the document; what it returns is printed by `print_all`, a
-        file at a time, and a bar on the terminal says how far that is. Without it cases are printed as they are asked.
+        file at a time. Without it cases are printed as they are asked. Each gets an equal share of the time left.
         """
-        from rich.progress import track
-
-        from fcdm_opt.show.printing import console
-
-        notes = console(stderr=True)
-        bar: Any = {"console": notes, "transient": True, "disable": print_all is None or not notes.is_terminal}
+        waiting = sum(len(file.problems) for file in self._opened)
         for file in self:
             entries, rows = self.say_of("cases", []), []
-            for problem in track(file.problems, file.path.name, **bar):
+            for problem in file.problems:
                 entry: dict[str, Any] = {"name": problem.name, **({"unit": problem.unit} if problem.unit else {})}
                 entries.append(entry)
                 try:
-                    rows.append(answered(file, problem, entry))
+                    with pacing.working_on(f"case {problem.name}"), pacing.sharing(1.0 / waiting):
+                        rows.append(answered(file, problem, entry))
+                except pacing.TimeOverError as reason:
+                    entry["error"] = refuse(reason, f"{file.path}: case {problem.name!r}: {reason}")
+                    self.codes.append(NO_MOTION)
                 except InputError as reason:
                     entry["error"] = _refused(reason, file=file.path, key=f"case {problem.name!r}")
                     self.codes.append(BAD_INPUT)
+                waiting -= 1
             if rows and print_all is not None and not self.as_json:
                 self.print_head(file)
                 print_all(rows)

@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Seed, argument, code_of, finish, option
+from fcdm_opt import pacing
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Seed, Time, argument, code_of, finish, option
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
+LEAST = 0.1  # seconds that a map gets in any case
 Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
 Sizes = Annotated[Path | None, option("--sizes", "CSV", "Measured pairs of parts; default: the tolerance box.")]
@@ -39,6 +41,7 @@ def study_command(
     jobs: Jobs = None,
     engine: Annotated[str, option("--engine", "NAME", '"joblib" (this machine) or "dask" (many).')] = "joblib",
     scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", SCHEDULER)] = None,
+    time: Time = None,
     parquet: Annotated[bool, option("--parquet", None, "Write study.parquet besides study.csv.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -75,6 +78,7 @@ def whatif_command(
     conflicts: Annotated[bool, option("--conflicts", None, "Why there is no motion, and what cures it.")] = False,
     drop: Annotated[bool, option("--drop", None, "What each constraint costs.")] = False,
     compare: Annotated[bool, option("--compare", None, "Which family of motions is cheapest.")] = False,
+    time: Time = None,
     as_json: AsJson = False,
     case: Cases = None,
 ) -> None:
@@ -99,7 +103,7 @@ def whatif_command(
             yield "whatif", whatif(*_changed(file.path, problem.name, values)), tables.print_whatif
         if budget is not None:
             yield "budget", largest_tolerances(problem, limit), tables.print_budgets
-        solution: Solution | None = solve(problem) if plain else None
+        solution: Solution | None = solve(problem, time=math.inf) if plain else None
         if solution is not None and solution.verified and not solution.usable:  # outside the fit
             yield "solution", solution, lambda answer: tables.print_lines([answer.advice])
         if conflicts or (solution is not None and not solution.verified):
@@ -119,6 +123,7 @@ def map_command(
         float | None, option("--error", "LENGTH", "Error of the amount that is allowed; default: 1e-4 of the largest.")
     ] = None,
     seconds: Annotated[float, option("--seconds", "S", "Time after which a map is left as accurate as it is.")] = 120.0,
+    time: Time = None,
     budget: Annotated[
         float | None, option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.")
     ] = None,
@@ -144,7 +149,9 @@ def map_command(
 
     def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         assert pictures is not None  # there is a case
-        found = compensation_map(problem, box=covered, error=error, seconds=seconds, jobs=jobs or 1)
+        spent = min(seconds, max(pacing.left(), LEAST))
+        with pacing.unlimited():  # it has its own limit
+            found = compensation_map(problem, box=covered, error=error, seconds=spent, jobs=jobs or 1)
         title = f"{file.name}: case {problem.name}"
         stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, title=title), ending="-map")
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):

@@ -20,6 +20,7 @@ from types import FrameType
 
 import typer
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED, INTERNAL = 0, 1, 2, 3, 4
@@ -87,6 +88,8 @@ def guarded() -> Iterator[None]:
                 sys.stdout.flush()  # here a broken pipe is still ours to meet
     except InputError as reason:
         raise stopped(reason) from reason
+    except pacing.TimeOverError as reason:
+        raise stopped(reason, code=NO_MOTION) from reason
     except KeyboardInterrupt as reason:
         say("interrupted")
         raise typer.Exit(INTERRUPTED) from reason

@@ -16,7 +16,9 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from fcdm_opt import pacing
 from fcdm_opt.cli.guarding import EXIT_CODES, Manner, guarded, manner, stopped
+from fcdm_opt.cli.showing import shown
 from fcdm_opt.errors import InputError
 
 OPTIONS = "Options"  # heading of options without a group
@@ -113,7 +115,7 @@ class Overview(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command such that nothing escapes it but an exit code."""
-        with guarded():
+        with pacing.within(None), shown(), guarded():
             return super().invoke(ctx)
 
     def main(self, args: Sequence[str] | None = None, *, standalone_mode: bool = True, **extra: Any) -> Any:  # type: ignore[override]

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-from fcdm_opt.cli.common import Cases, argument, code_of, finish, opened_files, option, problem_files
+from fcdm_opt.cli.common import Cases, Time, argument, code_of, finish, opened_files, option, problem_files
 from fcdm_opt.cli.guarding import BAD_INPUT, say
 from fcdm_opt.errors import InputError
 
@@ -21,6 +21,7 @@ def report_command(
     sources: Annotated[list[Path], argument("FILE|DIR", FILES, autocompletion=problem_files)],
     out: Annotated[Path, option("--out", "HTML", "The file to write.")] = Path("report.html"),
     certify: Annotated[bool, option("--certify/--no-certify", None, "Prove how small a motion can be at all.")] = True,
+    time: Time = None,
     case: Cases = None,
 ) -> None:
     """Write problems and their solutions, or a study, as one HTML file to look at; it needs no network."""

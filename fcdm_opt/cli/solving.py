@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, code_of, option
+from fcdm_opt import pacing
+from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, Time, code_of, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -54,6 +55,7 @@ def solve_command(
     seconds: Annotated[
         float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
     ] = None,
+    time: Time = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,
@@ -70,7 +72,8 @@ def solve_command(
         entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
         if inquiry.pictures:
-            inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
+            with pacing.unlimited():  # drawn from what is known
+                inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         return row
 
     inquiry.ask(answered, print_solutions)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
-from threading import Timer
 from typing import Annotated
 
 import typer
 
-from fcdm_opt.cli.common import OUTPUT, argument, option
+from fcdm_opt.cli.common import OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
-PATIENCE = 3.0  # seconds that a stage may take until it is told
 
 
 def init_command(
@@ -30,6 +27,7 @@ def init_command(
         str | None, option("--unit", "UNIT", 'Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".')
     ] = None,
     force: Annotated[bool, option("--force", None, "Overwrite the file if it is there.", OUTPUT)] = False,
+    time: Time = None,
 ) -> None:
     """Write a commented problem file from two mesh files, as drawn in one frame.
 
@@ -40,8 +38,7 @@ def init_command(
 
     path = Path(f"{movable.stem}-{static.stem}{SUFFIX}") if out is None else out
     _check_place(path, (movable, static), force)
-    with _slow() as at:
-        made = draft(movable, static, file=path, unit=unit, at=at)
+    made = draft(movable, static, file=path, unit=unit)
     with suppress(OSError):  # what is wrong with it is said when the file is written
         path.parent.mkdir(parents=True, exist_ok=True)
     write(path, made.text)
@@ -74,23 +71,3 @@ def _check_place(path: Path, meshes: tuple[Path, Path], force: bool) -> None:
         raise InputError("this is one of the meshes", key="--out", found=str(path), allowed="another name")
     if (path.exists() or path.is_symlink()) and not force:
         raise InputError("the file is there already", key="--out", found=str(path), allowed="another name, or --force")
-
-
-@contextmanager
-def _slow() -> Iterator[Callable[[str], None]]:
-    """Give what is to be told of each stage as it begins; the slow ones are said on stderr."""
-    running: list[Timer] = []
-
-    def told(text: str) -> None:
-        while running:
-            running.pop().cancel()
-        timer = Timer(PATIENCE, say, [f"still {text}"])
-        timer.daemon = True
-        timer.start()
-        running.append(timer)
-
-    try:
-        yield told
-    finally:
-        while running:
-            running.pop().cancel()

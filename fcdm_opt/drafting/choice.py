@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
@@ -63,6 +63,7 @@ class Choice:
             letter
             for letter, answer in self.usable.items()
             if answer.modelled.get("part_pairs_total", 0) <= MOST_PAIRS
+            and not pacing.over()
             and any("another motion" in reason for reason in answer.sensitivity.reasons)
         )
 
@@ -80,13 +81,12 @@ class Choice:
         return axis if aside <= DEFAULT.stationary * length else None
 
 
-def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) -> Choice:
+def chosen(situation: Situation) -> Choice:
     """Return the goal that the parts as drawn ask for, and the simplest motion that answers most of the four cases.
 
     Parts that touch flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where
     that cannot be asked, or no case of it is solved: a case in which the parts do not fit is an answer. Translations
-    along one axis come before those along three wherever they are as small, and rotations after both. `at` is told
-    what is tried.
+    along one axis come before those along three wherever they are as small, and rotations after both.
     """
     found: Choice | None = None
     start = perf_counter()
@@ -95,11 +95,11 @@ def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) 
         along = Translation(named(situation.normal))
         # what is flush stays so by a shift along its normal, if by any
         for motion in (along, ANY_SHIFT, Free()) if goal == "seat" else (ANY_SHIFT, along, Free()):
-            if best is not None and perf_counter() - start > SECONDS:
+            if best is not None and (perf_counter() - start > SECONDS or pacing.over()):
                 break
             if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
                 break
-            at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
+            pacing.at(f'trying goal "{goal}" with the motion {", ".join(name for name, _ in motion.parameters)}')
             tried = _tried(situation, goal, motion)
             if tried is None:
                 break
@@ -108,7 +108,7 @@ def chosen(situation: Situation, *, at: Callable[[str], None] = lambda _: None) 
         if best is not None and best.usable:
             return _simpler(situation, best)
         found = found or best
-        if found is not None and perf_counter() - start > SECONDS:
+        if found is not None and (perf_counter() - start > SECONDS or pacing.over()):
             break
     assert found is not None  # "touch" and "clear" can be asked of any parts
     return found
@@ -139,7 +139,8 @@ def _tried(situation: Situation, goal: str, motion: Motion) -> Choice | None:
     for letter in SIGNS:
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
-            solutions[letter] = solve(problem, effort="quick")
+            with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
+                solutions[letter] = solve(problem, effort="quick", time=math.inf)
         except InputError:
             solutions[letter] = None
             if goal == "seat":

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from fcdm_opt import pacing
 from fcdm_opt.drafting.choice import ANY_SHIFT, AXES, NOISE, SECONDS, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError
@@ -79,7 +80,6 @@ def draft(
     *,
     file: str | Path,
     unit: str | None = None,
-    at: Callable[[str], None] = lambda _: None,
 ) -> Draft:
     """Return a commented problem file about two meshes, drawn in one frame; it solves as it stands.
 
@@ -91,8 +91,6 @@ def draft(
         Where the problem file will be: paths in it start there.
     unit : str, optional
         Unit of all lengths in it; default "mm".
-    at : callable, optional
-        Is told what is done next, in words: meshes of very many faces take minutes.
 
     Raises
     ------
@@ -107,11 +105,11 @@ def draft(
     places = [_relative(path, Path(file)) for path in paths]
     bodies = []
     for path in paths:
-        at(f"reading {shown(str(path))} and cutting it into convex parts")
+        pacing.at(f"reading {shown(str(path))} and cutting it into convex parts")
         bodies.append(Body.from_file(path, unit=lengths))
-    at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
+    pacing.at(f"looking where the parts are: {sum(len(body.vertices) for body in bodies)} corners")
     situation = Situation(*bodies)
-    choice = chosen(situation, at=at)
+    choice = chosen(situation)
     warned = remarks(situation, lengths)
     state = state_text(situation, lengths)
     tilted = "" if situation.tilt is None else TILTED.format(situation.tilt)
@@ -231,7 +229,7 @@ def _because(situation: Situation, choice: Choice) -> str:
 def _remedy(situation: Situation, unit: str) -> str:
     """Return what to do where a contact is meant that is not drawn: move the drawing, the shortest way."""
     problem = Problem(situation.movable, situation.static, target=DRAWN, goal="touch", motion=ANY_SHIFT)
-    solution = solve(problem, effort="quick")
+    solution = solve(problem, effort="quick", time=math.inf)
     if not solution.usable or solution.transform is None:
         return f"If they are meant to, move the movable part by {abs(situation.gap):.6g} {unit} in the drawing"
     shift = solution.transform[:3, 3]

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fcdm_opt import pacing
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import LARGEST, SMALLEST, Array, Ints, checked_corners, frozen, numbers, row_lists
@@ -329,6 +330,7 @@ class Body(_Sealed, Shown):
 
         vertices, faces, remarks, moved = drawn_mesh(path, unit=unit, file_unit=file_unit)
         own = Path(path).stem if name is None else name
+        pacing.at(f"making a solid of {own}: {len(faces)} faces")
         try:
             body = cls.from_mesh(vertices, faces, decomposition=decomposition, seed=seed, name=own)
         except InputError as reason:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.measures import cross, units
 from fcdm_opt.tolerances import DEFAULT
@@ -204,6 +205,7 @@ class Arrangement:
 
     def split(self, cell: Cell, plane: int) -> tuple[Cell | None, Cell | None]:
         """Return what of a cell lies below and above a plane, None where nothing does."""
+        pacing.check()
         own = self.signs[plane, cell.points]
         below, above = own < 0, own > 0
         if not below.any() or not above.any():

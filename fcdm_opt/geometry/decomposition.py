@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.approximate import approximate
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
@@ -92,6 +93,7 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     if not reflex and _is_whole(mesh, used):
         return Decomposition("convex", "one part: the mesh is convex", mesh.vertices, (used,))
     known = f"{reflex} reflex edge{'s' if reflex > 1 else ''}" if reflex else "several shells"
+    pacing.at(f"cutting {mesh.name} into convex parts: {known}")
     if method == "coacd" or (method == "auto" and reflex > MOST_REFLEX and find_spec("coacd")):
         asked = "asked for" if method == "coacd" else f"{known}, more than {MOST_REFLEX}"
         return _approximated(mesh, asked)

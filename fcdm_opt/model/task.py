@@ -206,7 +206,15 @@ class Task:
     ) -> Answer:
         """Return a motion as an answer, with its amount, which the lower bound passes by rounding at most."""
         amount = self.amount(q)
-        return Answer(status, q, stage, min(lower_bound, amount), active, modelled, amount=amount)
+        made = Answer(status, q, stage, min(lower_bound, amount), active, modelled, amount=amount)
+        if not self.found or amount < self.found[0].amount:
+            self.found[:] = [made]
+        return made
+
+    @cached_property
+    def found(self) -> list[Answer]:
+        """The least answer made so far, for a search that ends before it is through; none in most tasks."""
+        return []
 
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
         """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.

@@ -63,6 +63,8 @@ class Status(Enum):
         )
 
 
+UNTIMED = "No motion found by then, and none proved impossible: allow more time."
+
 UNLIMITED = {
     Status.INFEASIBLE: "Proved impossible with this motion: choose another motion, a smaller tolerance or other sizes.",
     Status.NOT_FOUND: "No motion found, and none proved impossible: choose another motion, or goal 'touch'.",
@@ -205,6 +207,8 @@ class Solution(Plain, Shown):
         nothing is to do, and without a motion.
     stage : str
         Which stage of the solver settled it, and why.
+    stopped : str
+        What the time limit ended, in words; empty where the search was through. The bound holds all the same.
     evidence : Evidence or None
         What `certify` proved, to be checked apart.
     certificate : Certificate or None
@@ -217,8 +221,8 @@ class Solution(Plain, Shown):
 
     plain_names = (
         "problem", "status", "advice", "usable", "parameters", "motion", "transform", "amount", "lower_bound", "rho",
-        "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped", "active", "modelled", "stage", "gap",
-        "doubt", "evidence", "sensitivity", "certificate", "seconds",
+        "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped", "active", "modelled", "stage",
+        "stopped", "gap", "doubt", "evidence", "sensitivity", "certificate", "seconds",
     )  # fmt: skip
 
     problem: Problem
@@ -235,6 +239,7 @@ class Solution(Plain, Shown):
     active: tuple[str, ...] = ()
     modelled: Mapping[str, int] = field(default_factory=dict)
     stage: str = ""
+    stopped: str = ""
     evidence: Evidence | None = None
     certificate: Certificate | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -256,7 +261,11 @@ class Solution(Plain, Shown):
         told = self.status.value
         if not np.isfinite(self.problem.limits).any():
             told = UNLIMITED.get(self.status, told)
-        if self.usable or self.status is Status.NOT_VERIFIED:
+        if self.stopped and self.status is Status.NOT_FOUND:
+            told = UNTIMED
+        if self.stopped:
+            told = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {told}"
+        if self.usable or self.stopped or self.status is Status.NOT_VERIFIED:
             return told
         words = verdict(self.problem)
         return f"{words[:1].upper()}{words[1:]}. {told}" if words else told

@@ -17,6 +17,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
@@ -178,7 +179,7 @@ def prove(
     for _ in range(TURNS):
         looked = 0
         for gap, most in aims:
-            while looked < most and perf_counter() < until:
+            while looked < most and perf_counter() < until and not pacing.over():
                 enough = search_.enough(gap)
                 bounds = np.where(columns.stalled, np.inf, columns.bounds)
                 waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
@@ -186,9 +187,12 @@ def prove(
                     break
                 rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
                 looked += _advance(scene, columns, record, rows, enough)
+                if pacing.heard():
+                    pacing.at(f"proving: at least {bounds.min():.4g}, found {search_.upper:.4g}")
                 search_.beside(columns)
         total += looked
-        if columns.bounds.min() >= search_.enough(aims[-1][0]) or perf_counter() > until or not search_.ahead(columns):
+        closed = columns.bounds.min() >= search_.enough(aims[-1][0])
+        if closed or perf_counter() > until or pacing.over() or not search_.ahead(columns):
             break
     if not np.isfinite(search_.upper):
         _close_beyond(scene, columns, record)

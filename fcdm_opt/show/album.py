@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.solution import Solution
@@ -68,6 +69,7 @@ class Album:
             amount = amount_text(solution.amount, problem.amount_unit)
             outside = "outside the fit, not to be used: " * (solution.status.name == "OUTSIDE_FIT")
             caption = f"{outside}{caption}; amount {amount}; pair made: {solution.pair_state}"
+        pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho
         moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.design.whatif.fitting import fits_up_to
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.model.task import Task
@@ -41,13 +44,16 @@ class SolvedCase:
 def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seconds: float | None = None) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
+    What the enclosing time limit leaves no time for is left out, see `Solution.stopped`.
+
     Raises
     ------
     InputError
         As `solve` does.
     """
-    solution = solve(problem, certify=certify, effort=effort, seconds=seconds)
-    if solution.evidence is not None:
+    solution = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
+    if solution.evidence is not None and not pacing.over():
+        pacing.at(f"checking the proof for {problem.name}")
         start = perf_counter()
         certificate = verify(solution, proof=True)
         solution = solution.with_certificate(certificate, {**solution.seconds, "check": perf_counter() - start})
@@ -56,7 +62,11 @@ def solved_case(problem: Problem, *, certify: bool, effort: str = "proved", seco
         published = Task.of(problem).amount(np.array(problem.published))
     touch = None
     if problem.goal == "beyond":
-        answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
-        touch = answer.amount if answer.usable else None
+        with suppress(pacing.TimeOverError):
+            answer = solve(problem.changed(goal="touch", pair="any", clearance=0.0), effort=effort, seconds=seconds)
+            touch = answer.amount if answer.usable else None
     misfits = solution.status is Status.OUTSIDE_FIT or (not solution.status.found and misfit(problem) is not None)
-    return SolvedCase(solution, published, touch, fits_up_to(problem) if misfits else None)
+    fits = None
+    with suppress(pacing.TimeOverError):
+        fits = fits_up_to(problem) if misfits else None
+    return SolvedCase(solution, published, touch, fits)

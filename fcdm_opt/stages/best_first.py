@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.stages import compiled
 
@@ -127,7 +128,7 @@ def nearest(
         rows, further = Rows(sides[1:], bounds[1:]), Rows(sides[:1], bounds[:1])
         push(_Branch(rows, further, start, {}, -1, np.empty(0, np.int64), _by_distance(rows, further, centre)))
     for _ in range(nodes):
-        if not heap:
+        if not heap or pacing.over():
             break
         _, _, k, x, branch = heapq.heappop(heap)
         y, chosen = x + centre, branch.chosen

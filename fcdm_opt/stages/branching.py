@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import reduce
 from time import perf_counter
@@ -12,6 +13,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.seats import tilts
@@ -144,7 +146,7 @@ def proved(
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
         answer = spread(task, answer, _beside(task, answer.q))
         closed = _closed(task, answer, gap)
-    if closed or perf_counter() > until:
+    if closed or perf_counter() > until or pacing.over():
         return answer, None
     return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until, checked=checked)
 
@@ -182,6 +184,8 @@ def spread(task: Task, answer: Answer, starts: Sequence[Array]) -> Answer:
         return answer
     best, slack = _amount(task, answer), DEFAULT.cut * task.size / search_rate(task)  # what counts as met may gain that
     for start in starts if answer.q is None else (answer.q, *starts):
+        if pacing.over():
+            break
         found = ways_apart.descended(task, start, SPREAD * max(task.amount(start), task.unit))
         if found is not None and found.amount < best * (1.0 - GAINED) - slack:
             best = found.amount
@@ -281,7 +285,9 @@ def bounded(
         nonlocal better
         if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
             return None  # the bound is held back by the motion known
-        found = near(task, q)
+        found: Answer | None = None
+        with suppress(pacing.TimeOverError):
+            found = near(task, q)
         if found is None or not found.amount < upper * (1.0 - GAINED):
             return None
         better = found if better is None or found.amount < better.amount else better

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
@@ -137,6 +138,8 @@ class Descent:
         """
         best: Settled | None = None
         for start in starts:
+            if best is not None and pacing.over():
+                break
             best = self._settled_from(start, min(enough, self._below(best)), chosen, closing) or best
         return best
 
@@ -152,6 +155,7 @@ class Descent:
         pair, slack = np.array((-1, -1) if closing is None else closing), 0.1 * DEFAULT.cut * self.task.unit
         z, duals = start.copy(), np.zeros(ROOM)
         for turn in range(ROUNDS):
+            pacing.check()
             begins = turn == 0 and (made > 0 or closing is not None)
             if not begins:
                 ended = compiled.descend(self.scene, rows, count, self.steepest, z, duals, enough)

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
@@ -89,6 +90,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     cap, width = farthest(task) / task.unit, 2.0 * math.pi / count
 
     def merits_of(angles: Array, halvings: int = compiled.ROOT_HALVINGS) -> Array:
+        pacing.check()
         merits: Array = compiled.merits(*given, angles, cap, halvings)
         return merits
 

@@ -18,6 +18,7 @@ from itertools import product
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.seats import Bools, held
@@ -178,6 +179,7 @@ def straight(task: Task) -> Answer | None:
     normals: dict[Parts, Array] = {}  # before and beyond what a clearance blocks
     features: dict[Parts, int] = {}
     for parts in np.ndindex(len(task.movable.parts), len(task.opponents)):
+        pacing.check()
         need = task.opponents[parts[1]].need
         _, rows, separations = task.separations(parts, pose)
         rates, excess = rows[:, :3] @ along, separations - need
@@ -239,6 +241,7 @@ def translations(task: Task) -> Answer | None:
         return None
     stage, polytopes, curved = "1: translations, best first over the ways apart", dict[Parts, Array](), False
     for _ in range(SHARPENED):
+        pacing.check()
         least = _least(task, walls, closings)
         if least is None:
             return None

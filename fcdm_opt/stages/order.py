@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
+from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages.branching import branch_and_bound, least_apart
@@ -16,6 +18,7 @@ from fcdm_opt.stages.linear import shift, straight, translations
 from fcdm_opt.stages.rays import one_parameter
 from fcdm_opt.stages.relaxation import nonlinear
 from fcdm_opt.stages.turns import turns
+from fcdm_opt.tolerances import DEFAULT
 
 
 def satisfied(task: Task) -> Answer | None:
@@ -52,7 +55,7 @@ STAGES: dict[str, Callable[[Task], Answer | None]] = {
 def settled(task: Task, model: str = "auto") -> Answer:
     """Return the answer of the first stage that settles a task, or of the one that is forced.
 
-    Where none settles it, the last that answers at all, with the best bound.
+    Where none settles it, or the time given is over before, the last that answers at all, with the best bound.
 
     Raises
     ------
@@ -61,7 +64,12 @@ def settled(task: Task, model: str = "auto") -> Answer:
     """
     last: Answer | None = None
     for name in [name for name in STAGES if name != "full"] if model == "auto" else [model]:
-        answer = STAGES[name](task)
+        pacing.at(f"searching: {name}" if name != "nlp" else "searching: nonlinear program")
+        try:
+            pacing.check()
+            answer = STAGES[name](task)
+        except pacing.TimeOverError:
+            return left(task, last)
         if answer is None:
             continue
         last = answer if last is None else replace(answer, lower_bound=max(answer.lower_bound, last.lower_bound))
@@ -71,3 +79,13 @@ def settled(task: Task, model: str = "auto") -> Answer:
         allowed = '"auto", or "nlp" for any problem'
         raise InputError("this stage does not settle the problem", key="model", found=model, allowed=allowed)
     return last
+
+
+def left(task: Task, known: Answer | None = None) -> Answer:
+    """Return the best that is known of a task whose search was left at the time limit: nothing is impossible."""
+    bound = max(displacement_bound(task), 0.0 if known is None else known.lower_bound)
+    stage = "left at the time limit"
+    for answer in [*([known] if known is not None else []), *task.found]:
+        if answer.q is not None and task.allows(answer.q) and task.meets(answer.q, DEFAULT.requirement):
+            return replace(answer, status=Status.SOLVED, stage=stage, lower_bound=min(bound, answer.amount))
+    return Answer(Status.NOT_FOUND, None, stage, bound)

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
@@ -377,6 +378,7 @@ def minimise(
     tolerance : float
         Of IPOPT, scaled rows and stationarity.
     """
+    pacing.check()
     points = task.made_vertices if task.amount_kind == "displacement" else np.empty((0, 3))
     templates = list(dict.fromkeys((row.template, len(row.values)) for row in rows))
     groups = [[m for m, row in enumerate(rows) if (row.template, len(row.values)) == own] for own in templates]

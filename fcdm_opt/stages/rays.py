@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.bounds import displacement_bound, search_rate
@@ -115,6 +116,7 @@ def first_contact(
     -----
     A contact that a keep-out forbids is passed by: the way is then searched on from there.
     """
+    pacing.check()
     if plain or not is_steady(task, direction):
         return _searched(task, direction, limit, start)
     way, (movable, others, needs) = _way(task, direction), _solids(task)
@@ -150,6 +152,7 @@ def _searched(task: Task, direction: Array, limit: float, start: float) -> First
     floor = DEFAULT.march * task.size / rate
     proved, sure = 0.0, len(direction) == 1 and task.bounded
     for _ in range(STEPS):
+        pacing.check()
         if here >= limit:
             return FirstContact(math.inf, limit if sure else proved)
         step = max(abs(value), -clear) / rate

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.bounds import displacement_bound
@@ -142,6 +143,7 @@ class Relaxation:
         """
         task, outcome = self.task, self._solved(starts, method)
         for _ in range(ROUNDS):
+            pacing.check()
             if outcome is None or task.amount(outcome.q) >= enough * (1.0 - DEFAULT.cut):
                 return None
             q, normals = outcome.q, dict(zip(self._planes, outcome.normals, strict=True))

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
@@ -49,12 +50,15 @@ def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Ans
             best = next(filter(task.meets_in_steps, between), best)
     else:
         for q in sorted(near, key=task.amount)[:MOST_SOLVED]:
+            if pacing.over():
+                break
             limits = np.where(rounded[:, None], q[:, None], task.limits)
             found = solve(replace(task, limits=limits, resolution=None))
             if found.q is not None and (best is None or task.amount(found.q) < task.amount(best)):
                 best = found.q
     if best is None:
-        return Answer(Status.NOT_IN_STEPS, None, f"{stage}, none near", answer.lower_bound)
+        status = Status.NOT_FOUND if pacing.over() else Status.NOT_IN_STEPS
+        return Answer(status, None, f"{stage}, none near", answer.lower_bound)
     bound = 0.0 if task.is_equation and rounded.all() else min(answer.lower_bound, task.amount(best))
     status = answer.status if np.array_equal(best, answer.q) else Status.SOLVED
     return Answer(status, best, stage, bound, (*answer.active, "whole steps"), answer.modelled)

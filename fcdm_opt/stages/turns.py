@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.task import Answer, Task
@@ -180,7 +181,7 @@ class _TurnSearch:
         self._advance(self.touching, np.zeros((1, 7)), ways, pool, best, gap)  # a cell of no size: what it tries
         touching = self.near(float(best[0]))
         nodes = self._root(float(best[0]))
-        while len(nodes) and cells + len(nodes) <= most and perf_counter() - start <= seconds:
+        while len(nodes) and cells + len(nodes) <= most and perf_counter() - start <= seconds and not pacing.over():
             cells += len(nodes)
             nodes, ways, pool = self._advance(touching, nodes, ways, pool, best, gap)
             start = min(start, perf_counter())  # the first generation may have been compiled

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import search_rate
@@ -53,6 +54,8 @@ def descended(task: Task, q: Array, radius: float) -> Answer | None:
     least, restoring = np.inf, 0
     start = y
     for _ in range(ROUNDS):
+        if pacing.over():
+            break
         done = task.meets(y / weights, DEFAULT.line)
         amount = float(np.linalg.norm(y))
         if done and amount < least * (1.0 - STILL):

@@ -13,6 +13,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from fcdm_opt import pacing
 from fcdm_opt.design.study.point import BAD_INPUT, Asked, Row, evaluate, load, row
 from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.design.study.results import StudyResult
@@ -82,10 +83,13 @@ def run_study(
         workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
         run = StudyRun(study, store)
-        with closing(answers(run.asked())) as rows:
+        end = pacing.clock() + pacing.left()
+        with pacing.unlimited(), closing(answers(run.asked())) as rows:  # what is begun is brought to its end
             for answer in rows:
                 run.answered(answer)
                 tell(run.done, run.made)
+                if pacing.clock() >= end:
+                    break
     return StudyResult.read(out)
 
 

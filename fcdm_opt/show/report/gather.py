@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
@@ -25,6 +27,7 @@ PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-fli
 SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 """What cases of one table have in common, besides bodies and keep-outs."""
 
+SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
 FAMILIES = 8.0
 """Seconds that the frames of one case may take, by default."""
 
@@ -56,6 +59,8 @@ def gather(
         many frames the time allowed.
     """
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
+    files = list(files)
+    waiting = sum(len(file.problems) for file in files)
     for number, file in enumerate(files):
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
@@ -65,13 +70,20 @@ def gather(
             if say:
                 say(f"{file.path.name}: case {problem.name}")
             try:
-                case = solved_case(problem, certify=certify)
-                data = case_report(problem, case, seconds=seconds)
+                with pacing.working_on(f"case {problem.name}"), pacing.sharing(1.0 / waiting):
+                    with pacing.sharing(SOLVED):
+                        case = solved_case(problem, certify=certify)
+                    pacing.at("drawing")
+                    drawn = min(seconds, max(pacing.left(), 0.0))
+                    with pacing.unlimited():
+                        data = case_report(problem, case, seconds=drawn)
             except InputError as reason:
                 errors.append(str(reason.within(file=file.path.name, key=f"case {problem.name!r}")))
                 if say:
                     say(f"error: {errors[-1]}")
+                waiting -= 1
                 continue
+            waiting -= 1
             answers.append((len(cases), problem, case.solution))
             cases.append({"file": number, **data})
         tables += [{"file": number, **table} for table in matrices(answers)]
@@ -123,10 +135,10 @@ def _missing(first: Problem, letter: str) -> dict[str, Any]:
     """Return the cell of a requirement that the file does not ask for."""
     note = f"not a case of the file: solved for this table as case {first.name} is"
     try:
-        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""))
+        solution = solve(first.changed(requirement=letter, name="", published=None, published_text=""), time=math.inf)
     except InputError as reason:
         return {"case": None, "amount": None, "status": "", "published": None, "note": f"{note}; {reason}"}
-    return _cell(None, solution, note=note)
+    return _cell(None, solution, note=f"{note}; {solution.stopped}" if solution.stopped else note)
 
 
 def _cell(case: int | None, solution: Solution, *, note: str = "") -> dict[str, Any]:

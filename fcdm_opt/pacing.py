@@ -1,0 +1,165 @@
+"""Long work: what it is at, how far it has come, and until when it may go on.
+
+Whoever works says `at(...)` where something begins that may take long, and asks in its loops: `over()` where it has
+something to keep, `check()` where it has nothing yet. Whoever shows progress listens, whoever has little time says
+`within(...)`. Both are known to the context that they are set in, so nothing is handed down.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from time import perf_counter
+from typing import NamedTuple
+
+from fcdm_opt.errors import FcdmError, InputError
+
+_spared = [0.0]
+
+
+def clock() -> float:
+    """Return the time that limits count, in seconds: all but that of compiling, which is done once and kept."""
+    return perf_counter() - _spared[0]
+
+
+def spare(seconds: float) -> None:
+    """Do not count so many seconds that went by."""
+    _spared[0] += seconds
+
+
+SEARCHED = 0.85
+"""Share of the time given that searching may take: what was found is still to be judged and shown."""
+
+
+class TimeOverError(FcdmError):
+    """Raised where the time given is over and nothing is there yet to go on with."""
+
+    def __init__(self) -> None:
+        limit, doing = _limit.get(), _doing.get()
+        self.limit = limit.seconds
+        super().__init__(f"the time limit of {limit.seconds:g} s was met{f' while {doing}' if doing else ''}")
+
+
+class _Limit(NamedTuple):
+    end: float
+    seconds: float
+
+
+Listener = Callable[[str, int, int], None]
+"""Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
+
+_limit: ContextVar[_Limit] = ContextVar("limit", default=_Limit(math.inf, math.inf))  # noqa: B039 (immutable)
+_doing: ContextVar[str] = ContextVar("doing", default="")
+_on: ContextVar[str] = ContextVar("on", default="")
+_listeners: list[Listener] = []  # of the process: work may go on in several threads
+
+
+def at(text: str, done: int = 0, total: int = 0) -> None:
+    """Say what is done from here on, in words that may follow "still", and how far it is where that is known."""
+    if not over():  # then it stays what the time was over at
+        _doing.set(text)
+    on = _on.get()
+    for listener in _listeners:
+        listener(f"{text} ({on})" if on else text, done, total)
+
+
+@contextmanager
+def working_on(what: str) -> Iterator[None]:
+    """Put this before whatever is said to be done meanwhile."""
+    token = _on.set(what)
+    try:
+        yield
+    finally:
+        _on.reset(token)
+
+
+@contextmanager
+def listening(listener: Listener) -> Iterator[None]:
+    """Tell somebody meanwhile what is being done."""
+    _listeners.append(listener)
+    try:
+        yield
+    finally:
+        _listeners.remove(listener)
+
+
+def heard() -> bool:
+    """Whether anybody listens."""
+    return bool(_listeners)
+
+
+def check_time(seconds: float | None, key: str) -> None:
+    """Refuse what is no time limit; None is none."""
+    real = isinstance(seconds, int | float) and not isinstance(seconds, bool)
+    if seconds is not None and not (real and seconds > 0.0):
+        raise InputError("not a time", key=key, found=seconds, allowed="a number of seconds > 0")
+
+
+@contextmanager
+def within(seconds: float | None, share: float = SEARCHED) -> Iterator[None]:
+    """Let what is done meanwhile search no longer than a share of so many seconds; None, or what is longer: as it is.
+
+    Raises
+    ------
+    InputError
+        For what is no time.
+    """
+    with _set(_limit.get()):
+        begin(seconds, share=share)
+        yield
+
+
+def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") -> None:
+    """Set such a limit from here to the end of the enclosing one."""
+    check_time(seconds, key)
+    if seconds is not None:
+        _limit.set(min(_limit.get(), _Limit(clock() + share * seconds, seconds)))
+
+
+@contextmanager
+def sharing(share: float) -> Iterator[None]:
+    """Let what is done meanwhile take this share of the time that is left."""
+    known = _limit.get()
+    with _set(known if known.end == math.inf else _Limit(clock() + share * left(), known.seconds)):
+        yield
+
+
+@contextmanager
+def unlimited() -> Iterator[None]:
+    """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
+    with _set(_Limit(math.inf, math.inf)):
+        yield
+
+
+@contextmanager
+def _set(limit: _Limit) -> Iterator[None]:
+    token = _limit.set(limit)
+    try:
+        yield
+    finally:
+        _limit.reset(token)
+
+
+def left() -> float:
+    """Return the seconds that are left, infinitely many where no limit is set."""
+    end = _limit.get().end
+    return end - clock() if end < math.inf else math.inf
+
+
+def over() -> bool:
+    """Tell whether the time given is over."""
+    end = _limit.get().end
+    return end < math.inf and clock() >= end
+
+
+def stopped() -> str:
+    """Return in words at what the time given was over; nothing where it is not."""
+    return str(TimeOverError()) if over() else ""
+
+
+def check() -> None:
+    """Raise `TimeOverError` where the time given is over."""
+    if over():
+        raise TimeOverError

@@ -1,0 +1,190 @@
+"""Time limits and signs of life, by clocks that count how often they are looked at."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fcdm_opt import Body, Free, Problem, Translation, load_problems, pacing, solve
+from fcdm_opt.cli import app, showing
+from fcdm_opt.design.whatif.budget import budget
+from fcdm_opt.errors import InputError
+from fcdm_opt.problem.solution import Status
+
+EXAMPLE = Path(__file__).parents[1] / "problems" / "example1.toml"
+CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
+LOOKS = (1, 2, 3, 5, 8, 13, 21, 40, 80, 200, 600)
+
+
+def corner() -> list[np.ndarray]:
+    """Return three walls that meet in a corner, around the unit cube's lower ones."""
+    walls = []
+    for k in range(3):
+        low, high = np.full(3, -1.0), np.full(3, 2.0)
+        high[k] = 0.0
+        walls.append(low + CUBE * (high - low))
+    return walls
+
+
+def in_the_corner(motion: Any, **more: Any) -> Problem:
+    """A cube in a corner, both larger: the walls' planes through the origin stay, seed there, so it is pushed out."""
+    movable, static = Body.convex(CUBE, seed="centroid"), Body.from_parts(corner(), seed=np.zeros(3))
+    return Problem(movable, static, target=(1.1, 1.0), goal="clear", motion=motion, **more)
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second goes by at every look at the clock."""
+    ticks = itertools.count()
+    monkeypatch.setattr(pacing, "clock", lambda: float(next(ticks)))
+
+
+ALL = Translation("x") >> Translation("y") >> Translation("z")
+ALONE = {"TX": (0.0, 0.0), "TY": (0.0, 0.0), "TZ": (0.0, 0.0)}
+
+
+@pytest.mark.parametrize("looks", LOOKS)
+@pytest.mark.parametrize("motion", [ALL, Free()], ids=["shifts", "free"])
+def test_what_time_leaves_is_a_motion_that_is_judged_and_a_bound_that_holds(
+    looks: int, motion: Any, counted: None
+) -> None:
+    least = 0.05 * math.sqrt(3.0)  # half of what the edges grow, off each of the three walls
+    found = solve(in_the_corner(motion), time=looks / pacing.SEARCHED)
+    assert found.lower_bound <= least * (1.0 + 1e-9)
+    if found.status.found:
+        assert found.usable
+        assert found.amount >= least * (1.0 - 1e-9)
+    else:
+        assert (found.status, math.isfinite(found.lower_bound)) == (Status.NOT_FOUND, True)
+        assert "time limit" in found.stopped
+        assert "allow more time" in found.advice
+        assert f"{found.to_dict()['stopped']}"[1:] in found.advice
+
+
+def test_time_that_does_for_it_changes_nothing(counted: None) -> None:
+    problem = in_the_corner(ALL)
+    one, two = solve(problem), solve(problem, time=1e9)
+    assert (one.amount, one.lower_bound, one.stage) == (two.amount, two.lower_bound, two.stage)
+    assert two.stopped == ""
+    assert one.amount == pytest.approx(0.05 * math.sqrt(3.0), rel=1e-9)
+
+
+def test_a_share_of_the_looks_finds_motions_and_a_share_none(counted: None) -> None:
+    found = [solve(in_the_corner(Free()), time=looks).status.found for looks in LOOKS]
+    assert not found[0]
+    assert found[-1]
+
+
+@pytest.mark.parametrize("looks", LOOKS)
+def test_nothing_is_called_impossible_for_lack_of_time(looks: int, counted: None) -> None:
+    asked = load_problems(EXAMPLE)[0]
+    assert solve(asked, time=looks).status is not Status.INFEASIBLE
+    nowhere = solve(in_the_corner(ALL, limits=ALONE), time=looks)  # really so
+    assert nowhere.status in (Status.INFEASIBLE, Status.NOT_FOUND)
+
+
+def test_half_an_answer_was_taken_for_all_that_can_be_had(counted: None) -> None:
+    problem = load_problems(EXAMPLE)[0].changed(goal="touch")
+    with pacing.within(3.0), pytest.raises(pacing.TimeOverError, match="time limit of 3 s"):
+        budget(problem, 0.1)
+    with pacing.within(3.0):
+        assert solve(problem, time=math.inf).stopped
+
+
+def test_limits_lie_within_one_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(pacing, "clock", lambda: now[0])
+    with pacing.within(10.0, share=1.0):
+        with pacing.within(100.0, share=1.0):
+            assert pacing.left() == 10.0
+        with pacing.sharing(0.25):
+            assert pacing.left() == 2.5
+            now[0] = 2.5
+            assert pacing.over()
+        assert not pacing.over()
+        now[0] = 10.0
+        with pytest.raises(pacing.TimeOverError), pacing.within(None):
+            pacing.check()
+        with pacing.unlimited():
+            pacing.check()
+    pacing.check()
+    assert pacing.left() == math.inf
+
+
+@pytest.mark.parametrize("time", [0, -1.0, math.nan, "5", True])
+def test_what_is_no_time_is_refused(time: Any) -> None:
+    with pytest.raises(InputError, match="time: not a time"):
+        solve(in_the_corner(ALL), time=time)
+
+
+def test_a_command_without_time_says_so(tmp_path: Path) -> None:
+    run = CliRunner()
+    none = run.invoke(app, ["solve", str(EXAMPLE), "--time", "1e-9", "--json"])
+    assert none.exit_code == 1
+    (file,) = json.loads(none.stdout)
+    assert [each["status"] for each in file["cases"]] == ["NOT_FOUND"] * len(file["cases"])
+    assert all("time limit of 1e-09 s was met" in each["stopped"] for each in file["cases"])
+    told = run.invoke(app, ["whatif", str(EXAMPLE), "--drop", "--time", "1e-9"])
+    assert (told.exit_code, "time limit of 1e-09 s was met" in told.stderr) == (1, True)
+    refused = run.invoke(app, ["solve", str(EXAMPLE), "--time", "-1"])
+    assert (refused.exit_code, "--time: not a time" in refused.stderr) == (2, True)
+    assert pacing.left() == math.inf
+
+
+# ------------------------------------------------------------------------------------------------------ signs of life
+
+
+class Terminal(io.StringIO):
+    """A stream that says that it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_bar_stands_below_what_is_printed_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    out, err = Terminal(), Terminal()
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setattr(sys, "stderr", err)
+    monkeypatch.setenv("TERM", "xterm")
+    sign = showing._Sign()
+    sign._next = 0.0
+    sign.told("cutting the lid", 3, 7)
+    sign._written = -1.0
+    sign.tick()
+    assert "cutting the lid" in err.getvalue()
+    assert sign._bar.tasks[0].completed == 3
+    above = showing._Above(out, sign)
+    above.write("a table\n")
+    assert sign._bar is None
+    assert err.getvalue().endswith("\x1b[2K") or "\x1b[?25h" in err.getvalue()  # taken away, the cursor there again
+    assert out.getvalue() == "a table\n"
+
+
+def test_without_a_terminal_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    err, now = io.StringIO(), [0.0]
+    monkeypatch.setattr(sys, "stderr", err)
+    monkeypatch.setattr(showing, "perf_counter", lambda: now[0])
+    sign = showing._Sign()
+    for second in range(10):
+        now[0] = float(second)
+        sign.told("proving", second, 0)
+        sign.tick()
+    assert err.getvalue().splitlines() == [f"still proving, after {t} s" for t in (2, 4, 8)]
+
+
+def test_work_is_named_with_what_it_is_for() -> None:
+    told: list[tuple[str, int, int]] = []
+    with pacing.listening(lambda *what: told.append(what)), pacing.working_on("case A"):
+        assert pacing.heard()
+        pacing.at("searching", 1, 2)
+    assert told == [("searching (case A)", 1, 2)]
+    assert not pacing.heard()
