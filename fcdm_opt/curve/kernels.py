@@ -1157,6 +1157,15 @@ def _set_aside(frame, aside, pose):
         pose[9 + i] = frame[D + i] + aside[3 + i] * length
 
 
+@step
+def _leads_outside(row, way, x, y):
+    """Tell whether a line leads from a scale pair, by its way on or back, on to none in the open quadrant."""
+    if min(x, y) < -_SURE * max(np.abs(x), np.abs(y)):
+        return True
+    inward = way * row[4] if np.abs(x) < np.abs(y) else -way * row[3]
+    return np.abs(min(x, y)) <= _THIN * max(x, y) and inward <= 0.0
+
+
 @kernel
 def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, rows, points, witness):
     """Bring a chain from beside to the true pose, in place; return (segments left, 0 where unsure, endless).
@@ -1180,7 +1189,7 @@ def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, 
                 break
             if turned == 1 and made > 1 and _goes_on(rows[kept[made - 1]], forward, starts[made - 1], x, y):
                 break
-            if turned == 1 and made == 1 and min(x, y) > -_SURE * max(x, y):
+            if turned == 1 and made == 1 and not _leads_outside(rows[kept[0]], -forward, x, y):
                 break
             turned, made = 1, made - 1  # it is passed in a point, if at all
         if extreme > 0 and turned == 1:
@@ -1215,7 +1224,7 @@ def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, 
             return 0, endless
         starts[made, 0], starts[made, 1] = starts[low, 0], starts[low, 1]
     else:
-        while made > 1 and min(starts[made - 1, 0], starts[made - 1, 1]) < -_SURE * np.abs(starts[made - 1]).max():
+        while made > 1 and _leads_outside(rows[kept[made - 1]], forward, starts[made - 1, 0], starts[made - 1, 1]):
             made -= 1
         if made == 0:
             return 0, endless

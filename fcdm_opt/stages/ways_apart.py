@@ -94,22 +94,33 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
     high = np.minimum(high, task.limits[:, 1] * task.weights)
     sides = Rows(np.vstack([np.eye(len(y)), -np.eye(len(y))]), np.concatenate([low, -high]))
     scale = float(np.abs(sides.levels).max()) + float(np.linalg.norm(centre))
-    search = partial(nearest, centre=centre, slack=DEFAULT.line * max(scale, DEFAULT.least_unit), nodes=NODES)
+    slack = DEFAULT.line * max(scale, DEFAULT.least_unit)
+    search = partial(nearest, centre=centre, slack=slack, nodes=NODES)
     gaps = task.pair_gaps(y / task.weights)
     waiting, apart = gaps < task.needs + scene.band, list[list[Rows]]()
 
-    def parted(closing: list[list[Rows]], most: float = np.inf) -> Array | None:
-        """Return the nearest motion at which the pairs are apart and those to touch are joined."""
-        found = gaps
+    def parted(closing: list[Rows], most: float = np.inf) -> Array | None:
+        """Return the nearest motion at which the pairs are apart and those to touch are joined.
+
+        Of the directions that keep them from touching few matter: each is taken up once a motion misses it.
+        """
+        found, every, taken = gaps, Choices.of_single_rows(closing, len(y)), dict[int, list[Rows]]()
         while True:
             for i, j in np.argwhere(waiting & (found < task.needs)).tolist():
                 waiting[i, j] = False
                 ways = scene.apart((i, j))
                 if ways is not None:
                     apart.append(ways)
-            best = search(Choices.of([*apart, *closing], len(y)), [sides], most=most).y if all(apart) else None
+            groups = [*apart, *taken.values()]
+            best = search(Choices.of(groups, len(y)), [sides], most=most).y if all(apart) else None
             if best is None:
                 return None
+            missed = every.of_rows(every.rows.levels - every.rows.normals @ best)[1]
+            worst = int(missed.argmax()) if len(missed) else -1
+            if worst >= 0 and worst not in taken and missed[worst] > slack:
+                normals, levels = closing[worst]
+                taken[worst] = [Rows(normals[k : k + 1], levels[k : k + 1]) for k in range(len(levels))]
+                continue
             found = task.pair_gaps(best / task.weights)
             if not (waiting & (found < task.needs)).any():
                 return best
@@ -121,7 +132,7 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
         closings = []
         for i, j in near[:CLOSINGS]:
             closings.append(scene.joined((i, j)))
-            if Choices.of(closings[-1], len(y)).met(best):
+            if Choices.of_single_rows(closings[-1], len(y)).met(best):
                 break
         else:
             best, length = None, np.inf
@@ -145,6 +156,7 @@ class _Scene(NamedTuple):
     turns: Array
     shifts: Array
     band: float
+    known: dict[Parts, list[tuple[Array, Array]]]
 
     @classmethod
     def of(cls, task: Task, y: Array, radius: float) -> _Scene | None:
@@ -162,6 +174,7 @@ class _Scene(NamedTuple):
             rates[:, :3, :3],
             rates[:, :3, :3] @ seed + rates[:, :3, 3],
             2.0 * search_rate(task) * radius * np.sqrt(len(y)),
+            {},
         )
 
     @property
@@ -174,13 +187,9 @@ class _Scene(NamedTuple):
         ways = self.ways(parts)
         return None if ways is None else [Rows(J, self.task.needs[parts[1]] - g + J @ self.y) for J, g in ways]
 
-    def joined(self, parts: Parts) -> list[list[Rows]]:
-        """Return groups that let a pair touch: each direction, with the vertices that may first meet its plane."""
-        return [
-            [Rows(-J[k : k + 1], g[k : k + 1] - J[k : k + 1] @ self.y) for k in range(len(g))]
-            for J, g in self.directions(parts)
-            if g.min() > -self.band
-        ]
+    def joined(self, parts: Parts) -> list[Rows]:
+        """Return what lets a pair touch, a row of each: of a direction, the vertices that may first meet its plane."""
+        return [Rows(-J, g - J @ self.y) for J, g in self.directions(parts) if g.min() > -self.band]
 
     def ways(self, parts: Parts) -> list[tuple[Array, Array]] | None:
         """Return (gradients, separations) of each direction that may part a pair; None where nothing can join it."""
@@ -196,6 +205,11 @@ class _Scene(NamedTuple):
 
     def directions(self, parts: Parts) -> list[tuple[Array, Array]]:
         """Return (gradients, (m, k), separations, (m,)) of every direction: a row for each vertex before its plane."""
+        if parts not in self.known:
+            self.known[parts] = self._directions(parts)
+        return self.known[parts]
+
+    def _directions(self, parts: Parts) -> list[tuple[Array, Array]]:
         task, (i, j) = self.task, parts
         one, opponent = task.movable.parts[i], task.opponents[j]
         two, need = opponent.part, opponent.need

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from fcdm_opt.curve.batch import DecisionCurves
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
-from fcdm_opt_benchmarks.method import Pair
+from fcdm_opt_benchmarks.method import Pair, Touching
 from fcdm_opt_benchmarks.placed import elements
 from fcdm_opt_benchmarks.references.exact import ExactStretches, as_float, whole_curve
 
@@ -41,7 +42,8 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
     -------
     list of CurveFault
         Lines may be off by `Tolerances.line` of their largest entry, ends by as much over the sine of the angle under
-        which their lines cross. A contact in more than a point may be named by any features sharing a corner with it.
+        which their lines cross. A contact in more than a point may be named by any features sharing a corner with it,
+        or by a facet of the bodies' difference that it lies on: its normal supports both bodies in what is named.
         Stretches that floats cannot tell from points are left out.
     """
     if len(transforms) != len(curves):
@@ -65,7 +67,8 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
             kind, i, j = curves.features[k].tolist()
             told, piece = (named[kind][0][i], named[kind][1][j]), own.piece
             touching = zip(told, (piece.tight_one, piece.tight_two), own.touching, strict=True)
-            if told != own.touching and not all(set(a) <= set(b) or set(a) & set(c) for a, b, c in touching):
+            near = told == own.touching or all(set(a) <= set(b) or set(a) & set(c) for a, b, c in touching)
+            if not near and not (curves.tied[pose] and _supports(pair, transform, told)):
                 faults.append(CurveFault(pose, k, "feature", told, own.touching))
             ends = np.array([[as_float(x) for x in point] for point in (own.start, own.end)])
             rows.append(k)
@@ -77,6 +80,38 @@ def feature_faults(pair: Pair, transforms: Array, curves: DecisionCurves) -> lis
     if rows:
         faults += _number_faults(curves, np.array(rows), truths, box)
     return sorted(faults)
+
+
+def _supports(pair: Pair, transform: Array, told: Touching) -> bool:
+    """Tell, in rationals, whether a face of one body and a vertex of the other are both furthest along its normal."""
+    placed = [_moved(pair[0].parts[0].vertices, transform), _moved(pair[1].parts[0].vertices, np.eye(4))]
+    face = max(range(2), key=lambda body: len(told[body]))
+    if len(told[face]) < 3:
+        return False
+    a, b, c = (placed[face][k] for k in told[face][:3])
+    u, v = ([y - x for x, y in zip(a, end, strict=True)] for end in (b, c))
+    n = [u[k - 2] * v[k - 1] - u[k - 1] * v[k - 2] for k in range(3)]
+    heights = [[sum(x * y for x, y in zip(n, point, strict=True)) for point in points] for points in placed]
+    outward = 1 if max(heights[face]) == heights[face][told[face][0]] else -1
+    furthest = [max(h * sign for h in own) for own, sign in zip(heights, _towards(face, outward), strict=True)]
+    return all(
+        heights[body][k] * sign == furthest[body]
+        for body, sign in enumerate(_towards(face, outward))
+        for k in told[body]
+    )
+
+
+def _towards(face: int, outward: int) -> tuple[int, int]:
+    """Return the signs that turn a face's normal into the direction outward of body 1 and of body 2."""
+    return (outward, -outward) if face == 0 else (-outward, outward)
+
+
+def _moved(points: Array, transform: Array) -> list[list[Fraction]]:
+    rows = [[Fraction(x) for x in row] for row in transform[:3].tolist()]
+    return [
+        [sum((r * Fraction(x) for r, x in zip(row, point, strict=False)), row[3]) for row in rows]
+        for point in points.tolist()
+    ]
 
 
 _STATUS = {1: "apart", 0: "apart", -1: "overlapping"}
