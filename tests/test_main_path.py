@@ -12,15 +12,7 @@ import fcdm_opt.solver
 from fcdm_opt.stages.order import STAGES
 
 ROOT = Path(fcdm_opt.solver.__file__).parents[1]
-GROUND = {
-    "compiling",
-    "doors",
-    "errors",
-    "pacing",
-    "plain",
-    "tolerances",
-    "version",
-}  # files that anything may use
+GROUND = {"compiling", "doors", "errors", "pacing", "plain", "tolerances", "version"}  # files anything may use
 
 PACKAGES = {
     "geometry": set(),
@@ -37,6 +29,7 @@ PACKAGES = {
     "design": {"solver", "judge", "along", "stages", "proof", "model", "problem", "motion", "curve", "geometry"},
     "show": {"design", "solver", "judge", "along", "model", "problem", "curve", "geometry"},
     "cli": {"show", "design", "drafting", "solver", "along", "problem"},
+    "__main__": {"cli"},
 }
 """What each package may import, from the ground up: a package stands on those above it in this table."""
 
