@@ -409,7 +409,7 @@ class _Progress(event.Listener):
     def _show(self) -> None:
         done = sum(1 for made in list(_ALL) if made.overloads)
         if self._bar is None:
-            pacing.at("compiling numerical kernels, kept for later runs", done, len(_ALL))
+            pacing.at(f"compiling numerical kernels, kept for later runs: {done} of at most {len(_ALL)}")
             return
         text = f"{done} of at most {len(_ALL)}, kept for later runs"
         self._bar.update(self._bar.task_ids[0], completed=done, total=len(_ALL), description=text)

@@ -42,7 +42,7 @@ class TimeOverError(FcdmError):
         super().__init__(f"the time limit of {limit.seconds:g} s was met{f' while {doing}' if doing else ''}")
 
 
-class _Limit(NamedTuple):
+class _Given(NamedTuple):
     end: float
     seconds: float
 
@@ -50,7 +50,7 @@ class _Limit(NamedTuple):
 Listener = Callable[[str, int, int], None]
 """Takes what is being done, how many of its pieces are done, and how many there are; 0 where nobody knows."""
 
-_limit: ContextVar[_Limit] = ContextVar("limit", default=_Limit(math.inf, math.inf))  # noqa: B039 (immutable)
+_limit: ContextVar[_Given] = ContextVar("limit", default=_Given(math.inf, math.inf))  # noqa: B039 (immutable)
 _doing: ContextVar[str] = ContextVar("doing", default="")
 _on: ContextVar[str] = ContextVar("on", default="")
 _listeners: list[Listener] = []  # of the process: work may go on in several threads
@@ -115,26 +115,26 @@ def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") 
     """Set such a limit from here to the end of the enclosing one."""
     check_time(seconds, key)
     if seconds is not None:
-        _limit.set(min(_limit.get(), _Limit(clock() + share * seconds, seconds)))
+        _limit.set(min(_limit.get(), _Given(clock() + share * seconds, seconds)))
 
 
 @contextmanager
 def sharing(share: float) -> Iterator[None]:
     """Let what is done meanwhile take this share of the time that is left."""
     known = _limit.get()
-    with _set(known if known.end == math.inf else _Limit(clock() + share * left(), known.seconds)):
+    with _set(known if known.end == math.inf else _Given(clock() + share * left(), known.seconds)):
         yield
 
 
 @contextmanager
 def unlimited() -> Iterator[None]:
     """Take as long as it takes meanwhile: for what is short, and is to be done whenever there is an answer."""
-    with _set(_Limit(math.inf, math.inf)):
+    with _set(_Given(math.inf, math.inf)):
         yield
 
 
 @contextmanager
-def _set(limit: _Limit) -> Iterator[None]:
+def _set(limit: _Given) -> Iterator[None]:
     token = _limit.set(limit)
     try:
         yield

@@ -54,14 +54,17 @@ class _Sign:
     def __init__(self) -> None:
         self.stream: Any = sys.stderr
         self.terminal = bool(self.stream.isatty())
-        self._start = self._written = perf_counter()
+        self._start = self._written = self._begun = perf_counter()
         self._next = PATIENCE
-        self._doing: tuple[str, int, int] = ("starting", 0, 0)
+        self._doing: tuple[str, int, int] = ("loading libraries", 0, 0)
+        self._first = 0  # how many pieces were done when this began
         self._bar: Any = None
         self._lock = threading.RLock()
 
     def told(self, text: str, done: int, total: int) -> None:
         """Take note of what is being done."""
+        if text != self._doing[0]:
+            self._begun, self._first = perf_counter(), done
         self._doing = text, done, total
 
     def tick(self) -> None:
@@ -81,24 +84,23 @@ class _Sign:
 
     def _draw(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
         with self._lock:
             text, done, total = self._doing
             if self._bar is None:
-                columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(20)
-                times = TimeElapsedColumn(), TimeRemainingColumn(compact=True, elapsed_when_finished=True)
+                columns = SpinnerColumn(), BarColumn(20), TextColumn("{task.description}", markup=False)
                 self._bar = Progress(
-                    *columns, *times, console=Console(file=self.stream), transient=True, auto_refresh=False,
+                    *columns, console=Console(file=self.stream), transient=True, auto_refresh=False,
                     redirect_stdout=False, redirect_stderr=False,
                 )  # fmt: skip
                 self._bar.add_task(text, total=None)
                 self._bar.start()
-            task = self._bar.tasks[0]
-            if task.description != text or task.total != (total or None):
-                self._bar.reset(task.id, description=text, total=total or None, completed=done)
-                task.start_time = task.get_time() - (perf_counter() - self._start) if not total else task.get_time()
-            self._bar.update(task.id, completed=done)
+            words = f"{text}, {perf_counter() - self._start:.0f} s"
+            spent = perf_counter() - self._begun
+            if total and done - self._first > 0:
+                words += f", about {spent * (total - done) / (done - self._first):.0f} s more"
+            self._bar.update(0, description=words, total=total or None, completed=done)
             self._bar.refresh()
 
     def hide(self) -> None:

@@ -240,6 +240,9 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     """
     start = monotonic()
     if progress and sys.stderr is not None and sys.stderr.isatty():
+        if pacing.heard():
+            yield lambda done, made: pacing.at("solving points", done, total)
+            return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
