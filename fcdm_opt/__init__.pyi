@@ -36,6 +36,7 @@ from fcdm_opt.errors import InputError as InputError
 from fcdm_opt.errors import UnsolvedError as UnsolvedError
 from fcdm_opt.geometry.bodies import Body as Body
 from fcdm_opt.geometry.bodies import as_body as as_body
+from fcdm_opt.geometry.size import Size as Size
 from fcdm_opt.judge.certificate import verify as verify
 from fcdm_opt.model.contact_rows import ContactRow as ContactRow
 from fcdm_opt.model.contact_rows import ContactRows as ContactRows
