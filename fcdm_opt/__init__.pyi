@@ -22,6 +22,8 @@ from fcdm_opt.design.fixed_pose.best_pose import BestPose as BestPose
 from fcdm_opt.design.fixed_pose.best_pose import best_pose as best_pose
 from fcdm_opt.design.fixed_pose.clearances import Clearances as Clearances
 from fcdm_opt.design.fixed_pose.clearances import clearances as clearances
+from fcdm_opt.design.stack.stack_up import StackUp as StackUp
+from fcdm_opt.design.stack.stack_up import stack_up as stack_up
 from fcdm_opt.design.study.results import StudyResult as StudyResult
 from fcdm_opt.design.study.running import run_study as run_study
 from fcdm_opt.design.study.study import Study as Study

@@ -326,7 +326,7 @@ def _all_corners(part: MovingPart) -> tuple[Ints, Ints, Array, Array]:
     return triples, away.argmin(axis=1), points, moves
 
 
-# -------------------------------------------------------------------------------------------------------- rows of a pair
+# ------------------------------------------------------------------------------------------------------- rows of a pair
 
 
 def _pair(parts: tuple[int, int], one: _Side, two: _Side, box: Array, size: float) -> PairRows:

@@ -249,9 +249,7 @@ def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
     for own in moving.parts:
         moves = own.moves[_firsts(own)] @ values
         for point, move in zip(own.part.vertices.tolist(), moves, strict=True):
-            same = (
-                np.flatnonzero((body.vertices == point).all(axis=1)) if len(rows) < len(new) else [rows[tuple(point)]]
-            )
+            same = np.flatnonzero((body.vertices == point).all(axis=1)).tolist() if twice else [rows[tuple(point)]]
             for row in same:
                 if known[row] and np.abs(new[row] - point - move).max() > near:
                     return None

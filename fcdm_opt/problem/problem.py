@@ -355,7 +355,7 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
 def _asked(given: Mapping[str, Any]) -> Arguments:
     """Return checked arguments; raises `InputError` for what cannot be asked."""
     motion, step = given.get("motion"), given.get("resolution")
-    if given.get("made") is not None and given.get("requirement") is None and given.get("target") is None:
+    if given.get("sizes") and all(given.get(key) is None for key in ("requirement", "target", "tolerance")):
         given = {**given, "target": (1.0, 1.0)}
     names = [name for name, _ in motion.parameters] if isinstance(motion, Motion) else []
     if is_real(step):
