@@ -276,6 +276,18 @@ class _Side:
     ends: Ints
     edge_names: Ints
 
+    def supporting(self, corner: int, n: Array) -> tuple[str, int]:
+        """Return the element at a corner that is farthest along a direction: its facet, its edge, or the vertex."""
+        shares, facets = self.cones[corner] @ n, self.triples[corner]
+        held = np.sort(facets[shares > DEFAULT.tie])
+        if len(held) == 1:
+            return "F", int(held[0])
+        if len(held) == 2:
+            rows = np.flatnonzero((np.sort(self.edges, axis=1) == held).all(axis=1))
+            if rows.size:
+                return "E", int(self.edge_names[rows[0]])
+        return "V", int(self.names[corner])
+
     @classmethod
     def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _Side:
         triples, vertices, moves = part.triples, part.vertices, part.moves
@@ -303,8 +315,8 @@ class _Side:
             lost = vertices[ends].tolist()
             names = np.array([known.get(tuple(pair), -lost[k] - 1) for k, pair in enumerate(pairs.tolist())])
         return cls(
-            normals, triples, np.linalg.inv(np.swapaxes(normals[triples], 1, 2)), points @ R.T + t, wide, vertices,
-            bases, pairs, ends, names,
+            normals, triples, np.asarray(np.linalg.inv(np.swapaxes(normals[triples], 1, 2))), points @ R.T + t, wide,
+            vertices, bases, pairs, ends, names,
         )  # fmt: skip
 
 
@@ -341,8 +353,15 @@ def _pair(parts: tuple[int, int], one: _Side, two: _Side, box: Array, size: floa
     kept = np.flatnonzero(heights + swings >= least - DEFAULT.planarity * size)
     kept = kept[np.lexsort((kinds[kept], -heights[kept]))]
     kept = kept[_undone(values[kept], middle, half, DEFAULT.planarity * size)]
-    words = ("FV", "VF", "EE")
-    elements = [((words[kinds[k]][0], int(first[k])), (words[kinds[k]][1], int(second[k]))) for k in kept.tolist()]
+    elements = []
+    for k in kept.tolist():
+        i, j = int(first[k]), int(second[k])
+        if kinds[k] == 2:
+            elements.append((("E", int(one.edge_names[i])), ("E", int(two.edge_names[j]))))
+        else:
+            swapped = bool(kinds[k])
+            mine = one.supporting(i, normals[k]) if swapped else ("F", i)
+            elements.append((mine, ("F", j) if swapped else two.supporting(j, -normals[k])))
     return PairRows(parts, values[kept], normals[kept], elements)
 
 
@@ -369,9 +388,10 @@ def _face_rows(one: _Side, two: _Side, swapped: bool = False) -> tuple[Array, ..
         (n * (two.points[corner] - one.points[base])).sum(axis=1),
         np.einsum("mx,mxk->mk", n, two.moves[corner]) - np.einsum("mx,mxk->mk", n, one.moves[base]),
     ])  # fmt: skip
-    mine, theirs = facet, two.names[corner]
+    mine, theirs = facet, corner
     kind = np.full(len(rows), int(swapped))
-    return (-n, rows, theirs, mine, kind) if swapped else (n, rows, mine, theirs, kind)
+    found = (-n, rows, theirs, mine, kind) if swapped else (n, rows, mine, theirs, kind)
+    return tuple(map(np.asarray, found))
 
 
 def _edge_rows(one: _Side, two: _Side) -> tuple[Array, ...]:
@@ -456,7 +476,8 @@ def _program(left: Array, right: Array, box: Array, free: tuple[Any, Any], sign:
     free = (free[0], None if free[1] == np.inf else free[1])
     scale = max(float(np.abs(right).max(initial=0.0)), float(np.abs(box).max(initial=0.0)), np.finfo(float).tiny)
     ends = [(low / scale, high / scale) for low, high in box.tolist()]
-    ends.append(tuple(None if end is None else end / scale for end in free))
+    first, last = (None if end is None else end / scale for end in free)
+    ends.append((first, last))
     answer = linprog(cost, left, right / scale, bounds=ends)
     if answer.status:
         return -sign * np.inf, box.mean(axis=1)

@@ -179,9 +179,9 @@ def _offset(moving: Resizing, values: Array) -> Body:
         inside = depth + change @ values
         low = np.where(np.isinf(depth), np.inf, inside).min(axis=0)
         points = own.at(values)
-        kept = np.ones(len(points), bool)
+        kept: Flags = np.ones(len(points), bool)
         if own.split.any():  # of a corner that splits those triples that no other of its facets cuts off
-            kept = (np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1)
+            kept = np.asarray((np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1))
         if low.min() <= near:
             facet, outer = int(low.argmin()), len(moving.parts) == 1
             points, kept = _intersected(moving, own, values, facet) if outer else (points, kept)
@@ -265,7 +265,7 @@ def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
             if rank < 3 or np.abs(normals[around] @ move - offsets[around]).max() > near:
                 return None
             new[row], known[row] = new[row] + move, True
-    for row in np.flatnonzero(~known):  # no corner of any part: with the nearest one
+    for row in np.flatnonzero(~known).tolist():  # no corner of any part: with the nearest one
         nearest = np.flatnonzero(known)[np.linalg.norm(body.vertices[known] - body.vertices[row], axis=1).argmin()]
         new[row] = new[nearest]
     return new

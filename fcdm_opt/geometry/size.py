@@ -23,7 +23,7 @@ SELECTORS = (
 ROUND = 0.9  # a facet of a cylinder is at least this share of the radius away from its axis: seven facets and more
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Size(Plain):
     """One named way in which a body can come out different from drawn; 0 is as drawn.
 

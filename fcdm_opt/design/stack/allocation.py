@@ -96,14 +96,18 @@ def allocated(
     for lowers in _choices(pairs, most, low):
         for upper in uppers:
             found = program.solved(lowers, low, upper, high)
-            for _ in range(ROUNDS if found is not None and scale is None and lowers else 0):
-                mixed = [_mix(pair, found[1]) for pair in pairs]
+            if found is None:
+                continue
+            held = lowers
+            for _ in range(ROUNDS if scale is None and lowers else 0):
+                t = found[1]
+                mixed = [_mix(pair, t) for pair in pairs]
                 again = program.solved(mixed, low, upper, high)
                 if again is None or again[0] >= found[0] * (1.0 - DEFAULT.requirement):
                     break
-                found, lowers = again, mixed
-            if found is not None and (best is None or found[0] < best[0]):
-                best = (*found, lowers)
+                found, held = again, mixed
+            if best is None or found[0] < best[0]:
+                best = (*found, held)
     if best is None:
         reached = float(touching.gap(middle))
         what = f"no tolerances keep the gap within these limits; it is {reached:.6g} in their middle"
@@ -170,7 +174,12 @@ class _Program:
             return self._scale * cp.norm(cp.hstack([cp.multiply(parts[free], x), rest]))
 
         rows = [np.atleast_2d(uppers)] if len(uppers) else []
-        size = max(float(np.abs(own[:, 0]).max()) for own in [*rows, np.array(lowers or [[1.0]])]) or 1.0
+        size = (
+            max(
+                float(np.abs(own[:, 0]).max()) for own in [*rows, np.array([row.tolist() for row in lowers] or [[1.0]])]
+            )
+            or 1.0
+        )
         limits = [x <= 1.0]
         limits += [taken(row) / size <= (row[0] - low) / size for row in lowers]
         limits += [taken(row) / size <= (high - row[0]) / size for own in rows for row in own]
@@ -183,7 +192,7 @@ class _Program:
         if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             return None
         t = held + 0.0
-        t[free] = np.clip(x.value, 0.0, 1.0) * self._most[free]
+        t[free] = np.clip(np.asarray(x.value), 0.0, 1.0) * self._most[free]
         return float(problem.value), t
 
 
