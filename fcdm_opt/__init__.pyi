@@ -22,6 +22,8 @@ from fcdm_opt.design.fixed_pose.best_pose import BestPose as BestPose
 from fcdm_opt.design.fixed_pose.best_pose import best_pose as best_pose
 from fcdm_opt.design.fixed_pose.clearances import Clearances as Clearances
 from fcdm_opt.design.fixed_pose.clearances import clearances as clearances
+from fcdm_opt.design.stack.stack_up import StackUp as StackUp
+from fcdm_opt.design.stack.stack_up import stack_up as stack_up
 from fcdm_opt.design.study.results import StudyResult as StudyResult
 from fcdm_opt.design.study.running import run_study as run_study
 from fcdm_opt.design.study.study import Study as Study
@@ -36,6 +38,7 @@ from fcdm_opt.errors import InputError as InputError
 from fcdm_opt.errors import UnsolvedError as UnsolvedError
 from fcdm_opt.geometry.bodies import Body as Body
 from fcdm_opt.geometry.bodies import as_body as as_body
+from fcdm_opt.geometry.size import Size as Size
 from fcdm_opt.judge.certificate import verify as verify
 from fcdm_opt.model.contact_rows import ContactRow as ContactRow
 from fcdm_opt.model.contact_rows import ContactRows as ContactRows

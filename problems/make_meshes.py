@@ -270,6 +270,7 @@ RAIL = [(-24, -8), (24, -8), (24, 0), (10, 0), (14, 8), (-14, 8), (-10, 0), (-24
 SLIDE = [(-24, 0), (-10.5, 0), (-15, 9), (15, 9), (10.5, 0), (24, 0), (24, 16), (-24, 16)]
 SHAFT = [(8, -20), (20, -8), (20, 8), (8, 20), (6.25, 20), (6.25, 12)]
 SHAFT += [(-x, y) for x, y in reversed(SHAFT)]
+SLOT = [(-15, 0), (15, 0), (15, 20), (5.0625, 20), (5.0625, 12), (-5.0625, 12), (-5.0625, 20), (-15, 20)]
 BRACKET = [(-15, 2), (15, 2), (15, 5), (-9, 5), (-9, 30), (-15, 30)]
 
 MESHES: dict[str, tuple[Solid, Callable[[Solid], bytes]]] = {
@@ -289,6 +290,8 @@ MESHES: dict[str, tuple[Solid, Callable[[Solid], bytes]]] = {
     "nut_key.ply": (prism(hexagon(10), -50, 20), ply_binary),
     "bracket.obj": (upright(prism(BRACKET, -12, 12)), in_unit(10, obj)),  # in cm
     "bracket_plate.stl": (box((-40, 40), (-20, 20), (-8, 0)), stl_binary),
+    "slot.stl": (prism(SLOT, 0, 30), stl_binary),
+    "slot_key.stl": (box((-5, 5), (12.125, 20.125), (2, 28)), stl_binary),
     "bracket_ribs.off": (together(box((14, 18), (-20, 20), (0, 1.5)), box((-22, -18), (-20, 20), (0, 1.5))), off),
 }
 

@@ -26,6 +26,8 @@ COMMANDS: dict[str, dict[str, Any]] = {
         "whatif": designing.whatif_command,
         "map": designing.map_command,
         "pose": designing.pose_command,
+        "faces": designing.faces_command,
+        "stack": designing.stack_command,
         "study": designing.study_command,
     },
     "How fast and how right is it?": {
@@ -59,6 +61,9 @@ fcdm-opt map problems/peg_tapered.toml --case A --out out
 fcdm-opt map problems/peg_tapered.toml --case A --budget 1 --out out
 fcdm-opt pose problems/peg_tapered.toml --case A
 fcdm-opt pose problems/peg_tapered.toml --case A --clearance=-inf,0.5
+fcdm-opt faces problems/slot_and_key.toml
+fcdm-opt stack problems/slot_and_key.toml
+fcdm-opt stack problems/slot_and_key.toml --gap 0.01,0.12 --cost key_width=1 --cost slot_width=2 --out out
 fcdm-opt study problems/studies/tolerance_example1.toml --out out/tolerance
 fcdm-opt bench --quick --only contact --out out/bench
 fcdm-opt stability --quick --out out/stability

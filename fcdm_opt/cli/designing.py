@@ -1,4 +1,4 @@
-"""`study`, `whatif`, `map`, `pose`: what if sizes, tolerances, motions or shapes were different."""
+"""`study`, `whatif`, `map`, `pose`, `faces`, `stack`: what if sizes, tolerances, motions or shapes were different."""
 
 from __future__ import annotations
 
@@ -9,7 +9,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Seed, Time, argument, code_of, finish, option
+from fcdm_opt.cli.common import (
+    AsJson,
+    Cases,
+    Files,
+    Inquiry,
+    OpenedFile,
+    Out,
+    Seed,
+    Time,
+    argument,
+    code_of,
+    finish,
+    option,
+)
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
@@ -32,6 +45,8 @@ BUDGET = (
     "case's own limits does."
 )
 SCHEDULER = "Of a Dask cluster; without it a local one is made."
+LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
+COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 WINDOW = "Smallest motion after which every pair's gap is in this window."
 
 
@@ -198,6 +213,68 @@ def pose_command(
             yield "at the best pose", made, partial(tables.print_clearances, where="at the best pose")
 
     _each_case(Inquiry(files, case, as_json=as_json), asked)
+
+
+def faces_command(files: Files, as_json: AsJson = False, out: Out = None) -> None:
+    """List the faces of both bodies with the names that [[size]] tables use; draw them with --out."""
+    from fcdm_opt.show.stacks import faces_figure, listed_faces, print_faces
+
+    inquiry = Inquiry(files, None, as_json=as_json, out=out)
+    for file in inquiry:
+        problem = file.problems[0]
+        bodies = {role: problem.request[role] for role in ("movable", "static")}
+        inquiry.say_of("faces", {role: listed_faces(body) for role, body in bodies.items()})
+        if not as_json:
+            inquiry.print_head(file)
+            for role, body in bodies.items():
+                print_faces(body, role)
+        if inquiry.pictures is not None:
+            inquiry.pictures.add(file.path.stem, faces_figure(problem, title=file.name), ending="-faces")
+    inquiry.finish()
+
+
+def stack_command(
+    files: Files,
+    gap: Annotated[str | None, option("--gap", "LO,HI", LIMITS)] = None,
+    draws: Annotated[int, option("--draws", "N", "Pairs of parts drawn for the yield.", min=1)] = 1_000_000,
+    cost: Annotated[list[str] | None, option("--cost", "SIZE=C", COST)] = None,
+    share: Annotated[float | None, option("--share", "S", "With --cost: share of pairs that must fit.")] = None,
+    cut: Annotated[str | None, option("--slice", "SIZE,SIZE", "With --out: the two sizes of the slice.")] = None,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+    out: Out = None,
+    case: Cases = None,
+) -> None:
+    """Tell how the gap depends on the sizes of faces and features: worst case, yield, what each contributes.
+
+    With --cost it finds the cheapest tolerances too. With --out it writes the rows as CSV, and pictures.
+    """
+    from fcdm_opt.design.stack.stack_up import stack_up
+    from fcdm_opt.show.stacks import print_allocation, print_stack, slice_figure, stack_figure, write_stack
+
+    limits = None if gap is None else _two(gap, "--gap")
+    costs = dict(map(_change, cost or ()))
+    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    pictures = inquiry.pictures
+
+    def asked(file: OpenedFile, problem: Problem) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        found = stack_up(problem, limits=limits)
+        drawn = found.yield_(draws, seed=seed)
+        yield "stack", found, lambda stack: print_stack(stack, drawn)
+        yield "yield", drawn, lambda _: None
+        if costs:
+            yield "allocation", found.allocate(costs, share=share), print_allocation
+        if pictures is not None and out is not None:
+            title = f"{file.name}: case {problem.name}"
+            stem = pictures.add(f"{file.path.stem}-{problem.name}-stack", stack_figure(found, drawn, title=title))
+            write_stack(found, out / f"{stem}.csv")
+            say(f"wrote {out / f'{stem}.csv'}")
+            most = [own.size for own in found.contributions[:2]]
+            names = most if cut is None else [name.strip() for name in cut.split(",")]
+            if len(names) == 2:
+                pictures.add(f"{stem}-slice", slice_figure(found, names, title=title))
+
+    _each_case(inquiry, asked)
 
 
 # ---------------------------------------------------------------------------------------------------------------- cases

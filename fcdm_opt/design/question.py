@@ -21,7 +21,7 @@ from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion
-from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, plain_body, plain_step
+from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body, plain_step
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, same_unit
 from fcdm_opt.problem.problem import Problem
@@ -169,11 +169,14 @@ class SceneTables:
     ----------
     tables : dict of str to BodyTable
         By their places: bodies.movable, bodies.static, keep_out[1] and on.
+    sizes : tuple of mappings
+        The [[size]] tables.
     latest : list
         The curve of the last problem asked about it, which the next one finds as long as it is kept; or empty.
     """
 
     tables: Mapping[str, BodyTable]
+    sizes: tuple[Mapping[str, Any], ...] = ()
     latest: list[DecisionCurve] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
@@ -181,17 +184,18 @@ class SceneTables:
         """Return the scene of plain data with the keys bodies and keep_out."""
         bodies = {f"bodies.{role}": BodyTable(data["bodies"][role], role) for role in ROLES}
         others = enumerate(data.get("keep_out", ()), 1)
-        return cls(bodies | {f"keep_out[{k}]": BodyTable(table, f"keep-out {k}") for k, table in others})
+        tables = bodies | {f"keep_out[{k}]": BodyTable(table, f"keep-out {k}") for k, table in others}
+        return cls(tables, tuple(data.get("size", ())))
 
     @cached_property
     def text(self) -> str:
         """The scene as canonical JSON."""
-        return _scene_text(*(table.data for table in self.tables.values()))
+        return _scene_text(self.sizes, *(table.data for table in self.tables.values()))
 
     @cached_property
     def key(self) -> str:
         """The sha256 of `text` without the unit of vertices: bodies of scenes with equal keys are equal."""
-        return digest(_scene_text(*(table.bare for table in self.tables.values())))
+        return digest(_scene_text(self.sizes, *(table.bare for table in self.tables.values())))
 
     @cached_property
     def drawn(self) -> SceneTables:
@@ -199,7 +203,7 @@ class SceneTables:
         if all("file" not in table.data for table in self.tables.values()):
             return self
         assert self.unit  # refuses different ones
-        return SceneTables(self._each(lambda table: table.drawn))
+        return SceneTables(self._each(lambda table: table.drawn), self.sizes)
 
     @cached_property
     def unit(self) -> str:
@@ -213,7 +217,8 @@ class SceneTables:
             (body, self.tables[place].data) for place, body in self._each(lambda table: table.body).items()
         ]
         kept = [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in others]
-        return Parts(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit)
+        sizes = tuple(checked(SizeEntry, table).size() for table in self.sizes)
+        return Parts(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit, sizes)
 
     def check(self) -> None:
         """Refuse tables that are no bodies; reads and builds nothing."""
@@ -240,11 +245,12 @@ class SceneTables:
             what = f"no such body{closest(role, ROLES)}" if role else "both bodies at once"
             raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
         with placed(key=table):
-            return SceneTables({**self.tables, table: self.tables[table].with_value(place[2:], value)})
+            return SceneTables({**self.tables, table: self.tables[table].with_value(place[2:], value)}, self.sizes)
 
 
-def _scene_text(movable: Mapping[str, Any], static: Mapping[str, Any], *others: Mapping[str, Any]) -> str:
-    return canonical({"bodies": {"movable": movable, "static": static}, "keep_out": others})
+def _scene_text(sizes: Any, movable: Mapping[str, Any], static: Mapping[str, Any], *others: Mapping[str, Any]) -> str:
+    more = {"size": sizes} if sizes else {}
+    return canonical({"bodies": {"movable": movable, "static": static}, "keep_out": others, **more})
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -285,7 +291,8 @@ class Question:
         bodies, home = file.both_bodies(path)
         file.common_unit(bodies, path)
         drawn = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
-        scene = SceneTables.of({"bodies": drawn, "keep_out": [_given(entry, path.parent) for entry in file.keep_out]})
+        others = {"keep_out": [_given(entry, path.parent) for entry in file.keep_out]}
+        scene = SceneTables.of({"bodies": drawn, **others, "size": [_given(entry) for entry in file.size]})
         return tuple(cls(scene, {**_given(file.defaults), **_given(case)}) for case in cases)
 
     @classmethod

@@ -386,6 +386,29 @@ class Body(_Sealed, Shown):
         return tuple(sorted(labels)) in self.faces
 
     @cached_property
+    def facet_faces(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
+        """For each facet of each part the rows of `faces` that it lies on; none for a cut between parts."""
+        place = {face: k for k, face in enumerate(self.faces)}
+
+        def of(part: ConvexPart, k: int) -> tuple[int, ...]:
+            span = part.elements.spans.get(("F", k))
+            named = (part.elements["F"][k],) if span is None else span.elements
+            keys = (tuple(sorted(own.vertices)) for own in named if own.kind == "F")
+            return tuple(place[key] for key in keys if key in place)
+
+        return tuple(tuple(of(part, k) for k in range(len(part.loops))) for part in self.parts)
+
+    @cached_property
+    def face_planes(self) -> tuple[Array, Array]:
+        """Outward unit normals of the faces, (f, 3), and a point of each."""
+        normals, points = np.zeros((2, len(self.faces), 3))
+        for part, owners in zip(self.parts, self.facet_faces, strict=True):
+            for k, own in enumerate(owners):
+                for face in own:
+                    normals[face], points[face] = part.normals[k], part.vertices[part.loops[k][0]]
+        return frozen(normals), frozen(points)
+
+    @cached_property
     def size(self) -> float:
         """Diagonal of the axis-aligned box as drawn: the length that relative tolerances refer to."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))

@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, ConfigDict, Discriminator, Tag, model_vali
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import SELECTORS, Size
 from fcdm_opt.motion.motions import Free, Rotation, Screw, Step, Translation
 from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.plain import plain
@@ -206,6 +207,109 @@ class KeepOutEntry(BodyEntry):
     def keep_out(self, role: str, folder: Path | None) -> KeepOut:
         """Return the keep-out, see `body`."""
         return KeepOut(self.body(role, folder), self.scale, clearance=self.clearance)
+
+
+# ----------------------------------------------------------------------------------------------------------- sizes
+
+
+class ThroughEntry(Entry):
+    """The face that a point lies in."""
+
+    model_config = ConfigDict(title="Face through a point")
+
+    through: Point = declared(..., "[x, y, z], length units, a point of the face", [0.0, 1.0, 0.5])
+
+
+class AroundEntry(Entry):
+    """All facets of a cylinder."""
+
+    model_config = ConfigDict(title="Facets of a cylinder")
+
+    around: Point = declared(..., "[x, y, z], length units, a point of the axis", [0.0, 0.0, 0.0])
+    axis: Axis = declared(..., 'its direction: "x", "y", "z" or a vector', "z")
+    radius: Number = declared(..., "a length > 0", 5.0)
+
+
+def _selector_kind(value: Any) -> str:
+    """Tell which way of naming a face a value is."""
+    return "<word>" if isinstance(value, str) else "<around>" if "around" in value else "<through>"
+
+
+def _some_selector(value: Any) -> Any:
+    """Refuse what names no face."""
+    if isinstance(value, str) or (isinstance(value, Mapping) and ("around" in value or "through" in value)):
+        return value
+    raise refusal("no face is named like this", found=value, allowed=SELECTORS)
+
+
+Selector = Annotated[
+    Annotated[str, Tag("<word>")] | Annotated[ThroughEntry, Tag("<through>")] | Annotated[AroundEntry, Tag("<around>")],
+    Discriminator(_selector_kind),
+    BeforeValidator(_some_selector),
+]
+
+
+class NormalEntry(Entry):
+    """A normal distribution within a tolerance."""
+
+    model_config = ConfigDict(title="Normal distribution of a size")
+
+    cp: Number = declared(1.0, "capability > 0: 3 cp standard deviations from the middle to each limit", 1.33)
+    shift: Number = declared(0.0, "of the mean from the middle, a share of half the tolerance", 0.1)
+
+
+class SpreadEntry(Entry):
+    """How a size is distributed within its tolerance: exactly one of the keys."""
+
+    model_config = ConfigDict(
+        title="Distribution of a size", json_schema_extra=one_of(("normal",), ("uniform",), ("measured",))
+    )
+
+    normal: NormalEntry | None = declared(None, "{ cp = 1.0, shift = 0.0 }", {"cp": 1.0})
+    uniform: dict[str, Any] | None = declared(None, "{}: every deviation alike", {})
+    measured: list[Number] | None = declared(None, "measured deviations, each drawn alike", [0.01, -0.02, 0.005])
+
+
+class SizeEntry(Entry):
+    """One named way in which a body can come out different from drawn."""
+
+    model_config = ConfigDict(title="Sizes", json_schema_extra=one_of(("faces",), ("scale",)))
+
+    name: str = declared(..., "name of the size (text), once in a file", "peg width")
+    body: Literal["movable", "static"] = declared(..., '"movable" or "static"', "movable")
+    faces: Selector | list[Selector] | None = declared(
+        None, f"the faces that move, one or a list of: {SELECTORS}", ["+x", "-x"]
+    )
+    each: Number | list[Number] | None = declared(
+        None,
+        "outward offset of the faces of each selector a unit of the size: 0.5 for a width between two faces; without "
+        "it 1, for one selector",
+        0.5,
+        [1.0, -1.0],
+    )
+    along: Axis | None = declared(
+        None, "in place of each: the faces move together in this direction, as the walls of a hole", "x"
+    )
+    scale: str | Point | None = declared(
+        None, 'in place of faces: the body is scaled about its seed, "xyz", "x", "y", "z" or along [a, b, c]', "xyz"
+    )
+    tolerance: Number | Pair | str | None = declared(
+        None,
+        "least and largest deviation from drawn, [-0.02, 0.0], or one number for both sides; of faces a length, of a "
+        "scale a share",
+        0.05,
+        [-0.02, 0.0],
+    )
+    distribution: SpreadEntry | None = declared(
+        None,
+        "{ normal = { cp = 1.0, shift = 0.0 } }, { uniform = {} } or { measured = [...] } deviations; without it "
+        "normal with cp 1",
+        {"normal": {"cp": 1.33}},
+    )
+
+    def size(self) -> Size:
+        """Return the size."""
+        return Size(**self.model_dump(exclude_unset=True))
 
 
 # ---------------------------------------------------------------------------------------------------------- motion

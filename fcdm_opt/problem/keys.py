@@ -21,9 +21,10 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator,
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Step
 from fcdm_opt.problem.amounts import AmountWord, OwnAmount
-from fcdm_opt.problem.entries import AmountEntry, Bodies, KeepOutEntry, PublishedEntry, StepEntry
+from fcdm_opt.problem.entries import AmountEntry, Bodies, KeepOutEntry, PublishedEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.schema import (
     Bound,
@@ -50,6 +51,7 @@ Made = TypeVar("Made")
 MOST_BITS = 10_000  # of a whole number that Python writes in decimals
 Requirement = Literal["A", "B", "C", "D"]
 Goal = Literal["beyond", "at", "seat", "touch", "clear"]
+Corner = Literal["worst", "loosest", "low", "high", "middle"]
 
 
 def _shares(tolerance: Any) -> Any:
@@ -104,6 +106,15 @@ class Defaults(SizeKeys):
     """What all cases of a file share; a case may give any of it anew."""
 
     model_config = ConfigDict(title="Defaults of all cases")
+
+    made: Corner | dict[str, Number] | None = declared(
+        None,
+        'deviations from drawn of the [[size]] tables by name, 0 where none is given; or "worst" (least gap at rest '
+        'within the tolerances), "loosest" (largest), "low", "high", "middle" (all sizes); the parts made so are then '
+        "what scales 1 are of, and the target is [1, 1] unless one is given",
+        {"peg width": 0.01, "shrinkage": -0.001},
+        "worst",
+    )
 
     goal: Goal | None = declared(
         None,
@@ -185,6 +196,7 @@ class Parts(NamedTuple):
     static: Body
     keep_out: Mapping[str, KeepOut]
     unit: str = ""
+    sizes: tuple[Size, ...] = ()
 
 
 class Case(Defaults):
@@ -198,7 +210,14 @@ class Case(Defaults):
         """Return the arguments of `Problem`; keys of the case come before those of `defaults`."""
         given = self.arguments(defaults)
         keep_out = _chosen(given.get("keep_out"), parts.keep_out)
-        return {**given, "movable": parts.movable, "static": parts.static, "keep_out": keep_out, "unit": parts.unit}
+        return {
+            **given,
+            "movable": parts.movable,
+            "static": parts.static,
+            "keep_out": keep_out,
+            "unit": parts.unit,
+            "sizes": parts.sizes,
+        }
 
     def arguments(self, defaults: Defaults) -> dict[str, Any]:
         """Return what is asked of any scene, as `Problem` wants it; keep-outs still by name."""
@@ -289,6 +308,7 @@ class Arguments(Case):
     )
     movable: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
     static: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
+    sizes: Annotated[tuple[Annotated[Any, of_kind(Size)], ...], BeforeValidator(tuple)] = declared((), "Sizes")
     unit: Literal["", Unit] = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
 
 
@@ -391,6 +411,11 @@ class ProblemFile(Entry):
         "[[keep_out]] tables: further static bodies that the movable one must keep clear of",
         [{"file": "rib.stl", "unit": "mm"}],
     )
+    size: list[SizeEntry] = declared(
+        [],
+        "[[size]] tables: ways in which a part can come out different from drawn",
+        [{"name": "width", "body": "movable", "faces": ["+x", "-x"], "each": 0.5, "tolerance": 0.05}],
+    )
     defaults: Defaults = declared(Defaults(), "a table with any key of a case but its name", {"tolerance": 0.02})
     case: list[Case] = declared([], "[[case]] tables", [{"name": "A", "requirement": "A"}])
 
@@ -452,7 +477,9 @@ class ProblemFile(Entry):
             for k, entry in enumerate(self.keep_out, 1):
                 with placed(key=f"keep_out[{k}]"):
                     others.append(entry.keep_out(f"keep-out {k}", file and file.parent))
-            return Parts(both[0], both[1], {keep_out.name: keep_out for keep_out in keep_outs(others)}, unit)
+            sizes = _each("size", [entry.size for entry in self.size])
+            kept = {keep_out.name: keep_out for keep_out in keep_outs(others)}
+            return Parts(both[0], both[1], kept, unit, tuple(sizes))
 
     def both_bodies(self, file: Path | None) -> tuple[Bodies, Path | None]:
         """Return the entries of both bodies, and the file that they stand in."""

@@ -16,10 +16,13 @@ from typing import Any, get_args
 import numpy as np
 
 from fcdm_opt.curve.segments import Box
+from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.resizing import resized
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion, Screw
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.amounts import OwnAmount, amount
@@ -108,6 +111,12 @@ class Problem(NominalContact, Shown):
         in the (rho_1, rho_2) plane, or to a switching point, where its gap is at most `snap` times the size of the
         bodies and neither scale changes by more than `snap`, relative; else it is refused. See `snapped`. "touch" and
         "clear" leave the pair as it is.
+    sizes : sequence of Size, optional
+        Ways in which the bodies can come out different from drawn.
+    made : mapping of size name to deviation, or "worst", "loosest", "low", "high", "middle", optional
+        Makes `movable` and `static` the bodies of these sizes, 0 where none is given: all else is asked of them, and
+        the target is (1, 1) unless sizes are asked for besides. Words are corners of the tolerances, see
+        `fcdm_opt.curve.touching_sizes.made_at`. Attribute: deviations by name, or None.
     name : str
         Name of the case.
     published : sequence of floats, optional
@@ -148,6 +157,8 @@ class Problem(NominalContact, Shown):
     resolution: Any
     features: Any
     snap: float
+    sizes: tuple[Size, ...]
+    made: Any
     name: str
     published: tuple[float, ...] | None
     published_text: str
@@ -177,6 +188,8 @@ class Problem(NominalContact, Shown):
         resolution: float | Mapping[str, float] | None = None,
         features: Sequence[Any] | None = None,
         snap: float = DEFAULT.snap,
+        sizes: Sequence[Size] = (),
+        made: Mapping[str, float] | str | None = None,
         name: str = "",
         published: Sequence[float] | Array | None = None,
         published_text: str = "",
@@ -256,8 +269,9 @@ class Problem(NominalContact, Shown):
             for keep_out in self.keep_out
         ]
         unit = {"unit": self.unit} if self.unit else {}
-        bodies = {"movable": {**plain_body(self.movable), **unit}, "static": {**plain_body(self.static), **unit}}
-        return {"bodies": bodies, **({"keep_out": others} if others else {}), "case": [case]}
+        bodies = {role: {**plain_body(asked[role]), **unit} for role in ("movable", "static")}
+        more = {"keep_out": others, "size": [size.to_dict() for size in self.sizes]}
+        return {"bodies": bodies, **{key: value for key, value in more.items() if value}, "case": [case]}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Problem:
@@ -313,12 +327,13 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
         "amount": amount(asked.amount, names),
         "keep_out": keep_outs(asked.keep_out),
     }
-    contact = NominalContact(**request)
+    parts = _parts_made(request)
+    contact = NominalContact(**{**request, **parts})
     contact.check_number()
     if asked.goal is None:
         goal = contact.default_goal(asked.requirement is not None)
         as_asked = goal not in TRACKING  # "touch" takes the nominal pair as asked for, not as closed to the curve
-        contact = NominalContact(**{**(request if as_asked else vars(contact)), "goal": goal})
+        contact = NominalContact(**{**(request if as_asked else vars(contact)), **parts, "goal": goal})
     length = asked.movable.size / 2 if asked.length is None else asked.length
     usual = dict(zip(names, asked.motion.weights(length).tolist(), strict=True))
     free = (-math.inf, math.inf)
@@ -340,6 +355,8 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
 def _asked(given: Mapping[str, Any]) -> Arguments:
     """Return checked arguments; raises `InputError` for what cannot be asked."""
     motion, step = given.get("motion"), given.get("resolution")
+    if given.get("sizes") and all(given.get(key) is None for key in ("requirement", "target", "tolerance")):
+        given = {**given, "target": (1.0, 1.0)}
     names = [name for name, _ in motion.parameters] if isinstance(motion, Motion) else []
     if is_real(step):
         given = {**given, "resolution": dict.fromkeys(names, step)}
@@ -359,6 +376,25 @@ def _asked(given: Mapping[str, Any]) -> Arguments:
     _check_motion(asked)
     _check_agreement(asked)
     return asked
+
+
+def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the bodies of the sizes made, and these by name."""
+    sizes, made = request["sizes"], request["made"]
+    names = [size.name for size in sizes]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                "two sizes have one name", key="sizes", found=name, allowed="a name that no other size has"
+            )
+    if made is None:
+        return {}
+    values = made_at(request["movable"], request["static"], sizes, made)
+    parts = {
+        role: resized(request[role], {size: values[size.name] for size in sizes if size.body == role})
+        for role in ("movable", "static")
+    }
+    return {**parts, "made": values}
 
 
 def _check_motion(asked: Arguments) -> None:

@@ -1,0 +1,484 @@
+"""The sizes at which two bodies touch at a pose: for each part pair the boundary of one convex polyhedron.
+
+With n from body 1 to body 2, a pair of parts { A_i x <= b_i + G_i p } is apart by
+
+    gap(p) = max over rows of n . (x_2(p) - x_1(p)),
+
+x_i(p) the point of part i that the row's feature has: a row is a face with a corner of the other part in its normal's
+cone, or two edges whose cones meet. (By Farkas' lemma the parts share a point iff lambda . (b + G p) >= 0 for all
+lambda >= 0 with A^T lambda = 0, which faces' triples and pairs generate.) Rows are affine in p, and do not depend on it
+otherwise. Those of which others are larger all over the box of sizes are left out; so the rest is complete there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
+from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.resizing import MovingPart, Resizing
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.tolerances import DEFAULT
+
+MOST_TRIPLES = 40  # facets of a part that changes its shape within the box: all its triples are corners then
+SAMPLES = 64  # sizes at which rows are seen to bind before any linear program is asked
+
+
+class PairRows(NamedTuple):
+    """The rows that bind, of one pair of parts.
+
+    Attributes
+    ----------
+    parts : (int, int)
+        Indices of the parts.
+    values : (m, 1 + k) array
+        Each row's gap as drawn, and how that changes a unit of each size.
+    normals : (m, 3) array
+        From body 1 to body 2, unit.
+    elements : list of (("V" | "E" | "F", int), same of part 2)
+        The parts' elements that touch.
+    """
+
+    parts: tuple[int, int]
+    values: Array
+    normals: Array
+    elements: list[tuple[tuple[str, int], tuple[str, int]]]
+
+
+@dataclass(frozen=True, eq=False)
+class TouchingSizes:
+    """At which sizes two bodies touch at a pose, within a box of sizes.
+
+    Attributes
+    ----------
+    bodies : (Body, Body)
+        As drawn, movable and static.
+    sizes : tuple of Size
+    transform : (4, 4) array
+        Of the movable body.
+    pairs : tuple of PairRows
+        Of the part pairs that can be the nearest within the box.
+    reach : (float, str)
+        By what factor the box may be widened until one of the bodies changes its shape, and the face there.
+    """
+
+    bodies: tuple[Body, Body]
+    sizes: tuple[Size, ...]
+    transform: Array
+    pairs: tuple[PairRows, ...]
+    reach: tuple[float, str]
+
+    @classmethod
+    def of(
+        cls, movable: Body, static: Body, sizes: Sequence[Size], *, transform: Any = None, least: bool = True
+    ) -> TouchingSizes:
+        """Return them.
+
+        Parameters
+        ----------
+        movable, static : Body
+        sizes : sequence of Size
+            Their tolerances are the box.
+        transform : (4, 4) array, optional
+            Of the movable body; default at rest.
+        least : bool
+            Whether rows that bind nowhere in the box are all found and left out, which may take a linear program each.
+
+        Raises
+        ------
+        InputError
+            For sizes without tolerance, and where the box is so large that a body changes its shape in a way that its
+            parts do not follow; names the face.
+        """
+        T = IDENTITY if transform is None else rigid_transform(transform)
+        _check(sizes)
+        low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
+        sides, reaches = [], []
+        for role, body in (("movable", movable), ("static", static)):
+            own = [k for k, size in enumerate(sizes) if size.body == role]
+            moving = Resizing.of(body, [sizes[k] for k in own])
+            if turned := moving.inclined():
+                raise InputError(
+                    f"{turned}: the gap does not change in proportion", key="sizes", found=body.name,
+                    allowed='for a stack-up "xyz", or an axis that all faces are along or across; solve takes any',
+                )  # fmt: skip
+            reach = moving.reach(low[own], high[own])
+            if reach[0] < 1.0 and (len(body.parts) > 1 or len(body.parts[0].loops) > MOST_TRIPLES):
+                raise InputError(
+                    f"within these tolerances {reach[1]} is reached, where the body changes its shape",
+                    key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
+                    allowed=f"up to {100.0 * reach[0]:.4g} % of them",
+                )  # fmt: skip
+            R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
+            sides.append([_Side.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts])
+            reaches.append(reach)
+        box = np.column_stack([low, high])
+        size = max(movable.size, static.size)
+        pairs = [_pair((i, j), one, two, box, size) for i, one in enumerate(sides[0]) for j, two in enumerate(sides[1])]
+        kept = _nearest(pairs, box)
+        if least:
+            kept = [_binding(pair, box) for pair in kept]
+        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches))
+
+    @property
+    def box(self) -> Array:
+        """Least and largest of each size, (k, 2)."""
+        return np.array([size.tolerance for size in self.sizes], float).reshape(-1, 2)
+
+    @cached_property
+    def stacked(self) -> tuple[Array, Ints]:
+        """The rows of all pairs, (m, 1 + k), and where each pair's begin."""
+        counts = np.array([len(pair.values) for pair in self.pairs])
+        return np.vstack([pair.values for pair in self.pairs]), np.cumsum(counts) - counts
+
+    def gap(self, p: Any) -> Array:
+        """Return the gap at sizes p, (..., k): > 0 apart, < 0 overlapping; as `DecisionCurve.gap`, with its sign.
+
+        The largest separation over the rows of a part pair, least over pairs.
+        """
+        p = np.asarray(p, float)
+        rows, starts = self.stacked
+        flat = p.reshape(-1, len(self.sizes))
+        heights = flat @ rows[:, 1:].T + rows[:, 0]
+        return np.minimum.reduce(np.maximum.reduceat(heights, starts, axis=1), axis=1).reshape(p.shape[:-1])
+
+    def governing(self, p: Any) -> tuple[int, int]:
+        """Return the pair and its row that the gap at sizes p is of."""
+        heights = [pair.values[:, 0] + pair.values[:, 1:] @ np.asarray(p, float) for pair in self.pairs]
+        pair = int(np.argmin([own.max() for own in heights]))
+        return pair, int(heights[pair].argmax())
+
+    def feature(self, pair: int, row: int) -> Feature:
+        """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners."""
+        own = self.pairs[pair]
+        parts = [body.parts[k] for body, k in zip(self.bodies, own.parts, strict=True)]
+        named = []
+        for part, (kind, k) in zip(parts, own.elements[row], strict=True):
+            if k < 0:  # an edge or corner that is there at other sizes only: the corner that it comes from
+                kind, k = "V", -k - 1
+            element = part.elements[kind][k]
+            named.append(element if element.kind != "E" else Element("E", element.vertices))
+        return Feature(*named)
+
+    # ---------------------------------------------------------------------------------------------------- worst cases
+
+    def least(self) -> tuple[float, Array]:
+        """Return the least gap in the box, exact, and sizes at which it is: the largest interference."""
+        found = [_least_of(pair.values, self.box) for pair in self.pairs]
+        return min(found, key=lambda one: one[0])
+
+    def largest(self) -> tuple[float, Array]:
+        """Return the largest gap in the box, exact, and sizes at which it is: the largest play.
+
+        The gap is the least over pairs of the largest of each pair's rows: branched over which row a pair takes, each
+        node a linear program.
+        """
+        box = self.box
+        middle, half = _centred(box)
+        tops = [
+            pair.values[:, 0] + pair.values[:, 1:] @ middle + np.abs(pair.values[:, 1:]) @ half for pair in self.pairs
+        ]
+        bound = min(float(top.max()) for top in tops)
+        best, where = -np.inf, middle
+        near = DEFAULT.requirement * max(1.0, abs(bound))
+        nodes: list[tuple[float, dict[int, int]]] = [(bound, {})]
+        while nodes:
+            nodes.sort(key=lambda node: node[0])
+            height, taken = nodes.pop()
+            if height <= best + near * 1e-3:
+                break
+            rows = np.array([self.pairs[k].values[row] for k, row in taken.items()]).reshape(-1, 1 + len(box))
+            value, p = _most_of(rows, box, bound)
+            if value <= best:
+                continue
+            here = [float((pair.values[:, 0] + pair.values[:, 1:] @ p).max()) for pair in self.pairs]
+            if min(here) > best:
+                best, where = min(here), p
+            worst = int(np.argmin(here))
+            if here[worst] >= value or worst in taken:
+                continue
+            nodes += [
+                (min(value, float(tops[worst][row])), {**taken, worst: row}) for row in range(len(tops[worst]))
+                if tops[worst][row] > best
+            ]  # fmt: skip
+        return best, where
+
+
+def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> dict[str, float]:
+    """Return the deviations that are meant by name: all of them, or those at a named corner.
+
+    Parameters
+    ----------
+    movable, static : Body
+    sizes : sequence of Size
+    made : mapping, or "worst", "loosest", "low", "high", "middle"
+        Deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap or the
+        largest one at rest, all sizes at their least, largest, or in the middle.
+    """
+    names = [size.name for size in sizes]
+    if isinstance(made, Mapping):
+        for name in made:
+            if name not in names:
+                raise InputError(
+                    "no such size", key=f"made.{name}", found=name, allowed=", ".join(names) or "none is given"
+                )
+        return {name: float(made.get(name, 0.0)) for name in names}
+    _check(sizes)
+    if made in ("low", "high", "middle"):
+        place = {"low": 0.0, "high": 1.0, "middle": 0.5}[made]
+        values = [(1.0 - place) * size.tolerance[0] + place * size.tolerance[1] for size in sizes]
+    else:
+        touching = TouchingSizes.of(movable, static, sizes, least=False)
+        values = (touching.least() if made == "worst" else touching.largest())[1].tolist()
+    return dict(zip(names, values, strict=True))
+
+
+def _centred(box: Array) -> tuple[Array, Array]:
+    """Return the middle of a box and half its widths."""
+    return box.mean(axis=1), np.ptp(box, axis=1) / 2.0
+
+
+def _check(sizes: Sequence[Size]) -> None:
+    if not sizes:
+        raise InputError("there are no sizes", key="sizes", allowed="one [[size]] table or more, or sizes=[Size(...)]")
+    for size in sizes:
+        if size.tolerance is None:
+            allowed = "tolerance = 0.05, or tolerance = [-0.02, 0.0]"
+            raise InputError("a size without tolerance", key=f"size '{size.name}'.tolerance", allowed=allowed)
+
+
+# -------------------------------------------------------------------------------------------------------------- a part
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """A part at its pose: facets, corners and edges, and how they move by size; see `MovingPart`.
+
+    `bases` are a corner on each facet; `cones` turn a direction into its shares of a corner's three normals.
+    """
+
+    normals: Array
+    triples: Ints
+    cones: Array
+    points: Array
+    moves: Array
+    names: Ints
+    bases: Ints
+    edges: Ints
+    ends: Ints
+    edge_names: Ints
+
+    def supporting(self, corner: int, n: Array) -> tuple[str, int]:
+        """Return the element at a corner that is farthest along a direction: its facet, its edge, or the vertex."""
+        shares, facets = self.cones[corner] @ n, self.triples[corner]
+        held = np.sort(facets[shares > DEFAULT.tie])
+        if len(held) == 1:
+            return "F", int(held[0])
+        if len(held) == 2:
+            rows = np.flatnonzero((np.sort(self.edges, axis=1) == held).all(axis=1))
+            if rows.size:
+                return "E", int(self.edge_names[rows[0]])
+        return "V", int(self.names[corner])
+
+    @classmethod
+    def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _Side:
+        triples, vertices, moves = part.triples, part.vertices, part.moves
+        points = part.part.vertices[vertices]
+        if not whole:
+            triples, vertices, points, moves = _all_corners(part)
+        normals = part.part.normals @ R.T
+        facets = len(normals)
+        wide = np.zeros((len(triples), 3, count))
+        wide[:, :, list(own)] = np.einsum("xy,tyk->txk", R, moves)
+        bases = np.empty(facets, np.int64)
+        bases[triples.ravel()] = np.repeat(np.arange(len(triples)), 3)
+        # edges: of the part as drawn; where corners split or the shape changes any two facets of a corner
+        if whole and not part.split.any():
+            drawn = part.part.edges
+            pairs, names = drawn[:, 2:], np.arange(len(drawn))
+            at = np.zeros(len(part.part.vertices), np.int64)
+            at[vertices] = np.arange(len(vertices))
+            ends = at[drawn[:, 0]]
+        else:
+            each = np.sort(triples[:, [[0, 1], [0, 2], [1, 2]]].reshape(-1, 2), axis=1)
+            pairs, first = np.unique(each, axis=0, return_index=True)
+            ends = first // 3
+            known = {tuple(sorted(row)): k for k, row in enumerate(part.part.edges[:, 2:].tolist())}
+            lost = vertices[ends].tolist()
+            names = np.array([known.get(tuple(pair), -lost[k] - 1) for k, pair in enumerate(pairs.tolist())])
+        return cls(
+            normals, triples, np.asarray(np.linalg.inv(np.swapaxes(normals[triples], 1, 2))), points @ R.T + t, wide,
+            vertices, bases, pairs, ends, names,
+        )  # fmt: skip
+
+
+def _all_corners(part: MovingPart) -> tuple[Ints, Ints, Array, Array]:
+    """Return all points in which three facets' planes meet, of a convex body that changes its shape."""
+    from itertools import combinations
+
+    normals = part.part.normals
+    triples = np.array(list(combinations(range(len(normals)), 3)))
+    triples = triples[np.abs(np.linalg.det(normals[triples])) > DEFAULT.nominal]
+    base = part.part.vertices[[loop[0] for loop in part.part.loops]]
+    centre = part.part.vertices.mean(axis=0)
+    levels = (normals * (base - centre)).sum(axis=1)
+    solved = np.linalg.solve(
+        normals[triples], np.concatenate([levels[triples][:, :, None], part.offsets[triples]], axis=2)
+    )
+    points, moves = solved[:, :, 0] + centre, solved[:, :, 1:]
+    away = np.linalg.norm(points[:, None] - part.part.vertices, axis=2)
+    return triples, away.argmin(axis=1), points, moves
+
+
+# ------------------------------------------------------------------------------------------------------- rows of a pair
+
+
+def _pair(parts: tuple[int, int], one: _Side, two: _Side, box: Array, size: float) -> PairRows:
+    """Return the rows of a pair that some row elsewhere does not outdo all over the box."""
+    found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
+    normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
+    if not len(values):
+        raise InputError("no feature of these parts can touch", key="sizes", found=parts)
+    middle, half = _centred(box)
+    heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
+    least = (heights - swings).max()
+    kept = np.flatnonzero(heights + swings >= least - DEFAULT.planarity * size)
+    kept = kept[np.lexsort((kinds[kept], -heights[kept]))]
+    kept = kept[_undone(values[kept], middle, half, DEFAULT.planarity * size)]
+    elements = []
+    for k in kept.tolist():
+        i, j = int(first[k]), int(second[k])
+        if kinds[k] == 2:
+            elements.append((("E", int(one.edge_names[i])), ("E", int(two.edge_names[j]))))
+        else:
+            swapped = bool(kinds[k])
+            mine = one.supporting(i, normals[k]) if swapped else ("F", i)
+            elements.append((mine, ("F", j) if swapped else two.supporting(j, -normals[k])))
+    return PairRows(parts, values[kept], normals[kept], elements)
+
+
+def _undone(values: Array, middle: Array, half: Array, near: float) -> Flags:
+    """Tell which rows no row before them outdoes or repeats all over the box."""
+    heights, scaled = values[:, 0] + values[:, 1:] @ middle, values[:, 1:] * half
+    kept = np.ones(len(values), bool)
+    for k in range(len(values)):
+        if kept[k]:
+            most = heights - heights[k] + np.abs(scaled - scaled[k]).sum(axis=1)
+            outdone = most <= near
+            outdone[: k + 1] = False
+            kept &= ~outdone
+    return kept
+
+
+def _face_rows(one: _Side, two: _Side, swapped: bool = False) -> tuple[Array, ...]:
+    """Return rows of the facets of one part, each with the corners of the other that its normal's cone holds."""
+    shares = np.einsum("txy,fy->ftx", two.cones, -one.normals)
+    facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
+    n = one.normals[facet]
+    base = one.bases[facet]
+    rows = np.column_stack([
+        (n * (two.points[corner] - one.points[base])).sum(axis=1),
+        np.einsum("mx,mxk->mk", n, two.moves[corner]) - np.einsum("mx,mxk->mk", n, one.moves[base]),
+    ])  # fmt: skip
+    mine, theirs = facet, corner
+    kind = np.full(len(rows), int(swapped))
+    found = (-n, rows, theirs, mine, kind) if swapped else (n, rows, mine, theirs, kind)
+    return tuple(map(np.asarray, found))
+
+
+def _edge_rows(one: _Side, two: _Side) -> tuple[Array, ...]:
+    """Return rows of all pairs of edges whose cones of normals meet inside."""
+    a, b = one.normals[one.edges[:, 0]], one.normals[one.edges[:, 1]]
+    c, d = -two.normals[two.edges[:, 0]], -two.normals[two.edges[:, 1]]
+    u, v = np.cross(a, b), np.cross(c, d)
+    # the arcs ab and cd cross: either's ends lie on different sides of the other's plane, and they face each other
+    sides = a @ v.T, b @ v.T, u @ c.T, u @ d.T
+    near = DEFAULT.tie
+    crossing = (sides[0] * sides[1] < -(near**2)) & (sides[2] * sides[3] < -(near**2)) & (sides[0] * sides[3] > 0.0)
+    i, j = np.nonzero(crossing)
+    n = np.cross(u[i], v[j])
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    n *= np.sign((n * (a[i] + b[i])).sum(axis=1))[:, None]
+    kept = ((n * (a[i] + b[i])).sum(axis=1) > 0.0) & ((n * (c[j] + d[j])).sum(axis=1) > 0.0)
+    i, j, n = i[kept], j[kept], n[kept]
+    p, q = one.ends[i], two.ends[j]
+    rows = np.column_stack([
+        (n * (two.points[q] - one.points[p])).sum(axis=1),
+        np.einsum("mx,mxk->mk", n, two.moves[q]) - np.einsum("mx,mxk->mk", n, one.moves[p]),
+    ])  # fmt: skip
+    return n, rows, one.edge_names[i], two.edge_names[j], np.full(len(rows), 2)
+
+
+def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
+    """Return the pairs that can be the nearest somewhere in the box."""
+    middle, half = _centred(box)
+    ends = [
+        (
+            float((own.values[:, 0] + own.values[:, 1:] @ middle - np.abs(own.values[:, 1:]) @ half).max()),
+            float((own.values[:, 0] + own.values[:, 1:] @ middle + np.abs(own.values[:, 1:]) @ half).max()),
+        )
+        for own in pairs
+    ]
+    most = min(high for _, high in ends)
+    return [pair for pair, (low, _) in zip(pairs, ends, strict=True) if low <= most]
+
+
+def _binding(pair: PairRows, box: Array) -> PairRows:
+    """Return the rows that are the largest somewhere in the box: seen at some sizes, else by a linear program."""
+    values, count = pair.values, len(box)
+    if len(values) < 2:
+        return pair
+    middle, half = _centred(box)
+    signs = np.sign(values[:, 1:])
+    places = np.vstack([
+        np.zeros((1, count)), signs, -signs, np.random.default_rng(1).uniform(-1.0, 1.0, (SAMPLES, count)),
+    ])  # fmt: skip
+    heights = (middle + places * half) @ values[:, 1:].T + values[:, 0]
+    seen = np.zeros(len(values), bool)
+    seen[heights.argmax(axis=1)] = True
+    for k in np.flatnonzero(~seen).tolist():
+        others = np.delete(np.arange(len(values)), k)
+        lead, _ = _most_of(values[k] - values[others], box, np.inf)
+        seen[k] = lead > 0.0
+    kept = np.flatnonzero(seen)
+    return PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept.tolist()])
+
+
+def _most_of(rows: Array, box: Array, bound: float) -> tuple[float, Array]:
+    """Return the largest t such that some p of the box has t <= every row, t <= bound, and that p."""
+    return _program(np.column_stack([-rows[:, 1:], np.ones(len(rows))]), rows[:, 0], box, (None, bound), -1.0)
+
+
+def _least_of(rows: Array, box: Array) -> tuple[float, Array]:
+    """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides."""
+    middle, half = _centred(box)
+    ends = middle - np.sign(rows[:, 1:]) * half
+    heights = rows[:, 0] + (ends * rows[:, 1:]).sum(axis=1)
+    top = int(heights.argmax())  # no row goes lower than this; where no other is higher at its corner, that is all
+    if (rows[:, 0] + rows[:, 1:] @ ends[top] <= heights[top]).all():
+        return float(heights[top]), ends[top]
+    return _program(np.column_stack([rows[:, 1:], -np.ones(len(rows))]), -rows[:, 0], box, (None, None), 1.0)
+
+
+def _program(left: Array, right: Array, box: Array, free: tuple[Any, Any], sign: float) -> tuple[float, Array]:
+    from scipy.optimize import linprog
+
+    cost = np.zeros(left.shape[1])
+    cost[-1] = sign
+    free = (free[0], None if free[1] == np.inf else free[1])
+    scale = max(float(np.abs(right).max(initial=0.0)), float(np.abs(box).max(initial=0.0)), np.finfo(float).tiny)
+    ends = [(low / scale, high / scale) for low, high in box.tolist()]
+    first, last = (None if end is None else end / scale for end in free)
+    ends.append((first, last))
+    answer = linprog(cost, left, right / scale, bounds=ends)
+    if answer.status:
+        return -sign * np.inf, box.mean(axis=1)
+    return float(answer.x[-1] * scale), np.clip(answer.x[:-1] * scale, box[:, 0], box[:, 1])

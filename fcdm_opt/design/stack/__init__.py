@@ -1,0 +1,4 @@
+"""Which sizes a gap depends on, how much, and which tolerances are cheapest.
+
+stack_up  how it is asked for: start reading here
+"""

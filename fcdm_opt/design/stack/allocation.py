@@ -1,0 +1,225 @@
+"""The cheapest tolerances with which a gap keeps within its limits: convex programs over the rows of its stack-up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.plain import Plain
+from fcdm_opt.problem.arguments import positive
+from fcdm_opt.tolerances import DEFAULT
+
+MOST_CHOICES = 256  # of rows that hold the least gap of each part pair: all are tried up to here
+ROUNDS = 20  # of mixing rows anew at the tolerances found
+
+
+@dataclass(frozen=True, eq=False)
+class Allocation(Plain):
+    """The cheapest tolerances.
+
+    Attributes
+    ----------
+    tolerances : mapping of size name to (low, high)
+    cost : float
+        Of those that have one.
+    least, largest : float
+        The gap in the worst case with these tolerances.
+    deviation : float or None
+        Standard deviation of the gap that was asked to be within by a share; None for the worst case.
+    """
+
+    tolerances: Mapping[str, tuple[float, float]]
+    cost: float
+    least: float
+    largest: float
+    deviation: float | None = None
+
+
+def allocated(
+    touching: TouchingSizes,
+    cost: Mapping[str, Any],
+    limits: tuple[float, float],
+    *,
+    share: float | None,
+    widest: float,
+    cp: float,
+) -> Allocation:
+    """Return the cheapest tolerances, see `StackUp.allocate`.
+
+    For each part pair one row, or a mix of rows with weights that add up to 1, proves that the gap is never too small;
+    of one pair all rows prove that it is never too large. Each choice of these is a convex program; single rows are all
+    tried, then mixed at the tolerances found for as long as that makes them cheaper.
+
+    Raises
+    ------
+    InputError
+        For a cost that is no such, and where the limits cannot be kept with any tolerances.
+    """
+    from scipy.special import ndtri
+
+    sizes = touching.sizes
+    names = [size.name for size in sizes]
+    for name in cost:
+        if name not in names:
+            raise InputError("no such size", key=f"cost.{name}", found=name, allowed=", ".join(names))
+    if not cost:
+        raise InputError("no size has a cost", key="cost", allowed="{name: c} or {name: [(t, cost), ...]}")
+    if share is not None and not 0.5 < share < 1.0:
+        raise InputError("unusable share", key="share", found=share, allowed="between 0.5 and 1, as 0.9973")
+    widest, cp = positive(widest, "widest"), positive(cp, "cp")
+    limit = min(widest, touching.reach[0]) if max(len(body.parts) for body in touching.bodies) > 1 else widest
+    most = np.array([size.half * (limit if size.name in cost else 1.0) for size in sizes])
+    most = np.array(
+        [min(top, _most(cost[name])) if name in cost else top for top, name in zip(most, names, strict=True)]
+    )
+    for size, top in zip(sizes, most, strict=True):
+        if size.name in cost and not top > 0.0:
+            raise InputError("a size without width has no cost", key=f"cost.{size.name}", found=size.tolerance)
+    wide = [replace(s, tolerance=(s.middle - top, s.middle + top)) for s, top in zip(sizes, most.tolist(), strict=True)]
+    around = TouchingSizes.of(*touching.bodies, wide, transform=touching.transform)
+    middle = np.array([size.middle for size in sizes])
+    pairs = [
+        np.column_stack([pair.values[:, 0] + pair.values[:, 1:] @ middle, pair.values[:, 1:]]) for pair in around.pairs
+    ]
+    scale = None if share is None else float(ndtri(share)) / (3.0 * cp)
+    program = _Program(names, cost, most, np.array([size.half for size in sizes]), scale)
+    low, high = limits
+    uppers = [list(pair) for pair in pairs] if np.isfinite(high) else [[]]
+    best: tuple[float, Array, list[Array]] | None = None
+    for lowers in _choices(pairs, most, low):
+        for upper in uppers:
+            found = program.solved(lowers, low, upper, high)
+            if found is None:
+                continue
+            held = lowers
+            for _ in range(ROUNDS if scale is None and lowers else 0):
+                t = found[1]
+                mixed = [_mix(pair, t) for pair in pairs]
+                again = program.solved(mixed, low, upper, high)
+                if again is None or again[0] >= found[0] * (1.0 - DEFAULT.requirement):
+                    break
+                found, held = again, mixed
+            if best is None or found[0] < best[0]:
+                best = (*found, held)
+    if best is None:
+        reached = float(touching.gap(middle))
+        what = f"no tolerances keep the gap within these limits; it is {reached:.6g} in their middle"
+        raise InputError(what, key="limits", found=limits)
+    price, t, lowers = best
+    made = [
+        replace(size, tolerance=(size.middle - own, size.middle + own))
+        for size, own in zip(sizes, t.tolist(), strict=True)
+    ]
+    result = TouchingSizes.of(*touching.bodies, made, transform=touching.transform, least=False)
+    deviation = None
+    if scale is not None:
+        held = lowers or [pair[0] for pair in pairs]
+        deviation = max(float(np.linalg.norm(row[1:] * t)) for row in held) / (3.0 * cp)
+    ends = {size.name: size.tolerance for size in made}
+    return Allocation(ends, price, result.least()[0], result.largest()[0], deviation)
+
+
+def _choices(pairs: Sequence[Array], most: Array, low: float) -> list[list[Array]]:
+    """Return, one row a pair, what may prove the least gap; the likeliest where there are too many."""
+    if low == -np.inf:
+        return [[]]
+    usable = [[row for row in pair if row[0] >= low] for pair in pairs]
+    if np.prod([float(len(rows)) for rows in usable]) <= MOST_CHOICES:
+        return [list(rows) for rows in product(*usable)]
+    likely = [max(rows, key=lambda row: row[0] - np.abs(row[1:]) @ most / 2.0) for rows in usable if rows]
+    return [likely] if len(likely) == len(pairs) else []
+
+
+def _mix(rows: Array, t: Array) -> Array:
+    """Return the mix of rows whose least over the tolerances is largest: that least, by duality, is the pair's own."""
+    from scipy.optimize import linprog
+
+    count, size = len(rows), len(t)
+    # weights w >= 0 that add up to 1, and s >= |sum w c|
+    cost = np.concatenate([-rows[:, 0], t])
+    wall = np.vstack([np.column_stack([sign * rows[:, 1:].T, -np.eye(size)]) for sign in (1.0, -1.0)])
+    total = np.concatenate([np.ones(count), np.zeros(size)])[None]
+    answer = linprog(cost, wall, np.zeros(2 * size), total, [1.0])
+    return np.asarray(answer.x[:count] @ rows)
+
+
+class _Program:
+    """The convex program over half tolerances, in shares of the largest ones."""
+
+    def __init__(
+        self, names: Sequence[str], cost: Mapping[str, Any], most: Array, given: Array, scale: float | None
+    ) -> None:
+        self._names, self._cost, self._most, self._given, self._scale = names, cost, most, given, scale
+
+    def solved(self, lowers: Sequence[Array], low: float, uppers: Any, high: float) -> tuple[float, Array] | None:
+        """Return the least cost and its half tolerances; None where there are none."""
+        import cvxpy as cp
+
+        free = [k for k, name in enumerate(self._names) if name in self._cost]
+        x = cp.Variable(len(free), pos=True)
+        held = np.where(np.isin(np.arange(len(self._names)), free), 0.0, self._given)
+
+        def taken(row: Array) -> Any:
+            parts = np.abs(row[1:]) * self._most
+            if self._scale is None:
+                return parts[free] @ x + np.abs(row[1:]) @ held
+            rest = float(np.linalg.norm(row[1:] * held))
+            return self._scale * cp.norm(cp.hstack([cp.multiply(parts[free], x), rest]))
+
+        rows = [np.atleast_2d(uppers)] if len(uppers) else []
+        size = (
+            max(
+                float(np.abs(own[:, 0]).max()) for own in [*rows, np.array([row.tolist() for row in lowers] or [[1.0]])]
+            )
+            or 1.0
+        )
+        limits = [x <= 1.0]
+        limits += [taken(row) / size <= (row[0] - low) / size for row in lowers]
+        limits += [taken(row) / size <= (high - row[0]) / size for own in rows for row in own]
+        prices = [_price(cp, self._cost[self._names[k]], x[j], float(self._most[k])) for j, k in enumerate(free)]
+        problem = cp.Problem(cp.Minimize(sum(prices)), limits)
+        try:
+            problem.solve(solver=cp.CLARABEL)
+        except cp.error.SolverError:
+            return None
+        if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+            return None
+        t = held + 0.0
+        t[free] = np.clip(np.asarray(x.value), 0.0, 1.0) * self._most[free]
+        return float(problem.value), t
+
+
+def _most(cost: Any) -> float:
+    """Return the largest half tolerance that a cost is told for."""
+    return float(np.asarray(cost, float)[:, 0].max()) if _is_table(cost) else np.inf
+
+
+def _is_table(cost: Any) -> bool:
+    return not isinstance(cost, str) and np.ndim(cost) == 2 if not _is_law(cost) else False
+
+
+def _is_law(cost: Any) -> bool:
+    return isinstance(cost, tuple | list) and len(cost) == 2 and isinstance(cost[0], str)
+
+
+def _price(cp: Any, cost: Any, x: Any, most: float) -> Any:
+    """Return the cost of a half tolerance x * most as an expression."""
+    allowed = 'a number c > 0 (c / t), ("1/t", c), ("1/t^2", c) or [(t, cost), ...], convex and falling'
+    law, factor = cost if _is_law(cost) else ("1/t", cost)
+    if _is_table(cost):
+        t, c = np.asarray(cost, float).T
+        slopes = np.diff(c) / np.diff(t)
+        if len(t) < 2 or not ((np.diff(t) > 0).all() and (slopes < 0).all() and (np.diff(slopes) >= 0).all()):
+            raise InputError("unusable table of costs", key="cost", found=cost, allowed=allowed)
+        return cp.max(cp.hstack([c[k] + slope * (x * most - t[k]) for k, slope in enumerate(slopes)]))
+    if law not in ("1/t", "1/t^2") or np.ndim(factor):
+        raise InputError("unusable cost", key="cost", found=cost, allowed=allowed)
+    c = positive(factor, "cost")
+    return c / most * cp.inv_pos(x) if law == "1/t" else c / most**2 * cp.power(x, -2)

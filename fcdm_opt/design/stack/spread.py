@@ -1,0 +1,208 @@
+"""How sizes are distributed, and the gaps that follow: drawn many times, rows of the stack-up alone being asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
+from fcdm_opt.design.sizes import proportion_interval
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.plain import Plain
+from fcdm_opt.problem.arguments import positive, real
+
+CHUNK = 2**13  # pairs of parts that are drawn at a time: what they need stays in the processor's cache
+ALL = 8.0  # deviations beyond which a normal distribution draws nothing that floats of 53 digits could tell
+MOST = 10**9
+BINS = 200  # of the gaps that are kept for pictures
+
+
+@dataclass(frozen=True, eq=False)
+class GapYield(Plain):
+    """The share of pairs of parts whose gap is within its limits.
+
+    Attributes
+    ----------
+    share : float
+    interval : (float, float)
+        Of the share, with `confidence`.
+    count : int
+        Pairs of parts that were drawn.
+    confidence : float
+    mean, deviation, least, largest : float
+        Of the gaps drawn, length units.
+    limits : (float, float)
+    edges, counts : arrays (bins + 1,), (bins,)
+        Histogram of the gaps over the range that the tolerances allow, with what lies beyond in the outer bins.
+    """
+
+    share: float
+    interval: tuple[float, float]
+    count: int
+    confidence: float
+    mean: float
+    deviation: float
+    least: float
+    largest: float
+    limits: tuple[float, float]
+    edges: Array
+    counts: Array
+
+
+def spreads(sizes: Sequence[Size]) -> list[Distribution | float]:
+    """Return the distribution of each size's deviation; a number where it has just one value."""
+    found: list[Distribution | float] = []
+    for size in sizes:
+        told = {"normal": {}} if size.distribution is None else size.distribution
+        if isinstance(told, Uniform | Normal | Measured):
+            found.append(told)
+            continue
+        key = f"size '{size.name}'.distribution"
+        kind = next(iter(told)) if isinstance(told, dict) and len(told) == 1 else None
+        if kind not in ("normal", "uniform", "measured"):
+            allowed = '{"normal": {"cp": 1.0, "shift": 0.0}}, {"uniform": {}}, {"measured": [...]} or a distribution'
+            raise InputError("unusable distribution", key=key, found=told, allowed=allowed)
+        if kind == "measured":
+            found.append(Measured(np.asarray(told[kind])))
+        elif not size.half > 0.0:
+            found.append(size.middle)
+        elif kind == "uniform":
+            assert size.tolerance is not None
+            found.append(Uniform(*size.tolerance))
+        else:
+            given = {"cp": 1.0, "shift": 0.0, **(told[kind] or {})}
+            if set(given) != {"cp", "shift"}:
+                raise InputError("unusable distribution", key=key, found=told, allowed="cp and shift of a normal one")
+            deviation = size.half / (3.0 * positive(given["cp"], f"{key}.cp"))
+            mean = size.middle + real(given["shift"], f"{key}.shift", "a finite number") * size.half
+            found.append(Normal(mean, deviation, mean - ALL * deviation, mean + ALL * deviation))
+    return found
+
+
+def moments(sources: Sequence[Distribution | float]) -> tuple[Array, Array]:
+    """Return means and standard deviations."""
+    pairs = []
+    for source in sources:
+        if isinstance(source, float):
+            pairs.append((source, 0.0))
+        elif isinstance(source, Uniform):
+            pairs.append(((source.low + source.high) / 2.0, (source.high - source.low) / np.sqrt(12.0)))
+        elif isinstance(source, Measured):
+            pairs.append((float(source.values.mean()), float(source.values.std())))
+        elif _whole(source):
+            pairs.append((source.mean, source.deviation))
+        else:
+            from scipy.stats import truncnorm
+
+            ends = [(end - source.mean) / source.deviation for end in source.range]
+            cut = truncnorm(*ends, loc=source.mean, scale=source.deviation)
+            pairs.append((float(cut.mean()), float(cut.std())))
+    means, deviations = np.array(pairs).reshape(-1, 2).T
+    return means, deviations
+
+
+def drawn_gaps(
+    touching: TouchingSizes,
+    limits: tuple[float, float],
+    count: int,
+    *,
+    seed: int = 1,
+    confidence: float = 0.95,
+    correlation: Any = None,
+) -> GapYield:
+    """Return what share of gaps is within limits, see `StackUp.yield_`."""
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
+        raise InputError("unusable number of draws", key="n", found=count, allowed=f"a whole number from 1 to {MOST}")
+    sources = spreads(touching.sizes)
+    mixed = _mixed(correlation, len(sources))
+    rows, starts = touching.stacked
+    rng = np.random.Generator(np.random.SFC64(seed))
+    low, high = limits
+    middle, half = touching.box.mean(axis=1), np.ptp(touching.box, axis=1) / 2.0
+    swing = np.abs(rows[:, 1:]) @ half
+    heights = rows[:, 0] + rows[:, 1:] @ middle
+    ends = float((heights - swing).min()), float((heights + swing).max())
+    edges = np.linspace(ends[0], ends[1] if ends[1] > ends[0] else ends[0] + 1.0, BINS + 1)
+    counts, passed, total, square = np.zeros(BINS, np.int64), 0, 0.0, 0.0
+    least, largest, centre = np.inf, -np.inf, float(heights.mean())
+    places = np.empty((len(sources), CHUNK))
+    products = np.empty((len(rows), CHUNK))
+    factor, first = np.ascontiguousarray(rows[:, 1:]), rows[:, :1]
+    single = len(starts) == 1
+    for begin in range(0, count, CHUNK):
+        width = min(CHUNK, count - begin)
+        _draw(rng, sources, mixed, places)
+        np.matmul(factor, places, out=products)
+        products += first
+        if single:
+            gaps = np.maximum.reduce(products, axis=0)[:width]
+        else:
+            gaps = np.minimum.reduce(np.maximum.reduceat(products, starts, axis=0), axis=0)[:width]
+        passed += int(np.count_nonzero((gaps >= low) & (gaps <= high)))
+        least, largest = min(least, float(gaps.min())), max(largest, float(gaps.max()))
+        total += float((gaps - centre).sum())
+        square += float(((gaps - centre) ** 2).sum())
+        if begin < 2**21:  # enough for a picture
+            bins = ((gaps - edges[0]) * (BINS / (edges[-1] - edges[0]))).astype(np.int64)
+            counts += np.bincount(np.clip(bins, 0, BINS - 1), minlength=BINS)
+    mean = total / count
+    deviation = float(np.sqrt(max(square / count - mean**2, 0.0)))
+    share, interval = passed / count, proportion_interval(passed, count, confidence)
+    return GapYield(
+        share, interval, count, confidence, centre + mean, deviation, least, largest, limits, frozen(edges),
+        frozen(counts),
+    )  # fmt: skip
+
+
+def _whole(source: Normal) -> bool:
+    """Tell whether a normal distribution is cut off nowhere that counts."""
+    return min(source.mean - source.low, source.high - source.mean) >= (ALL - 1e-9) * source.deviation
+
+
+def _mixed(correlation: Any, count: int) -> Array | None:
+    """Return the root of a correlation, None for independent sizes."""
+    if correlation is None:
+        return None
+    given = np.asarray(correlation, float)
+    if given.shape != (count, count) or not np.allclose(given, given.T) or not np.allclose(np.diag(given), 1.0):
+        allowed = f"a symmetric ({count}, {count}) array with ones on its diagonal"
+        raise InputError("unusable correlation", key="correlation", found=correlation, allowed=allowed)
+    values, vectors = np.linalg.eigh(given)
+    if values.min() < -1e-12:
+        raise InputError(
+            "no sizes have this correlation", key="correlation", found=correlation, allowed="no eigenvalue < 0"
+        )
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _draw(rng: np.random.Generator, sources: Sequence[Distribution | float], mixed: Array | None, out: Array) -> None:
+    """Fill rows of an array with draws."""
+    if mixed is not None:
+        from scipy.special import ndtr
+
+        scores = mixed @ rng.standard_normal(out.shape)
+    for k, source in enumerate(sources):
+        row = out[k]
+        if isinstance(source, float):
+            row[:] = source
+        elif isinstance(source, Normal) and _whole(source):
+            if mixed is None:
+                rng.standard_normal(out=row)
+            else:
+                row[:] = scores[k]
+            row *= source.deviation
+            row += source.mean
+        elif mixed is not None:
+            row[:] = source.quantile(ndtr(scores[k]))
+        elif isinstance(source, Uniform):
+            rng.random(out=row)
+            row *= source.high - source.low
+            row += source.low
+        else:
+            row[:] = source.quantile(rng.random(len(row)))

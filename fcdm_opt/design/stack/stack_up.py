@@ -1,0 +1,286 @@
+"""The stack-up of a gap: its rows at a pose, worst cases, contributions, yield and the cheapest tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.design.stack.allocation import Allocation, allocated
+from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.plain import Plain, plain
+from fcdm_opt.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class StackRow(Plain):
+    """One row of a stack-up: where this contact decides, gap(p) = gap + sum of coefficient * size.
+
+    Attributes
+    ----------
+    contact : str
+        Label of the contact feature.
+    parts : (int, int)
+        Which part pair it is of: the gap is the largest of a pair's rows, least over pairs.
+    gap : float
+        As drawn, length units.
+    coefficients : mapping of size name to float
+        Gap a unit of each size.
+    """
+
+    contact: str
+    parts: tuple[int, int]
+    gap: float
+    coefficients: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase(Plain):
+    """The least and the largest gap within the tolerances, exact, and sizes at which they are.
+
+    Attributes
+    ----------
+    least, largest : float
+        Length units; a least gap below 0 is the largest interference.
+    at_least, at_largest : mapping of size name to deviation
+    """
+
+    least: float
+    at_least: Mapping[str, float]
+    largest: float
+    at_largest: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Contribution(Plain):
+    """What one size contributes to the gap, in the row that decides the least gap.
+
+    Attributes
+    ----------
+    size : str
+    coefficient : float
+        Gap a unit of the size.
+    half : float
+        Half its tolerance.
+    worst : float
+        Share of what the tolerances take off the gap in the worst case; all add up to 1.
+    variance : float
+        Share of the variance of the row; all add up to 1.
+    """
+
+    size: str
+    coefficient: float
+    half: float
+    worst: float
+    variance: float
+
+
+@dataclass(frozen=True, eq=False)
+class RootSumSquare(Plain):
+    """The gap of the deciding row as sizes are distributed, taken as normal.
+
+    Attributes
+    ----------
+    mean, deviation : float
+    low, high : float
+        Mean minus and plus three deviations.
+    share : float
+        Of all pairs of parts that a normal distribution has within the limits.
+    """
+
+    mean: float
+    deviation: float
+    low: float
+    high: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class StackUp:
+    """How the gap of two bodies at a pose depends on the sizes of their faces, axes and features.
+
+    Attributes
+    ----------
+    touching : TouchingSizes
+        The rows in arrays, by part pair.
+    limits : (float, float)
+        Of the gap: what it must lie within.
+    unit : str
+        Of lengths.
+    """
+
+    touching: TouchingSizes
+    limits: tuple[float, float]
+    unit: str = ""
+
+    @property
+    def sizes(self) -> tuple[Size, ...]:
+        """The sizes, in order."""
+        return self.touching.sizes
+
+    @property
+    def names(self) -> list[str]:
+        """Their names."""
+        return [size.name for size in self.sizes]
+
+    @cached_property
+    def rows(self) -> tuple[StackRow, ...]:
+        """The rows that decide the gap somewhere within the tolerances; there are no others."""
+        found = []
+        for k, pair in enumerate(self.touching.pairs):
+            for row, (gap, *coefficients) in enumerate(pair.values.tolist()):
+                label = self.touching.feature(k, row).label
+                found.append(StackRow(label, pair.parts, gap, dict(zip(self.names, coefficients, strict=True))))
+        return tuple(found)
+
+    def gap(self, p: Any) -> Any:
+        """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
+
+        Its sign is exact: > 0 apart, 0 touching, < 0 overlapping. It is the largest separation over the rows, which
+        never exceeds the distance.
+        """
+        if not isinstance(p, Mapping):
+            return self.touching.gap(p)
+        for name in p:
+            if name not in self.names:
+                raise InputError("no such size", key=f"sizes.{name}", found=name, allowed=", ".join(self.names))
+        return float(self.touching.gap([p.get(name, 0.0) for name in self.names]))
+
+    @cached_property
+    def _worst(self) -> WorstCase:
+        (least, low), (largest, high) = self.touching.least(), self.touching.largest()
+        named = [dict(zip(self.names, place.tolist(), strict=True)) for place in (low, high)]
+        return WorstCase(least, named[0], largest, named[1])
+
+    def worst(self) -> WorstCase:
+        """Return the least and the largest gap within the tolerances, with sizes at which they are."""
+        return self._worst
+
+    @cached_property
+    def deciding(self) -> Array:
+        """The row (1 + k,) that decides the least gap: gap as drawn, then a unit of each size."""
+        pair, row = self.touching.governing(list(self.worst().at_least.values()))
+        return self.touching.pairs[pair].values[row]
+
+    @cached_property
+    def contributions(self) -> tuple[Contribution, ...]:
+        """What each size contributes to the deciding row, largest first."""
+        change = self.deciding[1:]
+        halves = np.array([size.half for size in self.sizes])
+        parts = np.abs(change) * halves, change**2 * moments(spreads(self.sizes))[1] ** 2
+        worst, variance = (own / own.sum() if own.sum() > 0.0 else own for own in parts)
+        found = zip(self.names, change.tolist(), halves.tolist(), worst.tolist(), variance.tolist(), strict=True)
+        return tuple(sorted((Contribution(*row) for row in found), key=lambda own: -own.worst))
+
+    def root_sum_square(self) -> RootSumSquare:
+        """Return mean and deviation of the deciding row, and the share that is within the limits if it is normal."""
+        from scipy.special import ndtr
+
+        means, deviations = moments(spreads(self.sizes))
+        mean = float(self.deciding[0] + self.deciding[1:] @ means)
+        deviation = float(np.linalg.norm(self.deciding[1:] * deviations))
+        low, high = self.limits
+        if deviation > 0.0:
+            share = float(ndtr((high - mean) / deviation) - ndtr((low - mean) / deviation))
+        else:
+            share = float(low <= mean <= high)
+        return RootSumSquare(mean, deviation, mean - 3.0 * deviation, mean + 3.0 * deviation, share)
+
+    def yield_(
+        self, n: int = 1_000_000, *, seed: int = 1, confidence: float = 0.95, correlation: Any = None
+    ) -> GapYield:
+        """Return the share of pairs of parts whose gap is within the limits, by drawing sizes; rows alone are asked.
+
+        Parameters
+        ----------
+        n, seed : int
+            How many pairs are drawn, and the start of it.
+        confidence : float
+            Of the share's interval, by Clopper and Pearson.
+        correlation : (k, k) array, optional
+            Of the sizes' normal scores (a normal copula); default independent.
+        """
+        return drawn_gaps(self.touching, self.limits, n, seed=seed, confidence=confidence, correlation=correlation)
+
+    def allocate(
+        self,
+        cost: Mapping[str, Any],
+        *,
+        share: float | None = None,
+        limits: Sequence[float] | None = None,
+        widest: float = 4.0,
+        cp: float = 1.0,
+    ) -> Allocation:
+        """Return the cheapest tolerances with which the gap is within its limits.
+
+        Parameters
+        ----------
+        cost : mapping of size name to cost
+            Of a half tolerance t: a number c (c / t), ("1/t", c), ("1/t^2", c), or a table [(t, cost), ...], convex and
+            falling, straight between its entries. Sizes without a cost keep their tolerance. Middles are kept.
+        share : float, optional
+            At least this share of the pairs is to be within, by root-sum-square with t = 3 cp deviations and per limit;
+            default all of them, in the worst case.
+        limits : (float, float), optional
+            Default `limits`.
+        widest : float
+            How many times its tolerance a size's may become at most.
+        cp : float
+            See `share`.
+        """
+        between = self.limits if limits is None else _limits(limits)
+        return allocated(self.touching, cost, between, share=share, widest=widest, cp=cp)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data: rows, worst case, contributions, root-sum-square."""
+        answers = {
+            "sizes": [size.to_dict() for size in self.sizes],
+            "limits": self.limits,
+            "rows": self.rows,
+            "worst": self.worst(),
+            "contributions": self.contributions,
+            "root_sum_square": self.root_sum_square(),
+            "widest": {"factor": self.touching.reach[0], "until": self.touching.reach[1]},
+        }
+        told: dict[str, Any] = plain(answers)
+        return told
+
+
+def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: Any = None) -> StackUp:
+    """Return how the gap of a problem's bodies depends on its sizes, at a pose.
+
+    Parameters
+    ----------
+    problem : Problem
+        With sizes, each with a tolerance. Its bodies count as drawn, whatever it says is made.
+    limits : (float, float), optional
+        Least and largest gap that will do; default the problem's clearance and infinity.
+    pose : (4, 4) array, optional
+        Of the movable body; default as drawn.
+
+    Raises
+    ------
+    InputError
+        Where there are no sizes or one has no tolerance, where one scale turns faces, and where a body of several parts
+        changes its shape within the tolerances; names size and face.
+    """
+    between = (problem.clearance, np.inf) if limits is None else _limits(limits)
+    drawn = problem.request["movable"], problem.request["static"]
+    return StackUp(TouchingSizes.of(*drawn, problem.sizes, transform=pose), between, problem.unit)
+
+
+def _limits(limits: Sequence[float]) -> tuple[float, float]:
+    try:
+        low, high = map(float, limits)
+    except (TypeError, ValueError):
+        low, high = np.nan, np.nan
+    if not low <= high:
+        raise InputError("unusable limits of the gap", key="limits", found=limits, allowed="(low, high), low <= high")
+    return low, high

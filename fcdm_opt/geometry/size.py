@@ -1,0 +1,277 @@
+"""Sizes as drawings have them: a named way in which one body can come out different from drawn."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Ints, numbers
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.plain import Plain, plain
+from fcdm_opt.tolerances import DEFAULT
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+SELECTORS = (
+    '"+x", "-z" (outward normal), "F3" (as `fcdm-opt faces` lists them), { through = [x, y, z] } (a point of the face) '
+    'or { around = [x, y, z], axis = "z", radius = r } (all facets of a cylinder)'
+)
+ROUND = 0.9  # a facet of a cylinder is at least this share of the radius away from its axis: seven facets and more
+
+
+@dataclass(frozen=True, eq=False)
+class Size(Plain):
+    """One named way in which a body can come out different from drawn; 0 is as drawn.
+
+    Three kinds: faces that move outward (a length), faces that move together along a direction (a length), a scale
+    about the seed (a share). A part with some of them is { x : n_f . x <= b_f + sum_k g_fk p_k } over its faces f.
+
+    Parameters
+    ----------
+    name : str
+        Once in a problem.
+    body : "movable" or "static"
+    faces : selector or sequence of selectors, optional
+        Outward normal ("+x"), a label that `fcdm-opt faces` lists ("F3"), {"through": (x, y, z)}, a point of the face,
+        or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a cylinder. A normal that faces in several
+        planes have is refused.
+    each : number or sequence of numbers, optional
+        Outward offset of the faces of each selector a unit of the size: 0.5 and 0.5 for a width between two faces.
+        Default 1, for a single selector.
+    along : axis, optional
+        In place of `each`: the faces move together along "x", "-z" or a vector by the size.
+    scale : "x", "y", "z", "xyz" or vector, optional
+        In place of faces: X -> s + (1 + p) (X - s) about the seed s, along one axis or ("xyz") all.
+    tolerance : number or (low, high), optional
+        Least and largest deviation from drawn, length units or share; one number t stands for (-t, t).
+    distribution : mapping or distribution, optional
+        How it is distributed within: {"normal": {"cp": 1.0, "shift": 0.0}} (3 cp deviations to each limit; the shift
+        of the mean from the middle in units of the tolerance), {"uniform": {}} or {"measured": [deviations]}; default
+        normal with cp 1. Or a `Uniform`, `Normal` or `Measured` of deviations.
+
+    Raises
+    ------
+    InputError
+        Names the size, the argument, what was found and what is allowed.
+    """
+
+    name: str
+    body: str
+    _: KW_ONLY
+    faces: Any = ()
+    each: Any = None
+    along: Any = None
+    scale: Any = None
+    tolerance: Any = None
+    distribution: Any = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip() or not self.name.isprintable():
+            raise InputError("a size needs a name", key="size", found=self.name, allowed="a text")
+        if self.body not in ("movable", "static"):
+            raise self._refused("no such body", "body", self.body, '"movable" or "static"')
+        one = isinstance(self.faces, str | Mapping)
+        faces = tuple(self._selector(item) for item in ([self.faces] if one else self.faces or ()))
+        if bool(faces) == (self.scale is not None):
+            raise self._refused("a size is of faces or a scale", "faces", self.faces, "faces, or scale")
+        self._keep(faces=faces, scale=self._scale(), tolerance=self._range())
+        for key in ("each", "along"):
+            if self.scale is not None and getattr(self, key) is not None:
+                raise self._refused("this goes with faces", key, getattr(self, key), "faces in place of scale")
+        if self.along is not None:
+            if self.each is not None:
+                raise self._refused("faces move outward each, or along a direction", "along", self.along, "one of both")
+            self._keep(along=self._axis(self.along, "along"))
+        elif faces:
+            self._keep(each=self._each(len(faces)))
+
+    @property
+    def is_length(self) -> bool:
+        """Whether it is a length; else it is a share."""
+        return self.scale is None
+
+    @property
+    def middle(self) -> float:
+        """Middle of the tolerance, 0 without one."""
+        return 0.0 if self.tolerance is None else (self.tolerance[0] + self.tolerance[1]) / 2.0
+
+    @property
+    def half(self) -> float:
+        """Half its width, 0 without one."""
+        return 0.0 if self.tolerance is None else (self.tolerance[1] - self.tolerance[0]) / 2.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, as a `[[size]]` table has them."""
+        return {key: plain(value) for key, value in vars(self).items() if value is not None and value != ()}
+
+    def directions(self) -> Array:
+        """Return U, (3, 3): the size moves a point X by p U (X - s); zero for faces."""
+        if self.scale is None:
+            return np.zeros((3, 3))
+        if self.scale == "xyz":
+            return np.eye(3)
+        axis = np.array(AXES[self.scale] if isinstance(self.scale, str) else self.scale)
+        return np.outer(axis, axis)
+
+    def offsets(self, body: Body) -> Array:
+        """Return how far each face of a body moves outward a unit of the size, (faces,); zero for a scale.
+
+        Raises
+        ------
+        InputError
+            For a selector that no face, or that faces in several planes meet, with the faces that there are.
+        """
+        normals, points = body.face_planes
+        moved = np.zeros(len(normals))
+        each = self.each if self.along is None else [None] * len(self.faces)
+        for k, selector in enumerate(self.faces):
+            rows = self._selected(selector, body, normals, points, f"faces[{k + 1}]")
+            moved[rows] = each[k] if self.along is None else normals[rows] @ np.array(self.along)
+        if self.faces and not moved.any():
+            raise self._refused("no face is moved by this size", "along", self.along, "a direction across a face")
+        return moved
+
+    # --------------------------------------------------------------------------------------------------------- checks
+
+    def _keep(self, **values: Any) -> None:
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+
+    def _refused(self, what: str, key: str, found: Any, allowed: str) -> InputError:
+        return InputError(what, key=f"size '{self.name}'.{key}", found=found, allowed=allowed)
+
+    def _numbers(self, value: Any, key: str, count: int, allowed: str) -> tuple[float, ...]:
+        try:
+            found = numbers(value, key).ravel()
+        except InputError:
+            found = np.empty(0)
+        if isinstance(value, str) or found.size != count or not np.isfinite(found).all():
+            raise self._refused("unusable numbers", key, value, allowed)
+        return tuple(found.tolist())
+
+    def _axis(self, value: Any, key: str) -> tuple[float, ...]:
+        sign, word = (-1.0, value[1:]) if isinstance(value, str) and value[:1] == "-" else (1.0, value)
+        word = word.removeprefix("+") if isinstance(word, str) else word
+        if isinstance(word, str) and word in AXES:
+            return tuple(sign * x for x in AXES[word])
+        allowed = '"x", "y", "z", "-x", "-y", "-z" or a vector that is not zero'
+        axis = np.array(self._numbers(value, key, 3, allowed))
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise self._refused("no direction", key, value, allowed)
+        return tuple((axis / length).tolist())
+
+    def _selector(self, value: Any) -> Any:
+        if isinstance(value, str) and re.fullmatch(r"[+-]?[xyz]|F[1-9][0-9]*", value):
+            return value if value[0] in "+-F" else f"+{value}"
+        if isinstance(value, Mapping) and set(value) == {"through"}:
+            return {"through": self._numbers(value["through"], "faces.through", 3, "a point (x, y, z)")}
+        if isinstance(value, Mapping) and set(value) == {"around", "axis", "radius"}:
+            (radius,) = self._numbers(value["radius"], "faces.radius", 1, "a length > 0")
+            around = self._numbers(value["around"], "faces.around", 3, "a point (x, y, z)")
+            return {"around": around, "axis": self._axis(value["axis"], "faces.axis"), "radius": radius}
+        raise self._refused("no face is named like this", "faces", value, SELECTORS)
+
+    def _scale(self) -> Any:
+        if self.scale is None or self.scale == "xyz" or (isinstance(self.scale, str) and self.scale in AXES):
+            return self.scale
+        if isinstance(self.scale, str):
+            raise self._refused("unknown scale", "scale", self.scale, '"xyz", "x", "y", "z" or a vector')
+        return self._axis(self.scale, "scale")
+
+    def _each(self, count: int) -> tuple[float, ...]:
+        if self.each is None:
+            if count > 1:
+                allowed = "0.5 where the size is the width between two faces, or a number for each selector"
+                raise self._refused("how far does each face move?", "each", None, allowed)
+            return (1.0,)
+        single = np.ndim(self.each) == 0
+        given = self._numbers(self.each, "each", 1 if single else count, f"a number, or {count}, one a selector")
+        return given * (count if single else 1)
+
+    def _range(self) -> tuple[float, float] | None:
+        if self.tolerance is None:
+            return None
+        told = self.tolerance
+        share = "a share: 0.003 is 0.3 %" if self.scale is not None else "a length in the file's unit"
+        allowed = f"{share}; (low, high) with low <= high, or one number t for (-t, t)"
+        if isinstance(told, str):
+            what = "a scale has no unit: divide by the length that it is of" if self.scale else "a number without unit"
+            raise self._refused(what, "tolerance", told, allowed)
+        if np.ndim(told) == 0:
+            (most,) = self._numbers(told, "tolerance", 1, allowed)
+            low, high = -most, most
+        else:
+            low, high = self._numbers(told, "tolerance", 2, allowed)
+        if not low <= high:
+            raise self._refused("empty tolerance", "tolerance", told, allowed)
+        if self.scale is not None and not low > -1.0:
+            raise self._refused("nothing would be left of the body", "tolerance", told, allowed)
+        return low, high
+
+    def _selected(self, selector: Any, body: Body, normals: Array, points: Array, key: str) -> Ints:
+        """Return the rows of the faces that a selector means."""
+        near = DEFAULT.nominal
+        if isinstance(selector, str) and selector[0] == "F":
+            row = int(selector[1:]) - 1
+            if row >= len(normals):
+                raise self._refused("no such face", key, selector, f"F1 to F{len(normals)}")
+            return np.array([row])
+        if isinstance(selector, str):
+            n = np.array(AXES[selector[1]]) * (1.0 if selector[0] == "+" else -1.0)
+            rows = np.flatnonzero(np.abs(normals - n).max(axis=1) <= near)
+        elif "through" in selector:
+            rows = np.array(
+                [k for k in range(len(normals)) if _holds(body, k, np.array(selector["through"]))], np.int64
+            )
+        else:
+            axis, radius = np.array(selector["axis"]), selector["radius"]
+            level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
+            beside = np.abs(normals @ axis) <= near
+            rows = np.flatnonzero(beside & (level >= ROUND * radius) & (level <= (1.0 + DEFAULT.snap) * radius))
+            if rows.size:
+                return rows
+        if not rows.size:
+            there = ", ".join(f"F{k + 1} ({direction(n)})" for k, n in enumerate(normals[:12]))
+            raise self._refused(f"body '{body.name}' has no such face", key, selector, there)
+        first = rows[0]
+        away = np.abs((points[rows] - points[first]) @ normals[first]) > near * body.size
+        if (away | (np.abs(normals[rows] - normals[first]).max(axis=1) > near)).any():
+            several = ", ".join(f'"F{k + 1}" at {direction_level(normals[k], points[k])}' for k in rows.tolist())
+            raise self._refused(f"several faces of body '{body.name}' are meant", key, selector, f"one of {several}")
+        return rows
+
+
+def direction(normal: Array) -> str:
+    """Return an outward normal in words: "+x", or its three numbers."""
+    k = int(np.abs(normal).argmax())
+    rest = np.delete(normal, k)
+    if np.abs(rest).max() <= DEFAULT.nominal:
+        return f"{'-' if normal[k] < 0 else '+'}{'xyz'[k]}"
+    return "(" + ", ".join(f"{x:.4g}" for x in normal + 0.0) + ")"
+
+
+def direction_level(normal: Array, point: Array) -> str:
+    """Return where a face lies: "x = 2" for one across an axis, else its normal and its height along it."""
+    word, k = direction(normal), int(np.abs(normal).argmax())
+    return f"{word[1]} = {point[k]:.6g}" if len(word) == 2 else f"{word} . X = {normal @ point:.6g}"
+
+
+def _holds(body: Body, face: int, point: Array) -> bool:
+    """Tell whether a point lies in a face of the body: in its plane, and in a facet that a part has there."""
+    near = DEFAULT.snap * body.size
+    for part, owners in zip(body.parts, body.facet_faces, strict=True):
+        for k, loop in enumerate(part.loops):
+            if face not in owners[k]:
+                continue
+            ring = part.vertices[list(loop)]
+            n, sides = part.normals[k], np.roll(ring, -1, axis=0) - ring
+            inward = np.cross(n, sides)
+            high = ((point - ring) * inward).sum(axis=1) >= -near * np.linalg.norm(sides, axis=1)
+            if abs(n @ (point - ring[0])) <= near and high.all():
+                return True
+    return False

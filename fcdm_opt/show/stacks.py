@@ -1,0 +1,247 @@
+"""Faces by name, and stack-ups: tables, and pictures of contributions, of the gap's spread and of slices of sizes."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.polygons import area
+from fcdm_opt.geometry.size import direction, direction_level
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.show import BLACK, BLUE, DARK, GREY, PAGE, VERMILLION, Figure, styled
+from fcdm_opt.show.lettering import Sheet, literal
+from fcdm_opt.show.printing import print_rows, print_text
+from fcdm_opt.show.texts import shortened
+
+if TYPE_CHECKING:
+    from fcdm_opt.design.stack.allocation import Allocation
+    from fcdm_opt.design.stack.spread import GapYield
+    from fcdm_opt.design.stack.stack_up import StackUp
+
+MOST_BARS, FINE, WIDER, CORNERS, LONGEST = 12, 161, 1.5, 8, 48
+"""Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, and corners of a face
+that are listed, and letters of a name."""
+
+
+def listed_faces(body: Body) -> list[dict[str, Any]]:
+    """Return the faces of a body: name, outward normal, where its plane is, area (length units squared), corners."""
+    normals, points = body.face_planes
+    areas = np.zeros(len(body.faces))
+    for part, owners in zip(body.parts, body.facet_faces, strict=True):
+        for loop, own in zip(part.loops, owners, strict=True):
+            if own:
+                areas[own[0]] += area(part.vertices[list(loop)])
+    return [
+        {
+            "face": f"F{k + 1}",
+            "normal": direction(normals[k]),
+            "plane": direction_level(normals[k], points[k]),
+            "area": float(areas[k]),
+            "vertices": list(face),
+        }
+        for k, face in enumerate(body.faces)
+    ]
+
+
+def print_faces(body: Body, role: str) -> None:
+    """Print the faces of a body, as sizes name them."""
+    print_text(f"{role}: body '{body.name}'")
+    rows = []
+    for face in listed_faces(body):
+        corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
+        rows.append({**face, "area": f"{face['area']:.6g}", "vertices": ",".join(corners)})
+    print_rows(rows, numbers=("area",))
+
+
+def print_stack(stack: StackUp, share: GapYield) -> None:
+    """Print worst case, statistics, contributions and rows."""
+    worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
+    low, high = stack.limits
+    print_rows([
+        {"": "worst case, least gap", "gap": f"{worst.least:+.6g}", "at": _sizes(worst.at_least)},
+        {"": "worst case, largest gap", "gap": f"{worst.largest:+.6g}", "at": _sizes(worst.at_largest)},
+        {"": "root sum square, mean - 3 sigma", "gap": f"{spread.low:+.6g}", "at": f"sigma {spread.deviation:.4g}"},
+        {"": "root sum square, mean + 3 sigma", "gap": f"{spread.high:+.6g}", "at": f"mean {spread.mean:+.6g}"},
+    ], numbers=("gap",))  # fmt: skip
+    ends = share.interval
+    print_text(
+        f"gap from {measured(f'{low:.6g}', unit)} to {measured(f'{high:.6g}', unit)}: {share.share:.4%} of "
+        f"{share.count} pairs drawn ({ends[0]:.4%} to {ends[1]:.4%} with {share.confidence:.0%} confidence), "
+        f"{spread.share:.4%} by root sum square"
+    )
+    print_text()
+    print_rows([
+        {
+            "size": own.size, "gap a unit": f"{own.coefficient:+.6g}", "half tolerance": f"{own.half:.6g}",
+            "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.2%}",
+        }
+        for own in stack.contributions
+    ], numbers=("gap a unit", "half tolerance", "of the worst case", "of the variance"))  # fmt: skip
+    print_rows([
+        {
+            "contact": shortened(row.contact, LONGEST), "as drawn": f"{row.gap:+.6g}",
+            "gap a unit of each size": _sizes({name: x for name, x in row.coefficients.items() if x}),
+        }
+        for row in stack.rows
+    ], numbers=("as drawn",))  # fmt: skip
+
+
+def print_allocation(found: Allocation) -> None:
+    """Print the cheapest tolerances."""
+    rows = [{"size": name, "low": f"{a:+.6g}", "high": f"{b:+.6g}"} for name, (a, b) in found.tolerances.items()]
+    note = f"cost {found.cost:.6g}; worst case from {found.least:+.6g} to {found.largest:+.6g}"
+    print_rows(rows, numbers=("low", "high"), notes=[f"cheapest tolerances: {note}"])
+
+
+def write_stack(stack: StackUp, path: Path) -> None:
+    """Write the rows, and below them half tolerances and contributions, as CSV."""
+    by_name = {own.size: own for own in stack.contributions}
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        table = csv.writer(stream)
+        table.writerow(["row", "gap as drawn", *stack.names])
+        table.writerows([row.contact, row.gap, *row.coefficients.values()] for row in stack.rows)
+        for what in ("half", "worst", "variance"):
+            words = {"half": "half tolerance", "worst": "share of worst case", "variance": "share of variance"}
+            table.writerow([words[what], "", *(getattr(by_name[name], what) for name in stack.names)])
+
+
+# ------------------------------------------------------------------------------------------------------------- pictures
+
+
+@styled
+def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: str = "") -> Figure:
+    """Draw what each size contributes, and how the gap is spread about its limits.
+
+    Parameters
+    ----------
+    stack : StackUp
+    share : GapYield
+    title, caption : str
+        Text above and below the picture.
+    """
+    sheet = Sheet.of(PAGE, 2.9, title=title, caption=caption)
+    bars, gaps = sheet.axes(1.3, 0.45, 1.9, 2.2), sheet.axes(4.0, 0.45, 2.6, 2.2)
+    shown = stack.contributions[:MOST_BARS]
+    for row, own in enumerate(shown):
+        bars.barh(row - 0.2, 100.0 * own.worst, 0.38, color=BLUE, label="worst case" if row == 0 else None)
+        bars.barh(row + 0.2, 100.0 * own.variance, 0.38, color=GREY, label="variance" if row == 0 else None)
+    bars.set_yticks(range(len(shown)), [literal(shortened(own.size, LONGEST)) for own in shown])
+    bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
+    bars.legend(loc="lower right")
+    edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
+    middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
+    within = (middles >= low) & (middles <= high)
+    for chosen, colour, name in ((within, BLUE, "within"), (~within, VERMILLION, "outside")):
+        if (heights[chosen] > 0.0).any():
+            gaps.bar(
+                edges[:-1][chosen], heights[chosen], np.diff(edges)[chosen], align="edge", color=colour, label=name
+            )
+    for limit in share.limits:
+        if np.isfinite(limit):
+            gaps.axvline(limit, color=BLACK, linewidth=1.2)
+    worst = stack.worst()
+    for end in (worst.least, worst.largest):
+        gaps.axvline(end, color=DARK, linewidth=0.8, linestyle=":")
+    seen = [x for x in (worst.least, worst.largest, *share.limits) if np.isfinite(x)]
+    room = 0.05 * max(max(seen) - min(seen), float(edges[1] - edges[0]))
+    gaps.set_xlim(min(seen) - room, max(seen) + room)
+    gaps.set(xlabel=f"gap ({stack.unit or 'length units'})", ylabel="share of pairs in a bin")
+    gaps.legend(loc="upper right")
+    return sheet.figure
+
+
+@styled
+def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", caption: str = "") -> Figure:
+    """Draw the gap over two sizes, all others as drawn: where the parts touch, its limits, and the tolerances.
+
+    Parameters
+    ----------
+    stack : StackUp
+    names : (str, str)
+    title, caption : str
+        Text above and below the picture.
+
+    Raises
+    ------
+    InputError
+        Where these are not two sizes of the stack-up.
+    """
+    from matplotlib.patches import Rectangle
+
+    if len(set(names)) != 2 or not set(names) <= set(stack.names):
+        allowed = f"two of {', '.join(stack.names)}"
+        raise InputError("not two sizes of this stack-up", key="slice", found=list(names), allowed=allowed)
+    places = [stack.names.index(name) for name in names]
+    box = stack.touching.box[places]
+    wide = min(WIDER, stack.touching.reach[0])
+    spread = wide * np.maximum(np.ptp(box, axis=1), np.finfo(float).tiny) / 2.0
+    ends = np.minimum(box[:, 0], box.mean(axis=1) - spread), np.maximum(box[:, 1], box.mean(axis=1) + spread)
+    sides = [np.linspace(low, high, FINE) for low, high in zip(*ends, strict=True)]
+    p = np.zeros((FINE, FINE, len(stack.names)))
+    p[..., places[0]], p[..., places[1]] = np.meshgrid(*sides)
+    seen = list(stack.sizes)  # the rows are complete within their box alone
+    for own, low, high in zip(places, *(end.tolist() for end in ends), strict=True):
+        seen[own] = replace(seen[own], tolerance=(low, high))
+    gap = TouchingSizes.of(*stack.touching.bodies, seen, transform=stack.touching.transform, least=False).gap(p)
+    sheet = Sheet.of(PAGE, 3.3, title=title, caption=caption or "line: touching; dashed: limits; box: tolerances")
+    axes, bar = sheet.axes(0.8, 0.45, 3.0, 2.7), sheet.axes(4.0, 0.45, 0.1, 2.7)
+    most = max(float(np.abs(gap).max()), float(np.finfo(float).tiny))
+    mesh = axes.pcolormesh(*sides, gap, cmap="RdBu", vmin=-most, vmax=most, shading="gouraud", rasterized=True)
+    sheet.figure.colorbar(mesh, cax=bar, label=f"gap ({stack.unit or 'length units'})")
+    for level, style, width in (
+        (0.0, "solid", 1.6),
+        *((x, "dashed", 1.0) for x in stack.limits if x and np.isfinite(x)),
+    ):
+        if gap.min() < level < gap.max():
+            axes.contour(*sides, gap, levels=[level], colors=BLACK, linewidths=width, linestyles=style)
+    (left, bottom), (wide, high) = box[:, 0].tolist(), np.ptp(box, axis=1).tolist()
+    axes.add_patch(Rectangle((left, bottom), wide, high, fill=False, edgecolor=DARK, linewidth=1.0))
+    kinds = [stack.sizes[k].is_length for k in places]
+    axes.set(**{
+        f"{side}label": literal(f"{name} ({(stack.unit or 'length units') if length else 'share'})")
+        for side, name, length in zip("xy", names, kinds, strict=True)
+    })  # fmt: skip
+    return sheet.figure
+
+
+@styled
+def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Figure:
+    """Draw both bodies as drawn, each with the names of its faces at their middles.
+
+    Parameters
+    ----------
+    problem : Problem
+    title, caption : str
+        Text above and below the picture.
+    """
+    sheet = Sheet.of(PAGE, 3.2, title=title, caption=caption)
+    for k, role in enumerate(("movable", "static")):
+        body: Body = problem.request[role]
+        left, bottom, width, height = sheet.place(0.1 + 3.35 * k, 0.1, 3.1, 2.9)
+        axes: Any = sheet.figure.add_axes((left, bottom, width, height), projection="3d")
+        axes.set_axis_off()
+        axes.set_title(literal(f"{role}: {shortened(body.name, LONGEST)}"))
+        axes.set_box_aspect(np.maximum(np.ptp(body.vertices, axis=0), 0.05 * body.size))
+        named = set()
+        for part, owners in zip(body.parts, body.facet_faces, strict=True):
+            for loop, own in zip(part.loops, owners, strict=True):
+                ring = part.vertices[[*loop, loop[0]]]
+                if own:
+                    axes.plot(*ring.T, color=BLUE if k == 0 else GREY, linewidth=0.8)
+                if own and own[0] not in named:
+                    named.add(own[0])
+                    axes.text(*ring[:-1].mean(axis=0), f"F{own[0] + 1}", ha="center", va="center", color=BLACK)
+    return sheet.figure
+
+
+def _sizes(values: Any) -> str:
+    return ", ".join(f"{name} {x:+.6g}" for name, x in values.items())
