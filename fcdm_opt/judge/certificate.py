@@ -24,6 +24,7 @@ from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
 from fcdm_opt.problem.solution import Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
@@ -268,7 +269,7 @@ class _Judge:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
         gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
-        apart = self.problem.goal == "clear" or (self.problem.goal == "touch" and self._play > self.limit)
+        apart = self.problem.goal in ("clear", FIT) or (self.problem.goal == "touch" and self._play > self.limit)
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
         checks = [
@@ -279,7 +280,7 @@ class _Judge:
         if self.problem.goal in TRACKING:
             own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
-            most = len(own) if self.problem.goal == "seat" else min(2, len(own))
+            most = len(own) if self.problem.goal == "seat" or self.problem.contacts else min(2, len(own))
             known = tracked <= allowed and len(tracked) == most
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):

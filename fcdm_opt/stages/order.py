@@ -15,6 +15,7 @@ from fcdm_opt.stages.full import full
 from fcdm_opt.stages.linear import shift, straight, translations
 from fcdm_opt.stages.rays import one_parameter
 from fcdm_opt.stages.relaxation import nonlinear
+from fcdm_opt.stages.together import together
 from fcdm_opt.stages.turns import turns
 
 
@@ -28,6 +29,7 @@ def satisfied(task: Task) -> Answer | None:
 
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "satisfied": satisfied,
+    "together": together,  # several contacts at once: nothing after it takes them
     # linear in the motion: closed forms and least distances
     "shift": shift,
     "straight": straight,
@@ -60,6 +62,9 @@ def settled(task: Task, model: str = "auto") -> Answer:
         Where the stage that is forced does not take the task.
     """
     last: Answer | None = None
+    if task.joints and model not in ("auto", "satisfied", "together"):
+        what = "this stage knows one contact, not several at once"
+        raise InputError(what, key="model", found=model, allowed='"auto" or "together"')
     for name in [name for name in STAGES if name != "full"] if model == "auto" else [model]:
         answer = STAGES[name](task)
         if answer is None:
