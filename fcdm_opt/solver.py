@@ -22,6 +22,7 @@ from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, settled
 from fcdm_opt.stages.rounding import in_steps
+from fcdm_opt.stages.together import alone
 
 
 def solve(
@@ -103,7 +104,7 @@ def _solved(problem: Problem, how: _How) -> Solution:
     task = Task.of(problem)
     answer = _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
     watch.lap("solve")
-    answer, evidence = _proved(task, answer, how)
+    answer, evidence = _proved(problem, task, answer, how)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     known = problem.amount == "weighted"  # the checker knows no other amount
     solution = reported(problem, task, answer, evidence if known else None)
@@ -122,10 +123,10 @@ def _least_motion(task: Task, model: str) -> Answer:
     return another_amount(task, confirmed(nearest, weighted) if model == "auto" else weighted)
 
 
-def _proved(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
     """Return the answer, or a better one, with the bound that is asked for, and what proves it if that is asked for."""
     if task.joints:
-        return answer, None  # the stage has said what it knows
+        return alone(problem, answer) if how.effort == "proved" else answer, None
     if how.certify:
         return proved(task, answer, gap=GAP, seconds=how.seconds)
     if how.model != "auto":

@@ -263,7 +263,20 @@ class _Judge:
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
-        return [_at_most("requirement", off, slack, "relative distance from the target pair")]
+        return [_at_most("requirement", off, slack, "relative distance from the target pair"), *self._alone()]
+
+    def _alone(self) -> list[Check]:
+        """Check that no other motion restores several contacts in the box that is claimed: anew, in intervals."""
+        claimed = self.solution.unique_within
+        if not claimed:
+            return []
+        from fcdm_opt.proof.uniqueness import unique
+
+        # equations of motions that turn nothing are linear: what holds for one box holds for all
+        whole = claimed == float("inf") and self.problem.motion.shifts
+        half = self.problem.size if whole else claimed
+        proved = bool(self.problem.contacts) and bool(unique(self.problem, self.q, np.array([half]))[0])
+        return [Check("only motion", proved, claimed, claimed, "half width of the box of weighted parameters")]
 
     def contact(self) -> list[Check]:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""

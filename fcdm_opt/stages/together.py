@@ -20,7 +20,9 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Answer, Parts, Task, ways_of
 from fcdm_opt.problem.nominal import FIT
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.uniqueness import widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
 
@@ -71,6 +73,15 @@ def _answered(own: System, z: Array) -> Answer:
     bound = np.inf if exact else displacement_bound(task)
     answer = task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
     return replace(answer, unique=np.inf if exact and only else 0.0)
+
+
+def alone(problem: Problem, answer: Answer) -> Answer:
+    """Return a motion that restores several contacts with how far it is the only one, and the bound that follows."""
+    if answer.q is None or answer.unique or problem.goal == FIT:
+        return answer
+    within = widest_unique(problem, answer.q)  # holds every motion of a smaller weighted amount
+    bound = min(within, answer.amount) if answer.amount else 0.0
+    return replace(answer, unique=within, lower_bound=max(bound, answer.lower_bound))
 
 
 def _choices(task: Task) -> Iterator[System]:
