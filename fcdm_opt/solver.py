@@ -126,7 +126,7 @@ def _least_motion(task: Task, model: str) -> Answer:
 def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
     """Return the answer, or a better one, with the bound that is asked for, and what proves it if that is asked for."""
     if task.joints:
-        return alone(problem, answer) if how.effort == "proved" else answer, None
+        return alone(problem, task, answer) if how.effort == "proved" else answer, None
     if how.certify:
         return proved(task, answer, gap=GAP, seconds=how.seconds)
     if how.model != "auto":

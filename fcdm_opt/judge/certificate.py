@@ -263,7 +263,36 @@ class _Judge:
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
-        return [_at_most("requirement", off, slack, "relative distance from the target pair"), *self._alone()]
+        return [_at_most("requirement", off, slack, "relative distance from the target pair")] + (
+            self._fits() if goal == FIT else self._alone()
+        )
+
+    def _fits(self) -> list[Check]:
+        """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
+
+        Gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own.
+        """
+        from scipy.optimize import linprog
+
+        bodies, problem = (self.problem.movable, self.problem.static), self.problem
+        carried = carriers(*bodies)
+        claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in problem.contacts]
+        rows = np.array([claim.rows(self.transform[None])[0] for claim in claims])
+        gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
+        checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
+        if problem.motion.shifts and self._known:
+            seeds = problem.movable.seed, problem.static.seed
+            ways = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(self.q))])
+            slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
+            program = linprog(
+                [*np.zeros(len(self.q)), 1.0],
+                A_ub=np.vstack([np.hstack([slopes, 0.0 * one]), np.hstack([-slopes, -one])]),
+                b_ub=np.concatenate([gaps + slopes @ self.q, -gaps - slopes @ self.q]),
+                bounds=[*problem.limits.tolist(), (0.0, None)],
+            )
+            least = float(program.fun) if program.status == 0 else float("nan")
+            checks.append(_at_most("largest gap least", gaps.max(), least + self.limit, "no shift makes it less"))
+        return checks
 
     def _alone(self) -> list[Check]:
         """Check that no other motion restores several contacts in the box that is claimed: anew, in intervals."""

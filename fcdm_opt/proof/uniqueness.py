@@ -70,6 +70,51 @@ def unique(problem: Problem, q: Array, half: Array) -> Array:
     return np.asarray(off * (1.0 + 2.0**-40) < 1.0)  # nan is not
 
 
+def least_amount(problem: Problem, way: Array, half: Array) -> float:
+    """Return an amount below which no motion restores the contacts, weighted; 0 where nothing is proved.
+
+    Of multipliers l of the equations F, way = J' l in weighted parameters y: F(y) = 0 asks for l . F(0) = -l . J y, J
+    somewhere between rest and y. So y is no shorter than |l . F(0)| / |J' l|, J within a box, or it leaves the box.
+
+    Parameters
+    ----------
+    way : (m,) array
+        Multipliers, one for each of `equations_at`: what is best is left to the caller.
+    half : (n,) array
+        Half widths of boxes of weighted parameters, of which the best is taken.
+    """
+    moving = problem.limits[:, 0] < problem.limits[:, 1]
+    equations, motion = list(_equations(problem)), PosesOfPieces(problem)
+    if problem.limits[~moving].any() or not len(half):
+        return 0.0
+    rest = np.zeros((1, len(moving)))
+    wide = half[:, None] * moving
+    (still, _), sides = equations_at(problem, rest[0]), np.stack([way])
+    poses = motion.poses(_boxes(rest, rest))
+    at_rest = [_expression(kind).values(poses.centre, given)[0][0][0] for kind, given in equations]
+    value = sum((float(w) * x for w, x in zip(way, at_rest, strict=True)), Interval(0.0))
+    short = max(float(np.max(value.low)), -float(np.max(value.high)), 0.0)
+    over = _slopes(motion, _boxes(-wide, wide), equations)
+    fixed = np.broadcast_to(sides, (len(half), 1, len(still)))
+    slope = Interval(fixed, np.zeros_like(fixed)).contracted(over).size[:, 0] / half[:, None]
+    steep = np.sqrt((slope * slope).sum(axis=1)) * (1.0 + 2.0**-40)
+    bounds = np.minimum(half, short / np.where(steep > 0.0, steep, np.inf)) * (1.0 - 2.0**-40)
+    return float(np.nan_to_num(np.where(steep > 0.0, bounds, half if short > 0.0 else 0.0)).max())
+
+
+def equations_at(problem: Problem, y: Array) -> tuple[Array, Array]:
+    """Return the values of the contacts' equations at weighted parameters, (m,), and their derivatives, (m, k).
+
+    In floats, to choose by: neither is an enclosure.
+    """
+    moving = problem.limits[:, 0] < problem.limits[:, 1]
+    equations, motion, step = list(_equations(problem)), PosesOfPieces(problem), 1e-9 * problem.size
+    poses = motion.poses(_boxes(y[None], y[None]))
+    values = [_expression(kind).values(poses.centre, given)[0][0][0].middle for kind, given in equations]
+    slopes = _slopes(motion, _boxes((y - step * moving)[None], (y + step * moving)[None]), equations).middle[0] / step
+    return np.array(values).ravel(), slopes
+
+
 def _boxes(low: Array, high: Array) -> Boxes:
     rows = np.arange(len(low))
     return Boxes(rows, np.zeros_like(rows), low, high)

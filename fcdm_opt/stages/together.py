@@ -22,7 +22,7 @@ from fcdm_opt.model.task import Answer, Parts, Task, ways_of
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.proof.uniqueness import widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, least_amount, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
 
@@ -31,6 +31,7 @@ CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met wil
 MOST_NODES, FARTHEST = 2000, 1e6
 MOST_CHOICES = 64  # of the directions of contacts at corners and edges
 NEAREST_WAYS = 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
+BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: several contacts, linear in the motion", "2: several contacts, by Newton's method"
 
@@ -67,7 +68,8 @@ def _answered(own: System, z: Array) -> Answer:
     task, q = own.task, own.q(z)
     exact = task.motion.shifts
     only = np.linalg.matrix_rank(own.linearised(q)[1], DEFAULT.nominal) == own.moving.sum()
-    active = (f"{len(task.joints)} contacts at once", *own.at_limits(q))
+    count = len(task.joints)
+    active = (f"{count} contacts at once" if count > 1 else "the contact", *own.at_limits(q))
     pairs = {feature.parts for feature in own.features}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
     bound = np.inf if exact else displacement_bound(task)
@@ -75,13 +77,40 @@ def _answered(own: System, z: Array) -> Answer:
     return replace(answer, unique=np.inf if exact and only else 0.0)
 
 
-def alone(problem: Problem, answer: Answer) -> Answer:
-    """Return a motion that restores several contacts with how far it is the only one, and the bound that follows."""
-    if answer.q is None or answer.unique or problem.goal == FIT:
+def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
+    """Return an answer about several contacts and a motion that turns with what interval arithmetic proves of it.
+
+    How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
+    unless it is larger.
+    """
+    if problem.goal == FIT or problem.motion.shifts or (answer.q is not None and not answer.q.any()):
         return answer
-    within = widest_unique(problem, answer.q)  # holds every motion of a smaller weighted amount
-    bound = min(within, answer.amount) if answer.amount else 0.0
-    return replace(answer, unique=within, lower_bound=max(bound, answer.lower_bound))
+    if answer.q is not None and not answer.unique:
+        answer = replace(answer, unique=widest_unique(problem, answer.q))
+    bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
+    if bound < answer.amount:
+        bound = max(bound, _bounded(problem, task, answer))
+    bound = min(bound, answer.amount)
+    if answer.q is not None or bound <= answer.lower_bound:
+        return replace(answer, lower_bound=max(bound, answer.lower_bound))
+    told = f"no motion below the amount {bound:.4g} closes all of them"
+    return replace(answer, lower_bound=bound, active=(*answer.active, told))
+
+
+def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
+    """Return the amount below which no motion restores the contacts, by multipliers at the motion nearest to that."""
+    y = task.weights * (answer.q if answer.q is not None else task.start)
+    if answer.q is None:
+        for _ in range(STEPS):  # to the least squares of the equations
+            values, slopes = equations_at(problem, y)
+            y = y - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+        half = max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES)
+        values, _ = equations_at(problem, y)
+        return least_amount(problem, values, half) if len(values) else 0.0
+    values, slopes = equations_at(problem, y)
+    if not len(values):
+        return 0.0
+    return least_amount(problem, np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0], np.array([answer.amount]))
 
 
 def _choices(task: Task) -> Iterator[System]:
@@ -348,6 +377,8 @@ class _Told:
                 if z is None:
                     continue
                 gaps = replace(self.task, besides=self.own.features).line_gaps(self.own.q(z))[1].tolist()
+                if min(gaps) < -DEFAULT.touch * self.task.size:
+                    continue  # past it, not above it
                 left = [f"{k + 1} open by {gaps[k]:.4g}" for k in range(count) if k not in group]
                 told += 1
                 yield f"{_listed(group)} can carry, with {', '.join(left)}"
@@ -392,7 +423,7 @@ def _fitted(task: Task) -> Answer:
         if program.status != 0:
             return replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
         largest = max(float(program.fun), 0.0) + DEFAULT.tie
-        rows = own._limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps - DEFAULT.tie, gaps - largest]))
+        rows = own._limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
         flat = np.linalg.norm(rows.normals, axis=1) > DEFAULT.tie
         rows = Rows(rows.normals[flat], rows.levels[flat])
         found = _nearest(slopes[count:], slopes[count:] @ z - values[count:], rows, ())
@@ -403,7 +434,7 @@ def _fitted(task: Task) -> Answer:
     q = own.q(z)
     if not task.meets(q, DEFAULT.requirement):
         return replace(failed, active=("parts overlap besides these contacts",))
-    opened = task.line_gaps(q)[1]
+    opened = np.maximum(task.line_gaps(q)[1], 0.0)
     at = np.flatnonzero(opened >= opened.max() - DEFAULT.line * task.size)
     active = (f"largest gap {opened.max():.6g}, of contact {_listed(at.tolist())}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
