@@ -24,6 +24,7 @@ from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.order import STAGES, left, settled
 from fcdm_opt.stages.rounding import in_steps
+from fcdm_opt.stages.together import alone
 
 
 def solve(
@@ -118,7 +119,7 @@ def _solved(problem: Problem, how: _How) -> Solution:
     task = Task.of(problem)
     answer = _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
     watch.lap("solve")
-    answer, evidence = _proved(task, answer, how)
+    answer, evidence = _proved(problem, task, answer, how)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()
     known = problem.amount == "weighted"  # the checker knows no other amount
@@ -143,16 +144,18 @@ def _least_motion(task: Task, model: str) -> Answer:
         return left(task)
 
 
-def _proved(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
     """Return the answer, or a better one, with the bound that is asked for, and what proves it if that is asked for."""
     pacing.at("proving that nothing smaller does")
     with suppress(pacing.TimeOverError):
-        return _bounded(task, answer, how)
+        return _bounded(problem, task, answer, how)
     return answer, None
 
 
-def _bounded(task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
+def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, Evidence | None]:
     """Return the same, where the time does for it."""
+    if task.joints:
+        return alone(problem, task, answer) if how.effort == "proved" else answer, None
     if how.certify:
         return proved(task, answer, gap=GAP, seconds=how.seconds)
     if how.model != "auto":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.touching import clipped, touching_vertices
-from fcdm_opt.geometry.arrays import Array, crossed
+from fcdm_opt.geometry.arrays import Array, Ints, crossed
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
@@ -224,6 +225,60 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
                     contact = _shared_contact(one, two, normal, pose, rho)
             found.append(Meeting((i, j), located(one, two, pose, contact, rho)))
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A contact of two bodies, wherever their parts carry it.
+
+    Attributes
+    ----------
+    feature : Feature
+    parts : tuple of int
+        A part pair that touches so.
+    sites, normals : (k, 3) arrays
+        A facet of that pair's Minkowski difference in each direction in which the pair may come apart, and the
+        direction, from body 1 to body 2: one where elements lie in a plane or edges cross, more at corners and edges.
+    hosts : tuple of (int, int)
+        All part pairs that have the elements: a contact may slide over a seam.
+    """
+
+    feature: Feature
+    parts: tuple[int, int]
+    sites: Ints
+    normals: Array
+    hosts: tuple[tuple[int, int], ...]
+
+    def gap(self, movable: Body, static: Body, pose: Array, rho: Array) -> float:
+        """Return the signed gap of its parts at a pose and scale pair: the largest separation over facet directions."""
+        found = []
+        for i, j in self.hosts:
+            rows = kernels.facet_rows(*movable.parts[i].packed, *static.parts[j].packed, pose)[1]
+            found.append(float((rows[:, 5] - rows[:, 3:5] @ rho).max()))
+        return min(found)
+
+
+def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint, ...]:
+    """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`."""
+    pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
+    found: dict[Feature, Joint] = {}
+    for (i, j), contact in meetings(movable, static, pose, rho, slack):
+        if contact.feature in found:
+            continue
+        one, two = movable.parts[i], static.parts[j]
+        sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
+        tight = np.flatnonzero(np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack)
+        kept: list[int] = []
+        for k in tight.tolist():
+            if all(rows[k, :3] @ rows[m, :3] < 1.0 - DEFAULT.nominal for m in kept):
+                kept.append(k)
+        carried = (
+            [k for k, part in enumerate(body.parts) if part.carriers(element)]
+            for body, element in ((movable, contact.feature.one), (static, contact.feature.two))
+        )
+        hosts = tuple(product(*carried))
+        found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], hosts or ((i, j),))
+    return tuple(found.values())
 
 
 def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:

@@ -24,6 +24,7 @@ from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING
 from fcdm_opt.problem.solution import Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
@@ -262,13 +263,55 @@ class _Judge:
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
         off = np.abs(self.rho / target - 1).max()
-        return [_at_most("requirement", off, slack, "relative distance from the target pair")]
+        return [_at_most("requirement", off, slack, "relative distance from the target pair")] + (
+            self._fits() if goal == FIT else self._alone()
+        )
+
+    def _fits(self) -> list[Check]:
+        """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
+
+        Gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own.
+        """
+        from scipy.optimize import linprog
+
+        bodies, problem = (self.problem.movable, self.problem.static), self.problem
+        carried = carriers(*bodies)
+        claims = [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in problem.contacts]
+        rows = np.array([claim.rows(self.transform[None])[0] for claim in claims])
+        gaps = rows[:, 5] - rows[:, 3:5] @ self.rho
+        checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
+        if problem.motion.shifts and self._known:
+            seeds = problem.movable.seed, problem.static.seed
+            ways = np.array([problem.motion.transform(x, *seeds)[:3, 3] for x in np.eye(len(self.q))])
+            slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
+            program = linprog(
+                [*np.zeros(len(self.q)), 1.0],
+                A_ub=np.vstack([np.hstack([slopes, 0.0 * one]), np.hstack([-slopes, -one])]),
+                b_ub=np.concatenate([gaps + slopes @ self.q, -gaps - slopes @ self.q]),
+                bounds=[*problem.limits.tolist(), (0.0, None)],
+            )
+            least = float(program.fun) if program.status == 0 else float("nan")
+            checks.append(_at_most("largest gap least", gaps.max(), least + self.limit, "no shift makes it less"))
+        return checks
+
+    def _alone(self) -> list[Check]:
+        """Check that no other motion restores several contacts in the box that is claimed: anew, in intervals."""
+        claimed = self.solution.unique_within
+        if not claimed:
+            return []
+        from fcdm_opt.proof.uniqueness import unique
+
+        # equations of motions that turn nothing are linear: what holds for one box holds for all
+        whole = claimed == float("inf") and self.problem.motion.shifts
+        half = self.problem.size if whole else claimed
+        proved = bool(self.problem.contacts) and bool(unique(self.problem, self.q, np.array([half]))[0])
+        return [Check("only motion", proved, claimed, claimed, "half width of the box of weighted parameters")]
 
     def contact(self) -> list[Check]:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""
         gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
-        apart = self.problem.goal == "clear" or (self.problem.goal == "touch" and self._play > self.limit)
+        apart = self.problem.goal in ("clear", FIT) or (self.problem.goal == "touch" and self._play > self.limit)
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
         checks = [
@@ -279,7 +322,7 @@ class _Judge:
         if self.problem.goal in TRACKING:
             own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
-            most = len(own) if self.problem.goal == "seat" else min(2, len(own))
+            most = len(own) if self.problem.goal == "seat" or self.problem.contacts else min(2, len(own))
             known = tracked <= allowed and len(tracked) == most
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):

@@ -130,7 +130,11 @@ class Claim:
 
     def lines(self, poses: Array) -> Array:
         """Return (a, b, c) of the contact line at each pose, (k, 3); nan where there is none."""
-        return self._rows(self._hosts[0], poses)[:, 3:] if self._hosts else np.full((len(poses), 3), np.nan)
+        return self.rows(poses)[:, 3:]
+
+    def rows(self, poses: Array) -> Array:
+        """Return the contact's normal, from body 1 to body 2, and (a, b, c) at each pose, (k, 6); nan without one."""
+        return self._rows(self._hosts[0], poses) if self._hosts else np.full((len(poses), 6), np.nan)
 
     def errors(self, pairs: Array, poses: Array) -> Array:
         """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.

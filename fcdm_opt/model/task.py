@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.coherence import Fault, Tracked, contact_faults, overlaps_between
-from fcdm_opt.curve.contact import features_along, located, supporting_contact
+from fcdm_opt.curve.contact import Joint, features_along, located, supporting_contact
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
@@ -28,6 +28,7 @@ from fcdm_opt.motion.kinematics import Kinematics
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
@@ -57,6 +58,8 @@ class Answer:
         No later stage is to be asked.
     amount : float
         Of the motion; infinite without.
+    unique : float
+        See `Solution.unique_within`.
     """
 
     status: Status
@@ -67,6 +70,7 @@ class Answer:
     modelled: dict[str, int] | None = None
     last: bool = False
     amount: float = math.inf
+    unique: float = 0.0
 
     @property
     def motion(self) -> Array:
@@ -124,7 +128,9 @@ class Task:
     seats : tuple of Flush
         The flush contacts that "seat" keeps, tracked or not.
     besides : tuple of FeaturePoints
-        One feature for each plane of flush contacts that is not tracked.
+        One feature for each plane of flush contacts that is not tracked; of each of `joints` its first.
+    joints : tuple of Joint
+        Contacts that are restored together: then none is tracked.
     amount_kind : "weighted", "displacement" or OwnAmount
         What is made least; "displacement" of `made_vertices`.
     resolution : (k,) array or None
@@ -149,6 +155,7 @@ class Task:
     keep_out: tuple[KeepOut, ...] = ()
     seats: tuple[Flush, ...] = ()
     besides: tuple[FeaturePoints, ...] = ()
+    joints: tuple[Joint, ...] = ()
     amount_kind: str | OwnAmount = "weighted"
     resolution: Array | None = None
 
@@ -158,7 +165,11 @@ class Task:
         pieces: tuple[Piece | TightLine | Flush, ...] = ()
         flush: tuple[Feature | None, ...] = ()
         seats = problem.nominal_seats if problem.goal == "seat" else ()
-        if problem.goal in TRACKING:
+        joints = problem.chosen_joints
+        if joints:
+            named = set(problem.contacts)
+            seats = tuple(seat for seat in problem.nominal_seats if {seat.feature, seat.touching} & named)
+        elif problem.goal in TRACKING:
             lines = problem.tracked_lines
             if problem.goal == "seat":
                 pieces = tuple(seat_of(line, seats) or line for line in lines)
@@ -166,8 +177,9 @@ class Task:
                 pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
         tracked, others = (
             tuple(feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in some)
-            for some in (pieces, besides(seats, pieces, problem.target))
+            for some in (pieces, () if joints else besides(seats, pieces, problem.target))
         )
+        others += tuple(ways_of(problem.movable, problem.static, joint)[0] for joint in joints)
         weights, amount = problem.weights, problem.amount
         if amount == "displacement" and _shifts_at_right_angles(problem):
             weights, amount = frozen(np.ones(len(weights))), "weighted"  # the same number
@@ -190,6 +202,7 @@ class Task:
             problem.keep_out,
             seats,
             others,
+            joints,
             amount,
             problem.resolution,
         )
@@ -361,7 +374,9 @@ class Task:
     @cached_property
     def unit(self) -> float:
         """A typical amount, which scales the program: what the deviation, or closing the gap, takes."""
-        if self.tracked:
+        if self.joints:
+            typical = float(np.abs(self.line_gaps(self.rest)[1]).max())
+        elif self.tracked:
             typical = float(np.abs(self.target / self.nominal - 1.0).max()) * self.size
         else:
             typical = abs(self.gap(self.rest) - self.need)
@@ -451,6 +466,8 @@ class Task:
     @property
     def met_at_rest(self) -> bool:
         """Whether there is nothing to do."""
+        if self.joints and not self.restores(self.rest, DEFAULT.line * self.size):
+            return False
         return self.allows(self.rest) and self.meets(self.rest, DEFAULT.line)
 
     def allows(self, q: Array) -> bool:
@@ -653,6 +670,8 @@ class Task:
             excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
             if not (excess >= -slack * self.target).all() or (path and self.path_faults(q, first=True)):
                 return False
+        if self.joints and self.goal != FIT and not self.restores(q, slack * self.size):
+            return False
         if not np.isfinite(self.needs).any():
             return True
         gaps, slack = self.pair_gaps(q, normals), slack * self.size
@@ -661,6 +680,20 @@ class Task:
             ways = {(i, j): self.way_between((i, j), q) for i, j in np.argwhere(short).tolist()}
             gaps = self.pair_gaps(q, {**(normals or {}), **ways})
         return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
+
+    def restores(self, q: Array, slack: float) -> bool:
+        """Tell whether a motion closes each of `joints` to within a length, by its own elements."""
+        lines, pose = self.line_gaps(q)[1], self.pose(q)
+        single = np.array([len(joint.normals) == 1 for joint in self.joints])
+        if not (np.abs(lines[single]) <= slack).all():
+            return False
+        if not all(np.abs(self.joint_gaps(joint, pose)).min() <= slack for joint in self.joints):
+            return False
+        return all(seat.holds(pose, self.target, DEFAULT.cut * self.size) for seat in self.seats)
+
+    def joint_gaps(self, joint: Joint, pose: Array) -> Array:
+        """Return the signed separation of each part pair that carries a contact, at the scales made."""
+        return np.array([self.separations(parts, pose)[2].max() for parts in joint.hosts])
 
     @property
     def is_equation(self) -> bool:
@@ -689,6 +722,12 @@ class Task:
             return False
         gaps = self.pair_gaps(q)
         return bool((gaps >= self.needs - DEFAULT.requirement * self.size).all())
+
+
+def ways_of(movable: Body, static: Body, joint: Joint) -> tuple[FeaturePoints, ...]:
+    """Return what a contact's lines may be of: one for each direction in which its parts may come apart."""
+    both = zip(joint.sites.tolist(), joint.normals, strict=True)
+    return tuple(feature_points(movable, static, tuple(site), joint.parts, n, np.eye(3)) for site, n in both)
 
 
 def _shifts_at_right_angles(problem: Problem) -> bool:

@@ -50,7 +50,7 @@ from fcdm_opt.tolerances import DEFAULT
 Made = TypeVar("Made")
 MOST_BITS = 10_000  # of a whole number that Python writes in decimals
 Requirement = Literal["A", "B", "C", "D"]
-Goal = Literal["beyond", "at", "seat", "touch", "clear"]
+Goal = Literal["beyond", "at", "seat", "touch", "clear", "fit"]
 Corner = Literal["worst", "loosest", "low", "high", "middle"]
 
 
@@ -119,9 +119,9 @@ class Defaults(SizeKeys):
     goal: Goal | None = declared(
         None,
         '"beyond" (the tracked contact ends in the quadrant beyond the target), "at" (exactly at the '
-        'target), "seat" (so that a flush contact stays flush), "touch" (the pair made touches) or "clear" (it keeps '
-        'clearance); without it "beyond" at a switching point with a requirement, "seat" where the contact is flush, '
-        'else "touch"',
+        'target), "seat" (so that a flush contact stays flush), "touch" (the pair made touches), "clear" (it keeps '
+        'clearance) or "fit" (the largest gap of several contacts is least); without it "at" with contacts, "beyond" '
+        'at a switching point with a requirement, "seat" where the contact is flush, else "touch"',
         "touch",
     )
     pair: Literal["any", "clear", "touch"] = declared(
@@ -163,6 +163,13 @@ class Defaults(SizeKeys):
         "labels of the two features to track at a switching point where more than two lines meet: two labels such as "
         "V1F2(P1V6; P2V2,V3,V5)",
         ["V1F2(P1V6; P2V2,V3,V5)", "E1E2(P1V4,V3; P2V9,V10)"],
+    )
+    contacts: Literal["all"] | list[str] | None = declared(
+        None,
+        '"all", or labels of nominal contacts that goal "at", "seat" or "fit" restores together: ["V1F2(P1V6; '
+        'P2V2,V3,V5)", ...]; without it the one tracked',
+        "all",
+        ["V1F2(P1V6; P2V2,V3,V5)", "V1F2(P1V1; P2V2,V3,V5)"],
     )
     snap: Length = declared(
         DEFAULT.snap, "relative distance >= 0 within which a nominal pair may be closed to the curve", 1e-06

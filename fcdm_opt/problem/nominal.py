@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.contact import Joint, joints
 from fcdm_opt.curve.decision_curve import DecisionCurve, drawn_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush
@@ -19,6 +20,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.tolerances import DEFAULT
 
 TRACKING = ("beyond", "at", "seat")  # goals that follow the nominal contact
+FIT = "fit"  # the goal that asks of several contacts only how far they are open
 
 
 class Snapped(NamedTuple):
@@ -39,6 +41,7 @@ class NominalContact:
     snap: float
     goal: str | None
     features: Any
+    contacts: Any
 
     def __init__(self, **values: Any) -> None:
         self.__dict__.update(values)
@@ -80,7 +83,7 @@ class NominalContact:
 
         A switching point within `snap` comes first; goal "beyond" speaks of nothing else.
         """
-        if self.goal not in (None, *TRACKING) or isinstance(self.nominal, int):
+        if self.goal not in (None, *TRACKING, FIT) or isinstance(self.nominal, int):
             return None
         located = self._located
         if isinstance(located, SwitchingPoint) or (isinstance(located, Segment) and self.goal != "beyond"):
@@ -120,6 +123,45 @@ class NominalContact:
         """The flush contacts at the nominal pair, tracked or besides; none off the curve."""
         return () if self.nominal_contact is None else self.curve.flush(self.nominal_pair)
 
+    @cached_property
+    def nominal_joints(self) -> tuple[Joint, ...]:
+        """Every contact of the nominal position, each feature once; none off the curve."""
+        if self.nominal_contact is None:
+            return ()
+        return joints(self.movable, self.static, self.nominal_pair, DEFAULT.snap * self.size)
+
+    def chosen_contacts(self, asked: Any) -> tuple[Feature, ...]:
+        """Return the nominal contacts of these labels, in their order; all for "all", none for None.
+
+        Raises
+        ------
+        InputError
+            For a label that is not one of them, and one that is given twice.
+        """
+        known = tuple(joint.feature for joint in self.nominal_joints) if asked is not None else ()
+        if asked is None or asked == "all":
+            return known
+        listed = "; ".join(map(str, known)) or "the nominal pair has no contact"
+        chosen: list[Feature] = []
+        for k, label in enumerate(asked, 1):
+            key = f"contacts[{k}]"
+            with placed(key=key):
+                feature = Feature.from_label(label)
+            if feature not in known:
+                raise InputError("no such contact at the nominal position", key=key, found=label, allowed=listed)
+            if feature in chosen:
+                raise InputError("named twice", key=key, found=label, allowed="each contact once")
+            chosen.append(feature)
+        if not chosen:
+            raise InputError("no contact is named", key="contacts", found=[], allowed=f'"all", or some of {listed}')
+        return tuple(chosen)
+
+    @property
+    def chosen_joints(self) -> tuple[Joint, ...]:
+        """The contacts that are restored together, see `Problem.contacts`."""
+        known = {joint.feature: joint for joint in self.nominal_joints} if self.contacts else {}
+        return tuple(known[feature] for feature in self.contacts or ())
+
     @property
     def nominal_features(self) -> tuple[Feature, ...]:
         """The features of the nominal contact: two at a switching point, one inside a segment, none off the curve."""
@@ -135,6 +177,8 @@ class NominalContact:
         """The features that the goal follows: the nominal ones, for "seat" all flush contacts there besides."""
         if self.goal not in TRACKING:
             return ()
+        if self.contacts:
+            return tuple(self.contacts)
         own = self.nominal_features
         others = self.nominal_seats if self.goal == "seat" else ()
         return (*own, *dict.fromkeys(seat.touching for seat in others if not {seat.feature, seat.touching} & set(own)))
@@ -155,7 +199,7 @@ class NominalContact:
 
         See `fcdm_opt.curve.tight.choices`. Empty where two were named, or there is no choice.
         """
-        if self.features is not None or self.goal not in TRACKING:
+        if self.features is not None or self.contacts or self.goal not in TRACKING:
             return ()
         contact = self.nominal_contact
         pairs = choices(contact) if isinstance(contact, SwitchingPoint) else ()

@@ -76,8 +76,8 @@ class Problem(NominalContact, Shown):
         Scales in which the decision curve is shown and its switching points are numbered.
     motion : Motion
         The family of motions to choose from.
-    goal : "beyond", "at", "seat", "touch" or "clear", optional
-        Default: "beyond" at a switching point between two segments with a requirement, "seat" where the nominal contact
+    goal : "beyond", "at", "seat", "touch", "clear" or "fit", optional
+        Default: "at" with `contacts`, "beyond" at a switching point between two segments with a requirement, "seat" where the nominal contact
         is flush (at such a point too where it leaves no play), else "touch".
     pair : "any", "clear" or "touch"
         State of the target pair that is required besides the goal.
@@ -106,6 +106,11 @@ class Problem(NominalContact, Shown):
     features : (label, label), optional
         The two features to track at a switching point where more than two lines meet; default those of the segments
         that meet there. Attribute: two `Feature`, or None.
+    contacts : "all" or sequence of labels, optional
+        Contacts of the nominal position that goal "at" or "seat" restores together, at the end of the motion, with
+        nothing overlapping; flush ones stay flush. Goal "fit" leaves none of them overlapping and makes the largest of
+        their gaps least. Attribute: tuple of `Feature`, empty where the goal tracks one contact, or none; with some,
+        `path` is "free", and `pair` is "touch", of "fit" "clear".
     snap : float
         For goals that need a nominal contact: a nominal pair off the curve is closed to the nearest point of the curve
         in the (rho_1, rho_2) plane, or to a switching point, where its gap is at most `snap` times the size of the
@@ -156,6 +161,7 @@ class Problem(NominalContact, Shown):
     keep_out: tuple[KeepOut, ...]
     resolution: Any
     features: Any
+    contacts: Any
     snap: float
     sizes: tuple[Size, ...]
     made: Any
@@ -187,6 +193,7 @@ class Problem(NominalContact, Shown):
         keep_out: Sequence[KeepOut] = (),
         resolution: float | Mapping[str, float] | None = None,
         features: Sequence[Any] | None = None,
+        contacts: str | Sequence[Any] | None = None,
         snap: float = DEFAULT.snap,
         sizes: Sequence[Size] = (),
         made: Mapping[str, float] | str | None = None,
@@ -331,7 +338,7 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     contact = NominalContact(**{**request, **parts})
     contact.check_number()
     if asked.goal is None:
-        goal = contact.default_goal(asked.requirement is not None)
+        goal = "at" if asked.contacts else contact.default_goal(asked.requirement is not None)
         as_asked = goal not in TRACKING  # "touch" takes the nominal pair as asked for, not as closed to the curve
         contact = NominalContact(**{**(request if as_asked else vars(contact)), **parts, "goal": goal})
     length = asked.movable.size / 2 if asked.length is None else asked.length
@@ -340,8 +347,12 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     steps = asked.resolution
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
+    several = contact.chosen_contacts(asked.contacts)
+    together = {"path": "free", "pair": "clear" if contact.goal == "fit" else "touch"} if several else {}
     return {
         **vars(contact),
+        **together,
+        "contacts": several,
         **made,
         "request": request,
         "length": length,
@@ -427,6 +438,7 @@ def _check_agreement(asked: Arguments) -> None:
         what = "a requirement needs a tolerance" if asked.tolerance is None else "a target takes no tolerance"
         given = "no tolerance" if asked.tolerance is None else asked.tolerance
         raise InputError(what, key="tolerance", found=given, allowed="requirement and tolerance, or target alone")
+    _check_several(asked)
     if asked.clearance > 0 and "clear" not in (asked.goal, asked.pair):
         raise InputError(
             "nothing asks for this clearance",
@@ -441,6 +453,28 @@ def _check_agreement(asked: Arguments) -> None:
             found=f"goal {asked.goal!r}, pair {asked.pair!r}, clearance {asked.clearance}",
             allowed='clearance = 0, or "clear" without "touch"',
         )
+
+
+def _check_several(asked: Arguments) -> None:
+    """Refuse what contacts that are restored together leave no room for."""
+    if asked.contacts is None and asked.goal != "fit":
+        return
+    goals = (None, "at", "seat", "fit")
+    wrong: list[tuple[str, Any, str]] = []
+    if asked.contacts is None:
+        wrong.append(("contacts", None, 'contacts = "all", or a list of labels, with goal "fit"'))
+    if asked.goal not in goals:
+        wrong.append(("goal", asked.goal, '"at", "seat" or "fit" with contacts'))
+    if asked.pair == "clear" or (asked.goal == "fit" and asked.pair == "touch"):
+        wrong.append(("pair", asked.pair, '"any" with contacts: nothing overlaps in any case'))
+    if asked.amount != "weighted":
+        wrong.append(("amount", asked.amount, '"weighted" with contacts'))
+    if asked.resolution is not None:
+        wrong.append(("resolution", asked.resolution, "none with contacts: in whole steps they would not all touch"))
+    if asked.features is not None:
+        wrong.append(("features", asked.features, "either features, two that are tracked, or contacts"))
+    for key, found, allowed in wrong:
+        raise InputError("does not go with contacts that are restored together", key=key, found=found, allowed=allowed)
 
 
 def _sizes_made(request: Mapping[str, Any], contact: NominalContact) -> dict[str, Any]:

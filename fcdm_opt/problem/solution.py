@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
@@ -212,6 +213,9 @@ class Solution(Plain, Shown):
     evidence : Evidence or None
         What `certify` proved, to be checked apart.
     certificate : Certificate or None
+    unique_within : float
+        Where several contacts are restored together: no other motion restores them whose parameters, each times its
+        weight, are at most this; 0 where nothing is proved.
     seconds : dict
         Wall time of "build" (compiling templates), "solve", "prove" (and confirming, where only that is asked) and
         "verify".
@@ -222,7 +226,8 @@ class Solution(Plain, Shown):
     plain_names = (
         "problem", "status", "advice", "usable", "parameters", "motion", "transform", "amount", "lower_bound", "rho",
         "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped", "active", "modelled", "stage",
-        "stopped", "gap", "doubt", "evidence", "sensitivity", "certificate", "seconds",
+        "stopped", "gap", "unique_within", "contact_gaps", "open_contacts", "doubt", "evidence", "sensitivity",
+        "certificate", "seconds",
     )  # fmt: skip
 
     problem: Problem
@@ -242,6 +247,7 @@ class Solution(Plain, Shown):
     stopped: str = ""
     evidence: Evidence | None = None
     certificate: Certificate | None = None
+    unique_within: float = 0.0
     seconds: Mapping[str, float] = field(default_factory=dict)
     derivatives: Sensitivity | None = field(default=None, repr=False)
 
@@ -294,6 +300,26 @@ class Solution(Plain, Shown):
         found = {check.name: check.value for check in checks}
         names = [keep_out.name for keep_out in self.problem.keep_out]
         return {name: found[kept_clear(name)] for name in names if kept_clear(name) in found}
+
+    @cached_property
+    def contact_gaps(self) -> dict[str, float]:
+        """Gap of each contact of the nominal position after the motion, length units, by label.
+
+        Of the parts made; those that are restored together where the problem names some. < 0 where its parts overlap.
+        Empty without a motion, and where the nominal pair has no contact.
+        """
+        problem = self.problem
+        if self.transform is None:
+            return {}
+        joints = problem.chosen_joints or problem.nominal_joints
+        pose = relative_pose(problem.movable, problem.static, self.transform)
+        return {joint.feature.label: joint.gap(problem.movable, problem.static, pose, self.pair) for joint in joints}
+
+    @property
+    def open_contacts(self) -> tuple[str, ...]:
+        """Labels of `contact_gaps` that are open: what touched at the nominal position and touches no more."""
+        limit = self.problem.contact_slack
+        return tuple(label for label, gap in self.contact_gaps.items() if gap > limit)
 
     def with_certificate(self, certificate: Certificate, seconds: Mapping[str, float]) -> Solution:
         """Return the solution with the judge's verdict, the status it implies, and the times."""

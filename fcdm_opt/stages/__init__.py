@@ -1,6 +1,7 @@
 """How motions are found: each stage answers a task, or says that the task is not its own.
 
 order            all stages in their order, and the rule that the first to settle a task answers it
+together         several contacts restored at once
 linear           motions in which all that is asked is linear: contacts brought to the target pair; translations
 turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`)

@@ -17,6 +17,7 @@ from fcdm_opt.stages.full import full
 from fcdm_opt.stages.linear import shift, straight, translations
 from fcdm_opt.stages.rays import one_parameter
 from fcdm_opt.stages.relaxation import nonlinear
+from fcdm_opt.stages.together import together
 from fcdm_opt.stages.turns import turns
 from fcdm_opt.tolerances import DEFAULT
 
@@ -31,6 +32,7 @@ def satisfied(task: Task) -> Answer | None:
 
 STAGES: dict[str, Callable[[Task], Answer | None]] = {
     "satisfied": satisfied,
+    "together": together,  # several contacts at once: nothing after it takes them
     # linear in the motion: closed forms and least distances
     "shift": shift,
     "straight": straight,
@@ -63,6 +65,9 @@ def settled(task: Task, model: str = "auto") -> Answer:
         Where the stage that is forced does not take the task.
     """
     last: Answer | None = None
+    if task.joints and model not in ("auto", "satisfied", "together"):
+        what = "this stage knows one contact, not several at once"
+        raise InputError(what, key="model", found=model, allowed='"auto" or "together"')
     for name in [name for name in STAGES if name != "full"] if model == "auto" else [model]:
         pacing.at(f"searching: {name}" if name != "nlp" else "searching: nonlinear program")
         try:

@@ -1,0 +1,220 @@
+"""How far a motion that restores several contacts is the only one: interval Newton over boxes of motions.
+
+Each contact gives equations between the pose and the elements that touch: a vertex in the plane of a face, an edge that
+meets an edge; a face or edge on a face several of the first kind. Where as many of them as there are parameters have
+derivatives over a box that are regular whichever they are there, no two motions of the box meet the equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.proof.intervals import Interval
+from fcdm_opt.proof.mean_value import Boxes, Expression, PosesOfPieces
+from fcdm_opt.tolerances import DEFAULT
+
+TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
+
+Equation = tuple[str, list[Interval]]
+
+
+def widest_unique(problem: Problem, q: Array) -> float:
+    """Return the half width of the widest box tried about no motion in which no other motion restores the contacts.
+
+    Parameters
+    ----------
+    problem : Problem
+        With `contacts`.
+    q : (k,) array
+        A motion that restores them. Boxes are of weights * q, and all hold it; 0 where none is proved.
+    """
+    largest = float(np.abs(problem.weights * q).max())
+    tried = max(largest, DEFAULT.least_unit * problem.size) * np.array(TRIED)
+    return float(tried[unique(problem, q, tried)].max(initial=0.0))
+
+
+def unique(problem: Problem, q: Array, half: Array) -> Array:
+    """Tell for boxes |weights * q| <= half, (n,), whether at most one motion within restores the contacts.
+
+    Limits narrow them only where they hold a parameter.
+    """
+    weights, (low, high) = problem.weights, problem.limits.T
+    moving = low < high
+    count, still = int(moving.sum()), np.where(moving, 0.0, low * weights)
+    equations = list(_equations(problem))
+    if len(equations) < count or not count:
+        return np.zeros(len(half), dtype=np.bool_)
+    wide = half[:, None] * moving
+    motion = PosesOfPieces(problem)
+    here = np.where(moving, weights * q, still)[None]
+    # derivatives at the motion, by the coordinates of the unit box: which equations are independent, and their inverse
+    tight = _slopes(motion, _boxes(here - 1e-9 * problem.size * moving, here + 1e-9 * problem.size * moving), equations)
+    slopes = tight.middle[0][:, moving] / (1e-9 * problem.size)
+    chosen = _independent(slopes, count)
+    if len(chosen) < count:
+        return np.zeros(len(half), dtype=np.bool_)
+    inverse = np.linalg.inv(slopes[chosen])
+    over = _slopes(motion, _boxes(still - wide, still + wide), [equations[k] for k in chosen])
+    places = np.broadcast_to(np.flatnonzero(moving), (len(half), count, count))
+    scaled = inverse / half[:, None, None]
+    product = Interval(scaled, np.zeros_like(scaled)).contracted(over.taken(np.ascontiguousarray(places)))
+    off = (product - Interval(np.eye(count))).size.sum(axis=2).max(axis=1)
+    return np.asarray(off * (1.0 + 2.0**-40) < 1.0)  # nan is not
+
+
+def least_amount(problem: Problem, way: Array, half: Array) -> float:
+    """Return an amount below which no motion restores the contacts, weighted; 0 where nothing is proved.
+
+    Of multipliers l of the equations F, way = J' l in weighted parameters y: F(y) = 0 asks for l . F(0) = -l . J y, J
+    somewhere between rest and y. So y is no shorter than |l . F(0)| / |J' l|, J within a box, or it leaves the box.
+
+    Parameters
+    ----------
+    way : (m,) array
+        Multipliers, one for each of `equations_at`: what is best is left to the caller.
+    half : (n,) array
+        Half widths of boxes of weighted parameters, of which the best is taken.
+    """
+    moving = problem.limits[:, 0] < problem.limits[:, 1]
+    equations, motion = list(_equations(problem)), PosesOfPieces(problem)
+    if problem.limits[~moving].any() or not len(half):
+        return 0.0
+    rest = np.zeros((1, len(moving)))
+    wide = half[:, None] * moving
+    (still, _), sides = equations_at(problem, rest[0]), np.stack([way])
+    poses = motion.poses(_boxes(rest, rest))
+    at_rest = [_expression(kind).values(poses.centre, given)[0][0][0] for kind, given in equations]
+    value = sum((float(w) * x for w, x in zip(way, at_rest, strict=True)), Interval(0.0))
+    short = max(float(np.max(value.low)), -float(np.max(value.high)), 0.0)
+    over = _slopes(motion, _boxes(-wide, wide), equations)
+    fixed = np.broadcast_to(sides, (len(half), 1, len(still)))
+    slope = Interval(fixed, np.zeros_like(fixed)).contracted(over).size[:, 0] / half[:, None]
+    steep = np.sqrt((slope * slope).sum(axis=1)) * (1.0 + 2.0**-40)
+    bounds = np.minimum(half, short / np.where(steep > 0.0, steep, np.inf)) * (1.0 - 2.0**-40)
+    return float(np.nan_to_num(np.where(steep > 0.0, bounds, half if short > 0.0 else 0.0)).max())
+
+
+def equations_at(problem: Problem, y: Array) -> tuple[Array, Array]:
+    """Return the values of the contacts' equations at weighted parameters, (m,), and their derivatives, (m, k).
+
+    In floats, to choose by: neither is an enclosure.
+    """
+    moving = problem.limits[:, 0] < problem.limits[:, 1]
+    equations, motion, step = list(_equations(problem)), PosesOfPieces(problem), 1e-9 * problem.size
+    poses = motion.poses(_boxes(y[None], y[None]))
+    values = [_expression(kind).values(poses.centre, given)[0][0][0].middle for kind, given in equations]
+    slopes = _slopes(motion, _boxes((y - step * moving)[None], (y + step * moving)[None]), equations).middle[0] / step
+    return np.array(values).ravel(), slopes
+
+
+def _boxes(low: Array, high: Array) -> Boxes:
+    rows = np.arange(len(low))
+    return Boxes(rows, np.zeros_like(rows), low, high)
+
+
+def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) -> Interval:
+    """Return derivatives of all equations over boxes times their half widths, (n, equations, k)."""
+    poses = motion.poses(boxes)
+    found = []
+    for kind, given in equations:
+        (_, slopes), _ = _expression(kind).slopes(poses.over, given)
+        n = len(boxes.rows)
+        sides = (
+            np.stack([np.broadcast_to(getattr(x, side), (n, 1)) for x in slopes], axis=-1)
+            for side in ("middle", "radius")
+        )
+        own = Interval(*sides).contracted(poses.change)
+        found.append(Interval(own.middle, np.where(poses.jumps[:, :, None], np.inf, own.radius)))
+    both = (np.concatenate([getattr(own, side) for own in found], axis=1) for side in ("middle", "radius"))
+    return Interval(*both)
+
+
+def _independent(slopes: Array, count: int) -> list[int]:
+    """Return equations whose derivatives are as far from dependent as can be had one by one, at most `count`."""
+    from scipy.linalg import qr
+
+    lengths = np.linalg.norm(slopes, axis=1)
+    _, R, order = qr((slopes / np.where(lengths > 0.0, lengths, 1.0)[:, None]).T, pivoting=True, mode="economic")
+    diagonal = np.abs(np.diag(R))
+    kept: list[int] = order[: len(diagonal)][diagonal > DEFAULT.nominal].tolist()
+    return sorted(kept[:count])
+
+
+# -------------------------------------------------------------------------------------------------------- equations
+
+
+def _equations(problem: Problem) -> Iterator[Equation]:
+    """Yield the equations of all contacts; none of those at corners, which may touch in several ways."""
+    for feature in problem.contacts:
+        yield from _equations_of(problem, feature)
+
+
+def _equations_of(problem: Problem, feature: Feature) -> Iterator[Equation]:
+    own, other = (
+        [Interval(scale) * (Interval(body.vertices[label - 1]) - body.seed) for label in element.vertices]
+        for body, element, scale in (
+            (problem.movable, feature.one, float(problem.target[0])),
+            (problem.static, feature.two, float(problem.target[1])),
+        )
+    )
+    kinds = feature.one.kind + feature.two.kind
+    if kinds == "EE":
+        yield "edges", [*_numbers(own[0], _less(own[1], own[0]), other[0], _less(other[1], other[0]))]
+    elif kinds[1] == "F":
+        a, b, c = _corners(other)
+        for point in own if kinds != "FF" else _corners(own):
+            yield "in two", [*_numbers(point, _cross(_less(b, a), _less(c, a)), a)]
+    elif kinds[0] == "F":
+        a, b, c = _corners(own)
+        for point in other:
+            yield "in one", [*_numbers(point, _cross(_less(b, a), _less(c, a)), a)]
+
+
+def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:
+    """Return three corners of a face that span the largest triangle."""
+
+    def area(three: tuple[Interval, ...]) -> float:
+        a, b, c = (point.middle for point in three)
+        return float(np.linalg.norm(np.cross(b - a, c - a)))
+
+    return max(combinations(points, 3), key=area)
+
+
+def _less(u: Interval, v: Interval) -> Interval:
+    return u - v
+
+
+def _cross(u: Interval, v: Interval) -> Interval:
+    rows = [u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3] for k in range(3)]
+    return Interval(*(np.array([getattr(row, side) for row in rows]) for side in ("middle", "radius")))
+
+
+def _numbers(*vectors: Interval) -> Iterator[Interval]:
+    for vector in vectors:
+        yield from (vector[k] for k in range(3))
+
+
+@cache
+def _expression(kind: str) -> Expression:
+    """Return the equation of a kind: of points of body 1 from its moved seed, and of body 2 from its own, scaled."""
+    import casadi
+
+    def in_two(R: Any, d: Any, p: Any) -> Any:
+        return casadi.dot(p[3:6], d + p[6:9] - R @ p[:3])
+
+    def in_one(R: Any, d: Any, p: Any) -> Any:
+        return casadi.dot(p[3:6], R.T @ (d + p[:3]) - p[6:9])
+
+    def edges(R: Any, d: Any, p: Any) -> Any:
+        return casadi.dot(casadi.cross(R @ p[3:6], p[9:12]), d + p[6:9] - R @ p[:3])
+
+    builds: dict[str, Callable[[Any, Any, Any], Any]] = {"in two": in_two, "in one": in_one, "edges": edges}
+    return Expression.of(12 if kind == "edges" else 9, builds[kind])

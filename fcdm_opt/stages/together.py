@@ -1,0 +1,441 @@
+"""Several contacts at once: the least motion that closes all of them, and what to say where none does.
+
+The gap of each contact is one equation, and flush contacts of motions that turn have those of their alignment besides.
+In weighted coordinates z the least motion of the linearised equations is a least distance problem in their null space,
+with alternatives where part pairs would overlap. While nothing turns, that is exact; else it is Newton's method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, islice, product
+
+import numpy as np
+
+from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.model.bounds import displacement_bound
+from fcdm_opt.model.equations import FeaturePoints, feature_points
+from fcdm_opt.model.task import Answer, Parts, Task, ways_of
+from fcdm_opt.problem.nominal import FIT
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.proof.uniqueness import equations_at, least_amount, widest_unique
+from fcdm_opt.stages.best_first import Choices, Rows, nearest
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS, LEAST_STEP = 40, 1e-14  # of Newton's method, and the last, in sizes
+CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
+MOST_NODES, FARTHEST = 2000, 1e6
+MOST_CHOICES = 64  # of the directions of contacts at corners and edges
+NEAREST_WAYS = 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
+BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
+MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
+LINEAR, NEWTON = "1: several contacts, linear in the motion", "2: several contacts, by Newton's method"
+
+
+def together(task: Task) -> Answer | None:
+    """Answer a task that restores several contacts at once; None for any other.
+
+    Exact where nothing turns: fewer independent contacts than parameters leave a family, of which the least motion is
+    taken, as many one motion; more are impossible unless they agree, and it is said which exclude each other.
+    """
+    if not task.joints:
+        return None
+    if task.goal == FIT:
+        return _fitted(task)
+    best, impossible, closest = None, True, None
+    for own in _choices(task):
+        z, met = own.least()
+        impossible = impossible and met is False
+        if z is None:
+            closest = closest or own
+        elif best is None or task.amount(own.q(z)) < task.amount(best[0].q(best[1])):
+            best = own, z
+    if best is not None:
+        return _answered(*best)
+    stage = LINEAR if task.motion.shifts else NEWTON
+    told = _Told(task, closest).sentences() if closest is not None else ()
+    if impossible and task.motion.shifts:
+        return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
+    return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
+
+
+def _answered(own: System, z: Array) -> Answer:
+    """Return a motion that restores all contacts as the answer."""
+    task, q = own.task, own.q(z)
+    exact = task.motion.shifts
+    only = np.linalg.matrix_rank(own.linearised(q)[1], DEFAULT.nominal) == own.moving.sum()
+    count = len(task.joints)
+    active = (f"{count} contacts at once" if count > 1 else "the contact", *own.at_limits(q))
+    pairs = {feature.parts for feature in own.features}
+    counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
+    bound = np.inf if exact else displacement_bound(task)
+    answer = task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
+    return replace(answer, unique=np.inf if exact and only else 0.0)
+
+
+def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
+    """Return an answer about several contacts and a motion that turns with what interval arithmetic proves of it.
+
+    How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
+    unless it is larger.
+    """
+    if problem.goal == FIT or problem.motion.shifts or (answer.q is not None and not answer.q.any()):
+        return answer
+    if answer.q is not None and not answer.unique:
+        answer = replace(answer, unique=widest_unique(problem, answer.q))
+    bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
+    if bound < answer.amount:
+        bound = max(bound, _bounded(problem, task, answer))
+    bound = min(bound, answer.amount)
+    if answer.q is not None or bound <= answer.lower_bound:
+        return replace(answer, lower_bound=max(bound, answer.lower_bound))
+    told = f"no motion below the amount {bound:.4g} closes all of them"
+    return replace(answer, lower_bound=bound, active=(*answer.active, told))
+
+
+def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
+    """Return the amount below which no motion restores the contacts, by multipliers at the motion nearest to that."""
+    y = task.weights * (answer.q if answer.q is not None else task.start)
+    if answer.q is None:
+        for _ in range(STEPS):  # to the least squares of the equations
+            values, slopes = equations_at(problem, y)
+            y = y - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+        half = max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES)
+        values, _ = equations_at(problem, y)
+        return least_amount(problem, values, half) if len(values) else 0.0
+    values, slopes = equations_at(problem, y)
+    if not len(values):
+        return 0.0
+    return least_amount(problem, np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0], np.array([answer.amount]))
+
+
+def _choices(task: Task) -> Iterator[System]:
+    """Yield the equations, of contacts at corners and edges for each direction in which they may touch."""
+    ways = [ways_of(task.movable, task.static, joint) for joint in task.joints]
+    for features in islice(product(*ways), MOST_CHOICES):
+        yield System(task, features)
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The equations of some contacts; z = weights * q / size.
+
+    Attributes
+    ----------
+    task : Task
+    features : tuple of FeaturePoints
+        One for each of the task's joints, or for some.
+    """
+
+    task: Task
+    features: tuple[FeaturePoints, ...]
+
+    def q(self, z: Array) -> Array:
+        """Return the motion parameters."""
+        task = self.task
+        return np.clip(z * task.size / task.weights, *task.limits.T)
+
+    @cached_property
+    def moving(self) -> Array:
+        """Which parameters are free to change, (k,)."""
+        return self.task.limits[:, 0] < self.task.limits[:, 1]
+
+    @cached_property
+    def turns(self) -> list[tuple[Array, Array]]:
+        """Directions that must stay aligned, see `Flush.turns`; of the seats that these contacts are of."""
+        if self.task.motion.shifts:
+            return []
+        own = {feature.parts for feature in self.features}
+        return [turn for seat in self.task.seats if seat.parts in own for turn in seat.turns]
+
+    @property
+    def count(self) -> int:
+        """How many equations there are."""
+        return len(self.features) + len(self.turns)
+
+    def linearised(self, q: Array) -> tuple[Array, Array]:
+        """Return the gaps in sizes, then how far flush contacts are from aligned, and their derivatives by z."""
+        task = self.task
+        T, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)
+        gaps, slopes = replace(task, besides=self.features).line_gaps(q)[1], []
+        normals = replace(task, besides=self.features).line_gaps(q)[0]
+        for feature, n, gap in zip(self.features, normals, gaps, strict=True):
+            slopes.append(-(rates @ np.append(_touched(task, feature, T, n, float(gap)), 1.0))[:, :3] @ n)
+        values = [*(gaps / task.size), *(m @ T[:3, :3] @ p for m, p in self.turns)]
+        slopes += [task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns]
+        return np.array(values), np.where(self.moving, np.array(slopes) / task.weights, 0.0)
+
+    def least(self, start: Array | None = None) -> tuple[Array | None, bool | None]:
+        """Return the least z that solves the equations and lets nothing overlap; and whether they can be solved.
+
+        None for what is not known: of motions that turn Newton's method may have missed a solution.
+        """
+        task = self.task
+        z = np.clip(np.zeros(len(task.weights)), *(task.limits.T * task.weights / task.size))
+        z = z if start is None else start
+        exact, groups, turned = task.motion.shifts, list[list[Rows]](), 0
+        for _ in range(STEPS):
+            values, slopes = self.linearised(self.q(z))
+            levels = slopes @ z - values
+            found = _nearest(slopes, levels, self._limits(), groups, self._closings() if exact and groups else None)
+            if found is None:
+                return None, False if exact else None
+            step, z = float(np.abs(found - z).max()), found
+            if step > (CONTRACTED if not exact else LEAST_STEP) and not exact:
+                continue
+            q = self.q(z)
+            if not np.abs(self.linearised(q)[0]).max() <= DEFAULT.line:
+                if exact or step <= LEAST_STEP:
+                    return None, False if exact else None
+                continue
+            if replace(task, besides=self.features).meets(q, DEFAULT.requirement):
+                return self._polished(z, groups), True
+            walls = self._walls(q)
+            if turned and exact or not walls:
+                return None, False if exact else None
+            groups, turned = walls, turned + 1
+        return None, None
+
+    def _polished(self, z: Array, groups: list[list[Rows]]) -> Array:
+        """Return z after a last step of Newton's method, where that is no worse."""
+        if self.task.motion.shifts or groups:
+            return z
+        values, slopes = self.linearised(self.q(z))
+        return z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+
+    def _limits(self) -> Rows:
+        task = self.task
+        normals = np.vstack([np.eye(len(task.weights)), -np.eye(len(task.weights))])
+        levels = np.concatenate([task.limits[:, 0], -task.limits[:, 1]]) * np.tile(task.weights, 2) / task.size
+        return Rows(normals[np.isfinite(levels)], levels[np.isfinite(levels)])
+
+    def _rows(self, parts: Parts, q: Array, most: int) -> Rows:
+        """Return gap >= 0 along facet directions of a part pair as rows over z, the widest first."""
+        task = self.task
+        sites, rows, gaps = task.separations(parts, task.pose(q))
+        order = np.argsort(-gaps)[:most]
+        if task.motion.shifts:
+            rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)[1][:, :3, 3]
+            slopes = np.where(self.moving, -(rows[order, :3] @ rates.T) * 1.0 / task.weights, 0.0)
+        else:
+            R, pairs = task.transform(q)[:3, :3], zip(sites[order].tolist(), rows[order, :3], strict=True)
+            features = [feature_points(task.movable, task.static, tuple(site), parts, n, R) for site, n in pairs]
+            slopes = System(task, tuple(features)).linearised(q)[1][: len(order)]
+        return Rows(slopes, slopes @ (q * task.weights / task.size) - gaps[order] / task.size)
+
+    def _walls(self, q: Array) -> list[list[Rows]]:
+        """Return for each pair with the static body that would overlap, or may on the way, its ways apart."""
+        task = self.task
+        own = {feature.parts for feature in self.features}
+        exact = task.motion.shifts
+        gaps = task.pair_gaps(q)
+        walls = []
+        for i, j in np.ndindex(gaps.shape):
+            if (i, j) in own or j >= len(task.static.parts):
+                continue
+            if exact or gaps[i, j] < -DEFAULT.cut * task.size:
+                rows = self._rows((i, j), q, 10**6 if exact else NEAREST_WAYS)
+                walls.append([Rows(rows.normals[k : k + 1], rows.levels[k : k + 1]) for k in range(len(rows.levels))])
+        return walls
+
+    def _closings(self) -> list[list[Rows]]:
+        """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other."""
+        task, rest = self.task, self.task.start
+        return [
+            [Rows(-rows.normals, -rows.levels) for parts in joint.hosts for rows in (self._rows(parts, rest, 10**6),)]
+            for joint in task.joints
+        ]
+
+    def at_limits(self, q: Array) -> tuple[str, ...]:
+        """Return "a limit" where a parameter is at one."""
+        low, high = self.task.limits.T
+        return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
+
+
+def _touched(task: Task, feature: FeaturePoints, T: Array, n: Array, gap: float) -> Array:
+    """Return the point of body 1, as made and at rest, at which a contact is or would be."""
+    own, other, rho = task.movable.seed, task.static.seed, task.target
+    points = feature.points.T
+    if feature.kind == V1F2:
+        return own + rho[0] * (points[0] - own)
+    if feature.kind == F1V2:
+        place = other + rho[1] * (points[3] - other) - gap * n
+    else:
+        assert feature.kind == E1E2
+        first = (own + rho[0] * (points[:2] - own)) @ T[:3, :3].T + T[:3, 3]
+        second = other + rho[1] * (points[2:] - other)
+        ways = np.column_stack([first[1] - first[0], second[0] - second[1]])
+        place = first[0] + np.linalg.lstsq(ways, second[0] - first[0], rcond=None)[0][0] * ways[:, 0]
+    return np.asarray((place - T[:3, 3]) @ T[:3, :3])
+
+
+def _nearest(
+    slopes: Array, levels: Array, limits: Rows, groups: Sequence[list[Rows]], closings: list[list[Rows]] | None = None
+) -> Array | None:
+    """Return the least z with slopes . z = levels, within limits, that meets an alternative of each group.
+
+    None where there is none: the equations disagree, or nothing of what they leave meets the rest.
+    """
+    centre = np.linalg.lstsq(slopes, levels, rcond=DEFAULT.nominal)[0]
+    if np.abs(slopes @ centre - levels).max(initial=0.0) > DEFAULT.touch:
+        return None
+    _, sizes, ways = np.linalg.svd(slopes)
+    free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]  # rows span the null space
+    every = [*groups, *(closings or ())]
+    inside = (limits.normals @ centre >= limits.levels - DEFAULT.line).all()
+    if inside and not every:
+        return np.asarray(centre)
+    kept = []
+    for group in every:
+        ahead = [_seen(rows, centre, free) for rows in group]
+        possible = [rows for rows in ahead if rows is not None]
+        if not possible:
+            return None
+        if all(len(rows.levels) for rows in possible):
+            kept.append(possible)
+    start = _seen(limits, centre, free)
+    if start is None:
+        return None
+    if not len(free):
+        return np.asarray(centre)
+    start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
+    choices = Choices.of(kept, len(free))
+    least = nearest(choices, [start], np.zeros(len(free)), slack=DEFAULT.cut, nodes=MOST_NODES, most=FARTHEST)
+    return None if least.y is None else np.asarray(centre + least.y @ free)
+
+
+def _seen(rows: Rows, centre: Array, free: Array) -> Rows | None:
+    """Return rows over z as rows over the null space, without those that always hold; None where one never does."""
+    normals, levels = rows.normals @ free.T, rows.levels - rows.normals @ centre
+    flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
+    if (levels[flat] > DEFAULT.touch).any():
+        return None
+    return Rows(normals[~flat], levels[~flat])
+
+
+# ------------------------------------------------------------------------------------------ where not all can be closed
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What keeps contacts from being restored together, and which of them can be."""
+
+    task: Task
+    own: System
+
+    def sentences(self) -> tuple[str, ...]:
+        """Return which contacts exclude each other, by number, and which carry without the others."""
+        count = len(self.own.features)
+        if count > MOST_EXPLAINED:
+            return (f"{count} contacts: too many to tell which exclude each other",)
+        told = [f"contacts {_listed(group)} exclude each other" for group in self.conflicts]
+        if not told:
+            return ("nothing of what closes all contacts keeps parts from overlapping, or elements on each other",)
+        return (*told, *self._carried())
+
+    @cached_property
+    def conflicts(self) -> list[tuple[int, ...]]:
+        """The least sets of contacts that no motion closes together, whatever else it does."""
+        found: list[tuple[int, ...]] = []
+        count, most = len(self.own.features), int(self.own.moving.sum()) + 1
+        for size in range(2, min(count, most) + 1):
+            for group in combinations(range(count), size):
+                if not any(set(known) <= set(group) for known in found) and not self._agree(group):
+                    found.append(group)
+        return found
+
+    def _agree(self, group: tuple[int, ...]) -> bool:
+        """Tell whether the equations of some contacts alone have a solution."""
+        own = System(self.task, tuple(self.own.features[k] for k in group))
+        z = np.zeros(len(self.task.weights))
+        for _ in range(STEPS):
+            values, slopes = own.linearised(z * self.task.size / self.task.weights)
+            step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+            z = z - step
+            if np.abs(step).max() <= LEAST_STEP * 10 or self.task.motion.shifts:
+                break
+        return bool(np.abs(own.linearised(z * self.task.size / self.task.weights)[0]).max() <= DEFAULT.touch)
+
+    def _carried(self) -> Iterator[str]:
+        """Yield which contacts can be closed together while the others are open, and by how much."""
+        count = len(self.own.features)
+        told = 0
+        for size in range(count - 1, 0, -1):
+            for group in combinations(range(count), size):
+                if any(set(known) <= set(group) for known in self.conflicts):
+                    continue
+                some = replace(
+                    self.task,
+                    joints=tuple(self.task.joints[k] for k in group),
+                    besides=tuple(self.own.features[k] for k in group),
+                )
+                z, _ = System(some, some.besides).least()
+                if z is None:
+                    continue
+                gaps = replace(self.task, besides=self.own.features).line_gaps(self.own.q(z))[1].tolist()
+                if min(gaps) < -DEFAULT.touch * self.task.size:
+                    continue  # past it, not above it
+                left = [f"{k + 1} open by {gaps[k]:.4g}" for k in range(count) if k not in group]
+                told += 1
+                yield f"{_listed(group)} can carry, with {', '.join(left)}"
+            if told:
+                return
+
+
+def _listed(group: Sequence[int]) -> str:
+    return ", ".join(str(k + 1) for k in group)
+
+
+# ------------------------------------------------------------------------------------------------------------ goal "fit"
+
+
+def _fitted(task: Task) -> Answer:
+    """Return the least motion of those that leave no contact overlapping and make the largest gap least.
+
+    A linear program where nothing turns, exact; else one after the other.
+    """
+    from scipy.optimize import linprog
+
+    own = next(_choices(task))
+    exact, count = task.motion.shifts, len(own.features)
+    z, stage = np.clip(task.rest, *task.limits.T) * task.weights / task.size, LINEAR if exact else NEWTON
+    failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
+    low, high = (side * task.weights / task.size for side in task.limits.T)
+    for _ in range(1 if exact else STEPS):
+        values, slopes = own.linearised(own.q(z))
+        gaps, rates = values[:count] - slopes[:count] @ z, slopes[:count]
+        aligned = {"A_eq": np.column_stack([slopes[count:], np.zeros(own.count - count)])} if own.turns else {}
+        if own.turns:
+            aligned["b_eq"] = slopes[count:] @ z - values[count:]
+        ones = np.ones((count, 1))
+        program = linprog(
+            np.append(np.zeros(len(z)), 1.0),
+            A_ub=np.vstack([np.column_stack([-rates, 0.0 * ones]), np.column_stack([rates, -ones])]),
+            b_ub=np.concatenate([gaps, -gaps]),
+            bounds=[*zip(low, high, strict=True), (0.0, None)],
+            method="highs",
+            **aligned,
+        )
+        if program.status != 0:
+            return replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
+        largest = max(float(program.fun), 0.0) + DEFAULT.tie
+        rows = own._limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
+        flat = np.linalg.norm(rows.normals, axis=1) > DEFAULT.tie
+        rows = Rows(rows.normals[flat], rows.levels[flat])
+        found = _nearest(slopes[count:], slopes[count:] @ z - values[count:], rows, ())
+        found = program.x[:-1] if found is None else found
+        step, z = float(np.abs(found - z).max()), found
+        if step <= CONTRACTED:
+            break
+    q = own.q(z)
+    if not task.meets(q, DEFAULT.requirement):
+        return replace(failed, active=("parts overlap besides these contacts",))
+    opened = np.maximum(task.line_gaps(q)[1], 0.0)
+    at = np.flatnonzero(opened >= opened.max() - DEFAULT.line * task.size)
+    active = (f"largest gap {opened.max():.6g}, of contact {_listed(at.tolist())}",)
+    counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
+    return task.answer(q, stage, np.inf if exact else 0.0, active, counts)
