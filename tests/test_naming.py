@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import product
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from fcdm_opt import Body, decision_curve
+from fcdm_opt import Body, Problem, Translation, decision_curve
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.naming import names_of_faces
 
 
@@ -28,8 +31,6 @@ def tube(inner: float, outer: float, count: int) -> Body:
 
 
 def turned(body: Body, axis: np.ndarray) -> Body:
-    from scipy.spatial.transform import Rotation
-
     T = np.eye(4)
     T[:3, :3] = Rotation.from_rotvec(axis).as_matrix()
     T[:3, 3] = 3.0, -1.0, 7.0
@@ -72,3 +73,23 @@ def test_what_is_told_of_a_contact_is_short_and_its_label_is_as_before() -> None
     corners = ",".join(f"V{v}" for v in side)
     told = Feature.from_label(f"F1V2(P1{corners}; P2V3)").told(lid, plate)
     assert told == f"F1V2(P1{corners} of cylinder radius 9.9; P2V3)"
+
+
+def test_names_that_mean_one_feature_are_taken_as_labels_are() -> None:
+    plate = Body.convex(prism(9.9, 24), name="plate")
+    cube = 3.0 * (np.array(list(product([0.0, 1.0], repeat=3))) - 0.5)
+    lid = Body.convex(np.array([8.0, 1.0, 7.2]) + Rotation.from_rotvec([0.3, 0.5, 0.1]).apply(cube), name="lid")
+    box = ((0.3, 3.0), (0.3, 3.0))
+    first = decision_curve(lid, plate, box=box).switching_points[0]
+    labels = [feature.label for feature in first.features]
+    names = [feature.told(lid, plate) for feature in first.features]
+    assert names[0] == "V1F2(P1V5; P2 top)" != labels[0]
+
+    def tracked(given: list[str]) -> tuple[Feature, ...]:
+        shifts = Translation("x") >> Translation("z")
+        asked = Problem(lid, plate, nominal=1, requirement="A", tolerance=0.01, features=given, motion=shifts, box=box)
+        return asked.tracked_features
+
+    assert tracked(names) == tracked(labels)
+    with pytest.raises(InputError, match="not a feature label"):
+        tracked(["V1F2(P1V5; P2 bottom)", labels[1]])
