@@ -118,7 +118,7 @@ def _family(
     **names: str,
 ) -> dict[str, Any]:
     """Return the frames by value, increasing, with what to say where there is none or the time did not suffice."""
-    end, least = perf_counter() + seconds, LEAST if seconds > 0.0 else 1
+    end, least = perf_counter() + seconds, LEAST if seconds >= 0.0 else 1  # below 0: the time given is over
     frames: dict[float, dict[str, Any]] = {}
     refused: list[float] = []
     for value in _coarse_to_fine(values):
