@@ -6,7 +6,9 @@ import re
 from dataclasses import dataclass
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.naming import MANY, names_of_faces
 
 _VERTICES = r"V[1-9][0-9]*(?:,V[1-9][0-9]*)*"
 _LABEL = re.compile(rf"([VEF])1([VEF])2\(P1({_VERTICES}); ?P2({_VERTICES})\)")
@@ -43,6 +45,16 @@ class Feature:
         """For instance "V1F2(P1V6; P2V2,V3,V5)"."""
         one, two = (",".join(f"V{v}" for v in element.vertices) for element in (self.one, self.two))
         return f"{self.kind}(P1{one}; P2{two})"
+
+    def told(self, movable: Body, static: Body) -> str:
+        """Return the label with names of the bodies' faces: F1F2(P1 bottom; P2 face 75), see `names_of_faces`."""
+        words = []
+        for element, body in ((self.one, movable), (self.two, static)):
+            face = tuple(sorted(element.vertices))
+            name = names_of_faces(body).get(face, "") if element.kind == "F" else ""
+            corners = ",".join(f"V{v}" for v in element.vertices)
+            words.append(corners if not name else f" {name}" if len(face) >= MANY else f"{corners} of {name}")
+        return f"{self.kind}(P1{words[0]}; P2{words[1]})"
 
     @property
     def _key(self) -> tuple[str, frozenset[int], frozenset[int]]:

@@ -206,7 +206,7 @@ def state_text(situation: Situation, unit: str) -> str:
     }
     text = words[situation.state]
     if situation.state == "touching":
-        labels = [short(contact.label) for contact in situation.contacts]
+        labels = [short(contact.told(situation.movable, situation.static)) for contact in situation.contacts]
         more = [f"{len(labels) - MOST_CONTACTS} more"] if len(labels) > MOST_CONTACTS else []
         listed = " and ".join([*labels[:MOST_CONTACTS], *more])
         at = f", at {len(labels)} places" if len(labels) > 1 else ""

@@ -296,7 +296,8 @@ class NominalContact:
         chosen = []
         for k, label in enumerate(labels, 1):
             with placed(key=f"features[{k}]"):
-                feature = Feature.from_label(label)
+                meant = [own for own in lines if own.told(self.movable, self.static) == label]
+                feature = meant[0] if len(meant) == 1 else Feature.from_label(label)
             if feature not in lines:
                 listed = "; ".join(str(name) for name in lines)
                 raise InputError(

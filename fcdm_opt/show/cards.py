@@ -195,7 +195,7 @@ def solution_card(solution: Solution) -> Card:
         _title("Solution", problem),
         said=solution.advice,
         facts=facts,
-        lists={"contact": [feature.label for feature in solution.features]},
+        lists={"contact": [feature.told(problem.movable, problem.static) for feature in solution.features]},
         state=solution.status.name,
         mood=mood_of(solution),
         picture=before_after_figure(problem, solution),

@@ -25,6 +25,8 @@ change, may end on another side of the other body."""
 def remarks(solution: Solution) -> list[str]:
     """Return what a table's row does not say, a sentence each."""
     told, unit = [], solution.problem.unit
+    if solution.stopped and solution.status.found:
+        told.append(f"{solution.stopped}; the bound is what was proved by then")
     if (snapped := solution.problem.snapped) is not None:
         was = f"nominal ({numbers(snapped.asked, 9)}), where the gap was {measured(f'{snapped.gap:.3g}', unit)}"
         told.append(f"{was}, closed to the curve at ({numbers(snapped.pair, 9)})")

@@ -62,7 +62,7 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
         segments = [
             {
                 "segment": f"S{s.index}" + (" (snug)" if s.snug else ""),
-                "feature": _label(s.feature),
+                "feature": _label(s.feature, curve),
                 **{name: f"{x:.6f}" for name, x in zip("abc", s.line, strict=True)},
                 "from": _point(s.start),
                 "to": _point(s.end),
@@ -77,7 +77,7 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
                 "switching point": f"SW{p.index}",
                 "rho": _point(p.rho),
                 "kind": p.kind,
-                "contact": "\n".join(map(_label, p.contact_features)),
+                "contact": "\n".join(_label(feature, curve) for feature in p.contact_features),
                 "at": "\n".join(map(_point, p.contacts)),
             }
             for p in curve.switching_points
@@ -86,9 +86,9 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
             print_rows(points)
 
 
-def _label(feature: Any) -> str:
-    """Return a feature's label, on two lines where faces with many vertices make it long."""
-    label: str = feature.label
+def _label(feature: Any, bodies: Any) -> str:
+    """Return a feature's label with names of round and large faces, on two lines where it is long."""
+    label: str = feature.told(bodies.movable, bodies.static)
     return label if len(label) <= 2 * CELL_WIDTH else label.replace("; ", ";\n  ")
 
 
@@ -160,8 +160,8 @@ def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
                     "motion there": at.replace(" + ", " +\n"),
                     "event": event.kind + ("\n(grazing)" if event.grazing else ""),
                     "off by\nat most": f"{event.error:.1g}" if event.error else "",
-                    "no longer the contact": "\n".join(map(_label, event.features)),
-                    "takes over": "\n".join(map(_label, event.successors)),
+                    "no longer the contact": "\n".join(_label(each, problem) for each in event.features),
+                    "takes over": "\n".join(_label(each, problem) for each in event.successors),
                 }
             )
     print_rows(lines, numbers=("x",))

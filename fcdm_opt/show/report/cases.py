@@ -165,7 +165,8 @@ def _pictures(problem: Problem, solution: Solution, seconds: float) -> dict[str,
     poses = _poses(frames, problem, solution)
     start = perf_counter()
     motion = motion_family(frames, solution, seconds / 2)
-    tolerance = tolerance_family(frames, problem, solution, seconds - (perf_counter() - start))
+    left = max(seconds - (perf_counter() - start), 0.0) if seconds >= 0.0 else seconds
+    tolerance = tolerance_family(frames, problem, solution, left)
     low, high = tolerance_box(problem)
     return {
         "scene": scene(problem),

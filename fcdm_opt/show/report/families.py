@@ -118,11 +118,11 @@ def _family(
     **names: str,
 ) -> dict[str, Any]:
     """Return the frames by value, increasing, with what to say where there is none or the time did not suffice."""
-    end = perf_counter() + seconds
+    end, least = perf_counter() + seconds, LEAST if seconds >= 0.0 else 1  # below 0: the time given is over
     frames: dict[float, dict[str, Any]] = {}
     refused: list[float] = []
     for value in _coarse_to_fine(values):
-        if len(frames) + len(refused) >= LEAST and perf_counter() > end:
+        if len(frames) + len(refused) >= least and perf_counter() > end:
             break
         made = frame(value)
         if made is None:

@@ -74,7 +74,7 @@ def gather(
                     with pacing.sharing(SOLVED):
                         case = solved_case(problem, certify=certify)
                     pacing.at("drawing")
-                    drawn = min(seconds, max(pacing.left(), 0.0))
+                    drawn = min(seconds, pacing.left())
                     with pacing.unlimited():
                         data = case_report(problem, case, seconds=drawn)
             except InputError as reason:

@@ -1,0 +1,95 @@
+"""Short names of round and large faces, by prisms whose radii are known."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fcdm_opt import Body, Problem, Translation, decision_curve
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.naming import names_of_faces
+
+
+def ring(radius: float, count: int, z: float) -> np.ndarray:
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(count, z)])
+
+
+def prism(radius: float, count: int, z: tuple[float, float] = (0.0, 5.0)) -> np.ndarray:
+    return np.vstack([ring(radius, count, end) for end in z])
+
+
+def tube(inner: float, outer: float, count: int) -> Body:
+    rings = [ring(radius, count, z) for z in (0.0, 5.0) for radius in (inner, outer)]
+    sectors = [np.vstack([own[[k, (k + 1) % count]] for own in rings]) for k in range(count)]
+    return Body.from_parts(sectors, seed=np.zeros(3))
+
+
+def turned(body: Body, axis: np.ndarray) -> Body:
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_rotvec(axis).as_matrix()
+    T[:3, 3] = 3.0, -1.0, 7.0
+    return body.moved(T)
+
+
+@pytest.mark.parametrize("count", [12, 24, 60])
+@pytest.mark.parametrize("axis", [np.zeros(3), np.array([0.3, -0.7, 0.2])], ids=["drawn", "turned"])
+def test_facets_around_an_axis_are_a_cylinder_outside_and_a_bore_inside(count: int, axis: np.ndarray) -> None:
+    shaft = names_of_faces(turned(Body.convex(prism(9.9, count)), axis))
+    assert Counter(shaft.values())["cylinder radius 9.9"] == count
+    bored = Counter(names_of_faces(turned(tube(10.0, 30.0, count), axis)).values())
+    assert (bored["cylinder radius 30"], bored["bore radius 10"]) == (count, count)
+
+
+def test_a_face_of_many_corners_is_named_after_where_it_is() -> None:
+    shaft = Body.convex(prism(9.9, 24))
+    names = names_of_faces(shaft)
+    large = {names[face]: {shaft.vertices[v - 1][2] for v in face} for face in shaft.faces if len(face) == 24}
+    assert large == {"bottom": {0.0}, "top": {5.0}}
+
+
+@pytest.mark.parametrize("count", [3, 4, 5])
+def test_a_prism_of_few_sides_is_no_cylinder(count: int) -> None:
+    assert names_of_faces(Body.convex(prism(1.0, count))) == {}
+
+
+def test_an_oval_is_no_cylinder() -> None:
+    corners = prism(1.0, 24) * [2.0, 1.0, 1.0]
+    assert set(names_of_faces(Body.convex(corners)).values()) == {"top", "bottom"}
+
+
+def test_what_is_told_of_a_contact_is_short_and_its_label_is_as_before() -> None:
+    lid, plate = Body.convex(prism(9.9, 24, (5.0, 9.0)), name="lid"), Body.convex(prism(30.0, 48), name="plate")
+    curve = decision_curve(lid, plate, box=((0.9, 1.1), (0.9, 1.1)))
+    features = {segment.feature for segment in curve.segments}
+    assert "F1F2(P1 bottom; P2 top)" in {feature.told(lid, plate) for feature in features}
+    assert all(Feature.from_label(feature.label) == feature for feature in features)
+    side = next(face for face in lid.faces if len(face) == 4)
+    corners = ",".join(f"V{v}" for v in side)
+    told = Feature.from_label(f"F1V2(P1{corners}; P2V3)").told(lid, plate)
+    assert told == f"F1V2(P1{corners} of cylinder radius 9.9; P2V3)"
+
+
+def test_names_that_mean_one_feature_are_taken_as_labels_are() -> None:
+    plate = Body.convex(prism(9.9, 24), name="plate")
+    cube = 3.0 * (np.array(list(product([0.0, 1.0], repeat=3))) - 0.5)
+    lid = Body.convex(np.array([8.0, 1.0, 7.2]) + Rotation.from_rotvec([0.3, 0.5, 0.1]).apply(cube), name="lid")
+    box = ((0.3, 3.0), (0.3, 3.0))
+    first = decision_curve(lid, plate, box=box).switching_points[0]
+    labels = [feature.label for feature in first.features]
+    names = [feature.told(lid, plate) for feature in first.features]
+    assert names[0] == "V1F2(P1V5; P2 top)" != labels[0]
+
+    def tracked(given: list[str]) -> tuple[Feature, ...]:
+        shifts = Translation("x") >> Translation("z")
+        asked = Problem(lid, plate, nominal=1, requirement="A", tolerance=0.01, features=given, motion=shifts, box=box)
+        return asked.tracked_features
+
+    assert tracked(names) == tracked(labels)
+    with pytest.raises(InputError, match="not a feature label"):
+        tracked(["V1F2(P1V5; P2 bottom)", labels[1]])
