@@ -40,7 +40,8 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
     normals, points = body.face_planes
     pieces: Any = body.skin or ([(loop,) for loop in body.parts[0].loops] if len(body.parts) == 1 else ())
     corners = body.vertices if body.skin else body.parts[0].vertices
-    areas = [sum(area(corners[list(piece)]) for piece in own) for own in pieces] or [None] * len(body.faces)
+    known: Any = [sum(area(corners[list(piece)]) for piece in own) for own in pieces]
+    areas = known or [None] * len(body.faces)
     if not body.skin and len(body.parts) == 1:  # facets in the order of faces
         areas = [areas[[own[0] for own in body.facet_faces[0]].index(k)] for k in range(len(body.faces))]
     return [
