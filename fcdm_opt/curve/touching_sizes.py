@@ -123,7 +123,7 @@ class TouchingSizes:
                     key="sizes.tolerance", found=[size.tolerance for size in moving.sizes], allowed="smaller ones",
                 )  # fmt: skip
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
-            sides.append([_Side.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts])
+            sides.append([_PosedPart.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts])
             reaches.append(reach)
         box = np.column_stack([low, high])
         size = max(movable.size, static.size)
@@ -264,7 +264,7 @@ def _check(sizes: Sequence[Size]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Side:
+class _PosedPart:
     """A part at its pose: facets, corners and edges, and how they move by size; see `MovingPart`.
 
     `bases` are a corner on each facet; `cones` turn a direction into its shares of a corner's three normals.
@@ -295,7 +295,7 @@ class _Side:
         return "V", int(self.names[corner])
 
     @classmethod
-    def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _Side:
+    def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _PosedPart:
         triples, vertices, moves = part.triples, part.vertices, part.moves
         points = part.part.vertices[vertices]
         if not whole:
@@ -349,7 +349,7 @@ def _all_corners(part: MovingPart) -> tuple[Ints, Ints, Array, Array]:
 # ------------------------------------------------------------------------------------------------------- rows of a pair
 
 
-def _pair(parts: tuple[int, int], one: _Side, two: _Side, box: Array, size: float) -> PairRows:
+def _pair(parts: tuple[int, int], one: _PosedPart, two: _PosedPart, box: Array, size: float) -> PairRows:
     """Return the rows of a pair that some row elsewhere does not outdo all over the box."""
     found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
@@ -386,7 +386,7 @@ def _undone(values: Array, middle: Array, half: Array, near: float) -> Flags:
     return kept
 
 
-def _face_rows(one: _Side, two: _Side, swapped: bool = False) -> tuple[Array, ...]:
+def _face_rows(one: _PosedPart, two: _PosedPart, swapped: bool = False) -> tuple[Array, ...]:
     """Return rows of the facets of one part, each with the corners of the other that its normal's cone holds."""
     shares = np.einsum("txy,fy->ftx", two.cones, -one.normals)
     facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
@@ -402,7 +402,7 @@ def _face_rows(one: _Side, two: _Side, swapped: bool = False) -> tuple[Array, ..
     return tuple(map(np.asarray, found))
 
 
-def _edge_rows(one: _Side, two: _Side) -> tuple[Array, ...]:
+def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
     """Return rows of all pairs of edges whose cones of normals meet inside."""
     a, b = one.normals[one.edges[:, 0]], one.normals[one.edges[:, 1]]
     c, d = -two.normals[two.edges[:, 0]], -two.normals[two.edges[:, 1]]
