@@ -266,7 +266,9 @@ class SpreadEntry(Entry):
     )
 
     normal: NormalSpreadEntry | None = declared(None, "{ cp = 1.0, shift = 0.0 }", {"cp": 1.0})
-    uniform: dict[str, Any] | None = declared(None, "{}: every deviation alike", {})
+    uniform: dict[str, Number] | None = declared(
+        None, "{}: every deviation of the tolerance alike; or { low = .., high = .. } in the size's own unit", {}
+    )
     measured: list[Number] | None = declared(
         None, "measured deviations, lengths or shares in their own unit, each drawn alike", [0.01, -0.02, 0.005]
     )
