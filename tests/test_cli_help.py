@@ -114,7 +114,7 @@ def completed(line: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert completed("fcdm-opt s", monkeypatch) == ["schema", "solve", "study", "stability"]
+    assert completed("fcdm-opt s", monkeypatch) == ["schema", "solve", "stack", "study", "stability"]
     assert completed("fcdm-opt solve --ce", monkeypatch) == ["--certify"]
     assert completed(f"fcdm-opt solve {BOXES} --case u", monkeypatch) == [
         "undo an overlap",

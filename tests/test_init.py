@@ -135,7 +135,7 @@ def test_every_alternative_that_is_offered_is_allowed(tmp_path: Path) -> None:
     lines, tried = text.splitlines(), 0
     for k, line in enumerate(lines):
         key = re.match(r"#([a-z_]+) = ", line)
-        if key is None or any(own.startswith("#[[") for own in lines[max(0, k - 4) : k]):
+        if key is None or any(own.startswith("#[[") for own in lines[max(0, k - 5) : k]):
             continue
         asked = {line: key.group(1)}
         if key.group(1) == "limits" and lines[k - 1].startswith("#motion"):

@@ -63,7 +63,8 @@ fcdm-opt pose problems/peg_tapered.toml --case A
 fcdm-opt pose problems/peg_tapered.toml --case A --clearance=-inf,0.5
 fcdm-opt faces problems/slot_and_key.toml
 fcdm-opt stack problems/slot_and_key.toml
-fcdm-opt stack problems/slot_and_key.toml --gap 0.01,0.12 --cost key_width=1 --cost slot_width=2 --out out
+fcdm-opt stack problems/slot_and_key.toml --gap 0.04,0.12 --out out
+fcdm-opt stack problems/slot_and_key.toml --gap 0.04,0.12 --cost key_width=1
 fcdm-opt study problems/studies/tolerance_example1.toml --out out/tolerance
 fcdm-opt bench --quick --only contact --out out/bench
 fcdm-opt stability --quick --out out/stability

@@ -117,8 +117,13 @@ class TouchingSizes:
                     key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
                     allowed=f"up to {100.0 * reach[0]:.4g} % of them",
                 )  # fmt: skip
+            if reach[0] < 1.0 and moving.is_lost(low[own], high[own]):
+                raise InputError(
+                    f"within these tolerances nothing may be left of body '{body.name}'",
+                    key="sizes.tolerance", found=[size.tolerance for size in moving.sizes], allowed="smaller ones",
+                )  # fmt: skip
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
-            sides.append([_Side.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts])
+            sides.append([_PosedPart.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts])
             reaches.append(reach)
         box = np.column_stack([low, high])
         size = max(movable.size, static.size)
@@ -259,7 +264,7 @@ def _check(sizes: Sequence[Size]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Side:
+class _PosedPart:
     """A part at its pose: facets, corners and edges, and how they move by size; see `MovingPart`.
 
     `bases` are a corner on each facet; `cones` turn a direction into its shares of a corner's three normals.
@@ -273,6 +278,7 @@ class _Side:
     names: Ints
     bases: Ints
     edges: Ints
+    along: Array
     ends: Ints
     edge_names: Ints
 
@@ -289,7 +295,7 @@ class _Side:
         return "V", int(self.names[corner])
 
     @classmethod
-    def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _Side:
+    def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _PosedPart:
         triples, vertices, moves = part.triples, part.vertices, part.moves
         points = part.part.vertices[vertices]
         if not whole:
@@ -307,16 +313,18 @@ class _Side:
             at = np.zeros(len(part.part.vertices), np.int64)
             at[vertices] = np.arange(len(vertices))
             ends = at[drawn[:, 0]]
+            along = (part.part.vertices[drawn[:, 1]] - part.part.vertices[drawn[:, 0]]) @ R.T  # has the digits of n
         else:
             each = np.sort(triples[:, [[0, 1], [0, 2], [1, 2]]].reshape(-1, 2), axis=1)
             pairs, first = np.unique(each, axis=0, return_index=True)
             ends = first // 3
             known = {tuple(sorted(row)): k for k, row in enumerate(part.part.edges[:, 2:].tolist())}
+            along = np.cross(normals[pairs[:, 0]], normals[pairs[:, 1]])
             lost = vertices[ends].tolist()
             names = np.array([known.get(tuple(pair), -lost[k] - 1) for k, pair in enumerate(pairs.tolist())])
         return cls(
             normals, triples, np.asarray(np.linalg.inv(np.swapaxes(normals[triples], 1, 2))), points @ R.T + t, wide,
-            vertices, bases, pairs, ends, names,
+            vertices, bases, pairs, along, ends, names,
         )  # fmt: skip
 
 
@@ -341,7 +349,7 @@ def _all_corners(part: MovingPart) -> tuple[Ints, Ints, Array, Array]:
 # ------------------------------------------------------------------------------------------------------- rows of a pair
 
 
-def _pair(parts: tuple[int, int], one: _Side, two: _Side, box: Array, size: float) -> PairRows:
+def _pair(parts: tuple[int, int], one: _PosedPart, two: _PosedPart, box: Array, size: float) -> PairRows:
     """Return the rows of a pair that some row elsewhere does not outdo all over the box."""
     found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
@@ -378,7 +386,7 @@ def _undone(values: Array, middle: Array, half: Array, near: float) -> Flags:
     return kept
 
 
-def _face_rows(one: _Side, two: _Side, swapped: bool = False) -> tuple[Array, ...]:
+def _face_rows(one: _PosedPart, two: _PosedPart, swapped: bool = False) -> tuple[Array, ...]:
     """Return rows of the facets of one part, each with the corners of the other that its normal's cone holds."""
     shares = np.einsum("txy,fy->ftx", two.cones, -one.normals)
     facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
@@ -394,7 +402,7 @@ def _face_rows(one: _Side, two: _Side, swapped: bool = False) -> tuple[Array, ..
     return tuple(map(np.asarray, found))
 
 
-def _edge_rows(one: _Side, two: _Side) -> tuple[Array, ...]:
+def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
     """Return rows of all pairs of edges whose cones of normals meet inside."""
     a, b = one.normals[one.edges[:, 0]], one.normals[one.edges[:, 1]]
     c, d = -two.normals[two.edges[:, 0]], -two.normals[two.edges[:, 1]]
@@ -404,7 +412,7 @@ def _edge_rows(one: _Side, two: _Side) -> tuple[Array, ...]:
     near = DEFAULT.tie
     crossing = (sides[0] * sides[1] < -(near**2)) & (sides[2] * sides[3] < -(near**2)) & (sides[0] * sides[3] > 0.0)
     i, j = np.nonzero(crossing)
-    n = np.cross(u[i], v[j])
+    n = np.cross(one.along[i], two.along[j])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     n *= np.sign((n * (a[i] + b[i])).sum(axis=1))[:, None]
     kept = ((n * (a[i] + b[i])).sum(axis=1) > 0.0) & ((n * (c[j] + d[j])).sum(axis=1) > 0.0)
@@ -459,8 +467,8 @@ def _most_of(rows: Array, box: Array, bound: float) -> tuple[float, Array]:
 
 def _least_of(rows: Array, box: Array) -> tuple[float, Array]:
     """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides."""
-    middle, half = _centred(box)
-    ends = middle - np.sign(rows[:, 1:]) * half
+    middle, _ = _centred(box)
+    ends = np.where(rows[:, 1:] > 0.0, box[:, 0], np.where(rows[:, 1:] < 0.0, box[:, 1], middle))
     heights = rows[:, 0] + (ends * rows[:, 1:]).sum(axis=1)
     top = int(heights.argmax())  # no row goes lower than this; where no other is higher at its corner, that is all
     if (rows[:, 0] + rows[:, 1:] @ ends[top] <= heights[top]).all():

@@ -7,7 +7,9 @@ import math
 import os
 import shlex
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, NamedTuple
@@ -22,6 +24,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.files import NANOMETRES
+from fcdm_opt.geometry.resizing import Resizing
+from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.entries import plain_step
 from fcdm_opt.problem.problem import SIGNS, Problem
@@ -65,6 +69,9 @@ WORDS = {
     "C": "the movable part smaller, the static one larger",
     "D": "both parts made smaller",
 }
+
+
+MOST_FACES = 200  # of a body among which opposite ones are looked for
 
 
 class Draft(NamedTuple):
@@ -127,6 +134,7 @@ def draft(
         unit=lengths,
         asked=unit is not None,
         parts=list(zip(("movable", "static"), bodies, places, map(_points, bodies), strict=True)),
+        opposite={role: opposite_faces(body) for role, body in zip(("movable", "static"), bodies, strict=True)},
         situation=situation,
         state=state,
         tilt=tilted,
@@ -324,6 +332,29 @@ def _moved(solution: Solution) -> str:
 def _is_large(solution: Solution, gap: float) -> bool:
     """Tell whether a motion is no correction any more; `gap` is that as drawn."""
     return solution.amount > LARGE * solution.problem.size and solution.amount > 2.0 * abs(gap)
+
+
+def opposite_faces(body: Body, most: int = 6) -> list[tuple[str, str, str, float]]:
+    """Return pairs of faces that look opposite ways and can move: both names, words for what is between, `each`.
+
+    The largest `most` distances of material between them, or room, whichever is less.
+    """
+    normals, points = body.face_planes
+    found, known = list[tuple[float, tuple[str, str, str, float]]](), set[tuple[int, ...]]()
+    for i, j in combinations(range(len(normals)) if len(normals) <= MOST_FACES else (), 2):
+        width = float((points[j] - points[i]) @ normals[j])
+        key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
+        if np.abs(normals[i] + normals[j]).max() > DEFAULT.nominal or not width or key in known:
+            continue
+        each = 0.5 if width > 0.0 else -0.5
+        names = f"F{i + 1}", f"F{j + 1}"
+        with suppress(InputError):  # faces along whose plane the body is cut cannot move by themselves
+            Resizing.of(body, [Size("width", "movable", faces=names, each=each)])
+            known.add(key)
+            kind = "of material" if width > 0.0 else "of room"
+            ways = " and ".join(map(direction, normals[[i, j]]))
+            found.append((abs(width), (*names, f"{ways}, {abs(width):.6g} {kind},", each)))
+    return [pair for _, pair in sorted(found, key=lambda own: -own[0])[:most]]
 
 
 def _extent(body: Body, unit: str) -> str:

@@ -117,6 +117,13 @@ class Resizing:
                 least, where = float(factor.min()), self._named(own, facet)
         return least, where
 
+    def is_lost(self, low: Array, high: Array) -> bool:
+        """Tell whether a part with all facets at their innermost within a box of sizes is empty."""
+        return any(
+            _ball(own.part, np.minimum(own.offsets * low, own.offsets * high).sum(axis=1))[1] <= 0.0
+            for own in self.parts
+        )
+
     def _named(self, own: MovingPart, facet: int) -> str:
         face, n = int(own.faces[facet]), direction(own.part.normals[facet])
         return (
@@ -200,7 +207,12 @@ def _offset(moving: Resizing, values: Array) -> Body:
     index = {tuple(point): k for k, point in reversed(list(enumerate(body.vertices.tolist())))}
     parts = [[index[tuple(point)] for point in part.vertices.tolist()] for part in body.parts]
     faces = [[label - 1 for label in face] for face in body.outlines]
-    made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name, deviation=body.deviation)
+    try:
+        made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name, deviation=body.deviation)
+    except InputError as reason:
+        names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
+        what = f"the body changes its shape at these sizes: {reason.what}"
+        raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
     return replace(made, notes=body.notes, skin=body.skin)
 
 
@@ -214,18 +226,14 @@ def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> I
 
 def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> tuple[Array, Flags]:
     """Return the corners of a convex body some of whose edges are others than as drawn; refuse it if a face is none."""
-    from scipy.optimize import linprog
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     part, centre = own.part, own.part.vertices.mean(axis=0)
-    base = part.vertices[[loop[0] for loop in part.loops]]
-    levels = (part.normals * (base - centre)).sum(axis=1) + own.offsets @ values
-    rows = np.column_stack([part.normals, np.ones(len(levels))])
-    ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
-    if ball.status or not ball.x[3] > DEFAULT.planarity * moving.body.size:
+    middle, radius, levels = _ball(part, own.offsets @ values)
+    if not radius > DEFAULT.planarity * moving.body.size:
         raise _vanished(moving, own, facet, values)
     try:
-        shape = HalfspaceIntersection(np.column_stack([part.normals, -levels]), ball.x[:3])
+        shape = HalfspaceIntersection(np.column_stack([part.normals, -levels]), middle)
     except QhullError as reason:
         raise _vanished(moving, own, facet, values) from reason
     points = shape.intersections
@@ -233,6 +241,17 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     if on.min() < 3:
         raise _vanished(moving, own, int(on.argmin()), values)
     return points + centre, np.ones(len(points), bool)
+
+
+def _ball(part: ConvexPart, offsets: Array) -> tuple[Array, float, Array]:
+    """Return the largest ball in a part with moved facets, about its mean vertex, and the facets' levels there."""
+    from scipy.optimize import linprog
+
+    base = part.vertices[[loop[0] for loop in part.loops]] - part.vertices.mean(axis=0)
+    levels = (part.normals * base).sum(axis=1) + offsets
+    rows = np.column_stack([part.normals, np.ones(len(levels))])
+    ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
+    return (ball.x[:3], float(ball.x[3]), levels) if ball.status == 0 else (np.zeros(3), -np.inf, levels)
 
 
 def _firsts(own: MovingPart) -> Ints:

@@ -177,7 +177,7 @@ class Size(Plain):
         raise self._refused("no face is named like this", "faces", value, SELECTORS)
 
     def _scale(self) -> Any:
-        if self.scale is None or self.scale == "xyz" or (isinstance(self.scale, str) and self.scale in AXES):
+        if self.scale is None or (isinstance(self.scale, str) and self.scale in ("xyz", *AXES)):
             return self.scale
         if isinstance(self.scale, str):
             raise self._refused("unknown scale", "scale", self.scale, '"xyz", "x", "y", "z" or a vector')

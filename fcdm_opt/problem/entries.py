@@ -249,13 +249,13 @@ Selector = Annotated[
 ]
 
 
-class NormalEntry(Entry):
+class NormalSpreadEntry(Entry):
     """A normal distribution within a tolerance."""
 
     model_config = ConfigDict(title="Normal distribution of a size")
 
-    cp: Number = declared(1.0, "capability > 0: 3 cp standard deviations from the middle to each limit", 1.33)
-    shift: Number = declared(0.0, "of the mean from the middle, a share of half the tolerance", 0.1)
+    cp: Number = declared(1.0, "capability > 0, no unit: 3 cp standard deviations from the middle to each limit", 1.33)
+    shift: Number = declared(0.0, "of the mean from the middle, in units of half the tolerance", 0.1)
 
 
 class SpreadEntry(Entry):
@@ -265,9 +265,13 @@ class SpreadEntry(Entry):
         title="Distribution of a size", json_schema_extra=one_of(("normal",), ("uniform",), ("measured",))
     )
 
-    normal: NormalEntry | None = declared(None, "{ cp = 1.0, shift = 0.0 }", {"cp": 1.0})
-    uniform: dict[str, Any] | None = declared(None, "{}: every deviation alike", {})
-    measured: list[Number] | None = declared(None, "measured deviations, each drawn alike", [0.01, -0.02, 0.005])
+    normal: NormalSpreadEntry | None = declared(None, "{ cp = 1.0, shift = 0.0 }", {"cp": 1.0})
+    uniform: dict[str, Number] | None = declared(
+        None, "{}: every deviation of the tolerance alike; or { low = .., high = .. } in the size's own unit", {}
+    )
+    measured: list[Number] | None = declared(
+        None, "measured deviations, lengths or shares in their own unit, each drawn alike", [0.01, -0.02, 0.005]
+    )
 
 
 class SizeEntry(Entry):
@@ -288,7 +292,7 @@ class SizeEntry(Entry):
         [1.0, -1.0],
     )
     along: Axis | None = declared(
-        None, "in place of each: the faces move together in this direction, as the walls of a hole", "x"
+        None, "in place of each: the faces move together along this axis or vector, as the walls of a hole", "x"
     )
     scale: str | Point | None = declared(
         None, 'in place of faces: the body is scaled about its seed, "xyz", "x", "y", "z" or along [a, b, c]', "xyz"

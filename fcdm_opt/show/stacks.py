@@ -33,19 +33,23 @@ that are listed, and letters of a name."""
 
 
 def listed_faces(body: Body) -> list[dict[str, Any]]:
-    """Return the faces of a body: name, outward normal, where its plane is, area (length units squared), corners."""
+    """Return the faces of a body: name, outward normal, where its plane is, area, corners.
+
+    The area, length units squared, is None where only the parts are known, whose cuts may go on in a face's plane.
+    """
     normals, points = body.face_planes
-    areas = np.zeros(len(body.faces))
-    for part, owners in zip(body.parts, body.facet_faces, strict=True):
-        for loop, own in zip(part.loops, owners, strict=True):
-            if own:
-                areas[own[0]] += area(part.vertices[list(loop)])
+    pieces: Any = body.skin or ([(loop,) for loop in body.parts[0].loops] if len(body.parts) == 1 else ())
+    corners = body.vertices if body.skin else body.parts[0].vertices
+    known: Any = [sum(area(corners[list(piece)]) for piece in own) for own in pieces]
+    areas = known or [None] * len(body.faces)
+    if not body.skin and len(body.parts) == 1:  # facets in the order of faces
+        areas = [areas[[own[0] for own in body.facet_faces[0]].index(k)] for k in range(len(body.faces))]
     return [
         {
             "face": f"F{k + 1}",
             "normal": direction(normals[k]),
             "plane": direction_level(normals[k], points[k]),
-            "area": float(areas[k]),
+            "area": areas[k],
             "vertices": list(face),
         }
         for k, face in enumerate(body.faces)
@@ -58,8 +62,9 @@ def print_faces(body: Body, role: str) -> None:
     rows = []
     for face in listed_faces(body):
         corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
-        rows.append({**face, "area": f"{face['area']:.6g}", "vertices": ",".join(corners)})
-    print_rows(rows, numbers=("area",))
+        covered = "" if face["area"] is None else f"{face['area']:.6g}"
+        rows.append({**face, "area": covered, "vertices": ",".join(corners)})
+    print_rows(rows, numbers=("area",), optional=("area",))
 
 
 def print_stack(stack: StackUp, share: GapYield) -> None:

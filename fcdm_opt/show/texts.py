@@ -80,10 +80,13 @@ def shortened(text: str, longest: int) -> str:
 
 
 def asked_text(problem: Problem) -> str:
-    """Return requirement and signs, or the target."""
+    """Return requirement and signs, or the sizes made, or the target."""
     if problem.requirement:
         signs = ",".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in problem.signs)
         return f"{problem.requirement} ({signs})"
+    sizes = [f"{name} {value:+.6g}" for name, value in (problem.made or {}).items() if value]
+    if sizes and (problem.target == 1.0).all():
+        return "made " + ", ".join(sizes)
     return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}"
 
 

@@ -72,6 +72,10 @@ def spreads(sizes: Sequence[Size]) -> list[Distribution | float]:
             found.append(Measured(np.asarray(told[kind])))
         elif not size.half > 0.0:
             found.append(size.middle)
+        elif kind == "uniform" and told[kind]:
+            if set(told[kind]) != {"low", "high"}:
+                raise InputError("unusable distribution", key=key, found=told, allowed="{}, or low and high")
+            found.append(Uniform(**told[kind]))
         elif kind == "uniform":
             assert size.tolerance is not None
             found.append(Uniform(*size.tolerance))

@@ -59,7 +59,7 @@ class WorstCase(Plain):
 
 
 @dataclass(frozen=True, eq=False)
-class Contribution(Plain):
+class SizeShare(Plain):
     """What one size contributes to the gap, in the row that decides the least gap.
 
     Attributes
@@ -170,14 +170,14 @@ class StackUp:
         return self.touching.pairs[pair].values[row]
 
     @cached_property
-    def contributions(self) -> tuple[Contribution, ...]:
+    def contributions(self) -> tuple[SizeShare, ...]:
         """What each size contributes to the deciding row, largest first."""
         change = self.deciding[1:]
         halves = np.array([size.half for size in self.sizes])
         parts = np.abs(change) * halves, change**2 * moments(spreads(self.sizes))[1] ** 2
         worst, variance = (own / own.sum() if own.sum() > 0.0 else own for own in parts)
         found = zip(self.names, change.tolist(), halves.tolist(), worst.tolist(), variance.tolist(), strict=True)
-        return tuple(sorted((Contribution(*row) for row in found), key=lambda own: -own.worst))
+        return tuple(sorted((SizeShare(*row) for row in found), key=lambda own: -own.worst))
 
     def root_sum_square(self) -> RootSumSquare:
         """Return mean and deviation of the deciding row, and the share that is within the limits if it is normal."""

@@ -1,0 +1,289 @@
+"""Sizes of faces, axes and features: parts as made, and the sizes at which two of them touch."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+import fcdm_opt as fo
+from fcdm_opt.geometry.resizing import Resizing, resized
+from fcdm_opt_benchmarks.references import sizes as exact
+
+PROBLEMS = Path(__file__).parents[1] / "problems"
+X = fo.Translation("x")
+
+
+def box(low: Any, high: Any, name: str = "body") -> fo.Body:
+    """An aligned box."""
+    return fo.Body.convex(list(product(*zip(low, high, strict=True))), name=name)
+
+
+def volume(body: fo.Body) -> float:
+    """The volume of a union of parts, by a mesh library."""
+    return float(trimesh.boolean.union([trimesh.convex.convex_hull(part.vertices) for part in body.parts]).volume)
+
+
+def slot() -> fo.Body:
+    """The block with a slot of the shipped problem."""
+    return fo.load_problems(PROBLEMS / "slot_and_key.toml")[0].request["static"]
+
+
+# ------------------------------------------------------------------------------------------------------- parts as made
+
+
+def test_a_width_between_two_faces_moves_each_by_half() -> None:
+    made = resized(box((0, 0, 0), (4, 2, 1)), {fo.Size("w", "movable", faces=["+x", "-x"], each=0.5): 0.25})
+    assert made.vertices[:, 0].min() == -0.125
+    assert made.vertices[:, 0].max() == 4.125
+    assert np.ptp(made.vertices[:, 1:], axis=0).tolist() == [2.0, 1.0]
+
+
+def test_a_scale_through_every_axis_is_the_uniform_one_and_that_of_the_body() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        body = fo.Body.convex(rng.normal(size=(9, 3)), seed=rng.normal(size=3))
+        p = rng.uniform(-0.2, 0.2)
+        each = {fo.Size(axis, "movable", scale=axis): p for axis in "xyz"}
+        whole = resized(body, {fo.Size("all", "movable", scale="xyz"): p}).vertices
+        assert np.array_equal(resized(body, each).vertices, whole)
+        assert np.abs(body.scaled(1.0 + p).vertices - whole).max() <= 4 * np.spacing(np.abs(whole).max())
+
+
+def test_ten_thousand_random_axes_stretch_as_rationals_do() -> None:
+    from fractions import Fraction
+
+    rng = np.random.default_rng(4)
+    body = box((-1, -2, -3), (1, 2, 3))
+    worst = 0.0
+    for _ in range(10_000):
+        axis, p = rng.normal(size=3), rng.uniform(-0.1, 0.1)
+        size = fo.Size("s", "movable", scale=axis)
+        u = list(map(Fraction, axis.tolist()))
+        square = sum(x * x for x in u)
+        point = list(map(Fraction, body.vertices[0].tolist()))
+        along = sum(x * y for x, y in zip(u, point, strict=True)) / square  # the seed is the origin
+        true = [float(x + Fraction(p) * along * y) for x, y in zip(point, u, strict=True)]
+        worst = max(worst, float(np.abs(body.vertices[0] + p * size.directions() @ body.vertices[0] - true).max()))
+    assert worst <= 4 * np.spacing(4.0)
+
+
+def test_faces_offset_by_their_share_of_the_scale_are_the_scaled_body() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        body = fo.Body.convex(rng.normal(size=(10, 3)))
+        normals, points = body.face_planes
+        heights = ((points - body.seed) * normals).sum(axis=1)
+        faces = [f"F{k + 1}" for k in range(len(normals))]
+        made = resized(body, {fo.Size("s", "movable", faces=faces, each=heights): 0.05})
+        corners = [label - 1 for label in body.corners]
+        assert np.abs((made.vertices - body.scaled(1.05).vertices)[corners]).max() < 1e-13
+        assert made.faces == body.faces
+
+
+def test_a_slot_gets_wider_and_deeper_with_its_cuts() -> None:
+    body = slot()  # 30 x 20 x 30 less 10.125 x 8 x 30
+    walls = [{"through": (-5.0625, 16, 15)}, {"through": (5.0625, 16, 15)}]
+    made = resized(
+        body,
+        {
+            fo.Size("w", "static", faces=walls, each=-0.5): 0.5,
+            fo.Size("u", "static", faces=walls, along="x"): 0.25,
+            fo.Size("d", "static", faces={"through": (0, 12, 15)}, each=-1.0): 1.0,
+            fo.Size("h", "static", faces=["F5", "F9"], each=1.0): 2.0,
+        },
+    )
+    assert volume(made) == pytest.approx(30 * 22 * 30 - 10.625 * 11 * 30, rel=1e-12)
+    assert made.faces == body.faces  # labels are kept
+    left = made.vertices[[label - 1 for label in made.faces[7]]]
+    assert left[:, 0].tolist() == [-5.0625 - 0.25 + 0.25] * 4
+
+
+@pytest.mark.parametrize("name", ["dovetail", "lid", "bracket", "keyway"])
+def test_shipped_solids_change_their_volume_by_a_face_s_area(name: str) -> None:
+    """By a first-order formula: dV / dp of a face is its area; of all faces at once too."""
+    problem = fo.load_problems(PROBLEMS / f"{name}.toml")[0]
+    tried = 0
+    for body in (problem.movable, problem.static):
+        for k, triangles in enumerate(body.skin):
+            size = fo.Size("f", "static", faces=f"F{k + 1}")
+            try:
+                one, two = (volume(resized(body, {size: p})) for p in (-0.1, 0.1))  # the library has single precision
+            except fo.InputError as reason:
+                assert "plane" in str(reason)  # noqa: PT017 - a cut that runs along two faces, or none
+                continue
+            area = sum(np.linalg.norm(np.cross(b - a, c - a)) / 2 for a, b, c in body.vertices[np.array(triangles)])
+            assert (two - one) / 0.2 == pytest.approx(area, rel=2e-3)
+            tried += 1
+    assert tried >= 6
+
+
+def test_where_a_face_vanishes_is_told_with_the_face() -> None:
+    body = fo.Body.convex([(0, 0, 0), (4, 0, 0), (4, 2, 0), (0, 2, 0), (1, 0, 1), (3, 0, 1), (3, 2, 1), (1, 2, 1)])
+    top = next(k for k, n in enumerate(body.face_planes[0]) if n[2] > 0.99)
+    size = fo.Size("height", "movable", faces="+z", tolerance=0.5)
+    assert resized(body, {size: 0.9}).vertices[:, 2].max() == pytest.approx(1.9)
+    with pytest.raises(fo.InputError, match=rf"vanishes.*F{top + 1}|F{top + 1}.*vanishes"):
+        resized(body, {size: 1.1})  # the sides meet at a height of 2
+    factor, where = Resizing.of(body, [size]).reach(np.array([-0.5]), np.array([0.5]))
+    assert factor == pytest.approx(2.0)
+    assert "F" in where
+
+
+def test_a_slot_whose_walls_meet_is_refused() -> None:
+    walls = [{"through": (-5.0625, 16, 15)}, {"through": (5.0625, 16, 15)}]
+    size = fo.Size("w", "static", faces=walls, each=-0.5)
+    with pytest.raises(fo.InputError, match="changes its shape"):
+        resized(slot(), {size: -10.2})
+
+
+REFUSED = {
+    "several": ({"faces": "-x"}, "several faces.*F6.*F10"),
+    "none": ({"faces": "F99"}, "no such face.*F1 to F10"),
+    "word": ({"faces": "left"}, "no face is named like this.*through"),
+    "each": ({"faces": ["F1", "F2"]}, "how far does each face move.*0.5"),
+    "unit": ({"scale": "xyz", "tolerance": "0.1 mm"}, "a scale has no unit.*a share: 0.003"),
+    "both": ({"faces": "F1", "scale": "x"}, "faces or a scale"),
+    "empty": ({"faces": "F1", "tolerance": (0.1, -0.1)}, "low <= high"),
+    "across": ({"faces": "F2", "along": "x"}, "no face is moved"),
+    "coplanar": ({"faces": "F2", "distribution": {"weibull": {}}, "tolerance": 0.1}, "unusable distribution"),
+}
+
+
+@pytest.mark.parametrize("key", REFUSED)
+def test_what_no_size_is_is_refused_with_what_is_allowed(key: str) -> None:
+    arguments, said = REFUSED[key]
+
+    def asked() -> object:
+        size = fo.Size("odd", "static", **{"tolerance": 0.1, **arguments})
+        problem = fo.Problem(box((-5, 13, 2), (5, 20, 28)), slot(), sizes=[size], motion=X, goal="touch")
+        return fo.stack_up(problem).contributions
+
+    with pytest.raises(fo.InputError, match=said):
+        asked()
+
+
+def test_all_facets_of_a_cylinder_are_one_selector() -> None:
+    count, radius = 24, 5.0
+    ring = [
+        (radius * math.cos(2 * math.pi * k / count), radius * math.sin(2 * math.pi * k / count)) for k in range(count)
+    ]
+    body = fo.Body.convex([(x, y, z) for x, y in ring for z in (0.0, 3.0)])
+    around = {"around": (0, 0, 1), "axis": "z", "radius": radius}
+    made = resized(body, {fo.Size("diameter", "movable", faces=[around], each=0.5): 0.2})
+    grown = radius + 0.1 / math.cos(math.pi / count)
+    assert np.hypot(*made.vertices[:, :2].T) == pytest.approx(np.full(2 * count, grown), rel=1e-14)
+
+
+# -------------------------------------------------------------------------------------------------- touching at a pose
+
+
+def test_signs_of_gaps_are_those_of_rationals() -> None:
+    wrong = unproved = together = 0
+    for gap, meet in exact.cases(400, seed=11):
+        unproved += meet is None
+        together += meet is True
+        wrong += meet is not None and (gap <= 0.0) != meet
+    assert wrong == 0
+    assert unproved <= 4
+    assert 80 < together < 320
+
+
+def test_the_gap_of_parts_made_is_that_of_the_rows() -> None:
+    rng = np.random.default_rng(6)
+    seen = 0
+    for _ in range(12):
+        bodies = [fo.Body.convex(rng.normal(size=(8, 3)) + k * rng.normal(size=3)) for k in (0, 1)]
+        sizes = [
+            fo.Size(f"{role}{k}", role, faces=f"F{k + 1}", tolerance=0.02)
+            for role, body in zip(("movable", "static"), bodies, strict=True)
+            for k in range(len(body.faces))
+        ]
+        sizes += [fo.Size("m", "movable", scale="xyz", tolerance=0.02)]
+        problem = fo.Problem(*bodies, sizes=sizes, motion=X, goal="touch")
+        stack = fo.stack_up(problem)
+        for p in rng.uniform(-0.02, 0.02, (4, len(sizes))):
+            named = dict(zip(stack.names, p.tolist(), strict=True))
+            try:
+                made = problem.changed(made=named)
+            except fo.InputError:
+                continue  # a face as small as its tolerance
+            gap = fo.decision_curve(made.movable, made.static).gap((1.0, 1.0))
+            seen += 1
+            if gap < 0:  # apart, rows of corners that split may tell more of the distance
+                assert stack.gap(named) == pytest.approx(gap, abs=1e-12)
+            else:
+                distance = fo.decision_curve(made.movable, made.static).distance((1.0, 1.0))
+                assert gap - 1e-12 <= stack.gap(named) <= distance + 1e-9
+    assert seen >= 30
+
+
+def test_rows_of_two_uniform_scales_are_the_lines_of_the_decision_curve() -> None:
+    rng = np.random.default_rng(7)
+    checked = 0
+    for _ in range(40):
+        one = fo.Body.convex(rng.normal(size=(10, 3)))
+        two = fo.Body.convex(rng.normal(size=(10, 3)) + 3.0 * rng.normal(size=3))
+        scales = [fo.Size(role, role, scale="xyz", tolerance=0.9) for role in ("movable", "static")]
+        stack = fo.stack_up(fo.Problem(one, two, sizes=scales, motion=X, goal="touch"))
+        rows = np.array([[row.gap, *row.coefficients.values()] for row in stack.rows])
+        curve = fo.decision_curve(one, two, box=((0.15, 1.85), (0.15, 1.85)))
+        for segment in curve.segments:
+            a, b, c = segment.line
+            off = np.abs(rows - [c - a - b, -a, -b]).max(axis=1).min()
+            assert off <= 4 * np.spacing(max(abs(a), abs(b), abs(c)))
+            checked += 1
+    assert checked > 20
+
+
+def test_a_pose_moves_the_movable_body() -> None:
+    one, two = box((0, 0, 0), (1, 1, 1)), box((3, -5, -5), (4, 5, 5))
+    size = fo.Size("w", "movable", faces="+y", tolerance=0.1)
+    problem = fo.Problem(one, two, sizes=[size], motion=X, goal="touch")
+    turned = np.array([[0.0, 1, 0, 0.5], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])  # +y becomes +x
+    (row,) = fo.stack_up(problem, pose=turned).rows
+    assert (row.gap, row.coefficients) == (pytest.approx(1.5), {"w": pytest.approx(-1.0)})
+
+
+# ------------------------------------------------------------------------------------------------------------- problems
+
+
+def test_parts_made_are_solved_judged_and_told_again() -> None:
+    one, two = box((0, 0, 0), (4, 2, 1), "peg"), box((4, 0, 0), (6, 2, 1), "wall")
+    sizes = [
+        fo.Size("a", "movable", faces="+x", tolerance=0.05),
+        fo.Size("b", "static", faces="-x", tolerance=(-0.02, 0.1)),
+        fo.Size("c", "movable", scale="x", tolerance=0.01),
+    ]
+    problem = fo.Problem(one, two, sizes=sizes, made={"a": 0.03, "b": 0.01}, motion=X, goal="touch")
+    solution = fo.solve(problem)
+    assert solution.certificate.passed
+    assert solution.parameters["TX"] == pytest.approx(-0.04, abs=1e-12)
+    again = fo.Problem.from_dict(problem.to_dict())
+    assert np.array_equal(again.movable.vertices, problem.movable.vertices)
+    assert again.made == {"a": 0.03, "b": 0.01, "c": 0.0}
+    assert fo.verify(fo.Solution.from_dict(solution.to_dict())).passed
+    corners = {"worst": -0.17, "loosest": 0.09, "low": 0.09, "high": -0.17, "middle": -0.04}
+    for corner, shift in corners.items():
+        assert fo.solve(problem.changed(made=corner)).parameters["TX"] == pytest.approx(shift, abs=1e-12)
+    with pytest.raises(fo.InputError, match=r"no such size.*a, b, c"):
+        problem.changed(made={"d": 0.1})
+    assert np.array_equal(problem.changed(made=None).movable.vertices, one.vertices)
+
+
+def test_a_file_with_sizes_answers_its_closed_forms() -> None:
+    for problem in fo.load_problems(PROBLEMS / "slot_and_key.toml")[:2]:
+        solution = fo.solve(problem)
+        assert solution.certificate.passed
+        assert list(solution.parameters.values()) == pytest.approx(list(problem.published), abs=1e-12)
+
+
+def test_what_if_takes_other_sizes() -> None:
+    problem = fo.load_problems(PROBLEMS / "slot_and_key.toml")[1]
+    answer = fo.whatif(problem, made={"key_foot": 0.02, "slot_depth": 0.0})
+    assert answer.after.parameters["TY"] == pytest.approx(-0.105, abs=1e-12)

@@ -1,0 +1,283 @@
+"""Stack-ups against closed forms: worst cases, root-sum-square, yield, contributions, cheapest tolerances."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.special import ndtr, ndtri
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt.cli import app
+
+PROBLEMS = Path(__file__).parents[1] / "problems"
+
+
+def box(low: Any, high: Any) -> fo.Body:
+    """An aligned box."""
+    return fo.Body.convex(list(product(*zip(low, high, strict=True))))
+
+
+def stacked(movable: fo.Body, static: fo.Body, *sizes: fo.Size, **more: Any) -> Any:
+    """The stack-up of two bodies as drawn."""
+    return fo.stack_up(fo.Problem(movable, static, sizes=sizes, motion=fo.Translation("x"), goal="touch"), **more)
+
+
+def channel(width: float, name: str = "channel") -> fo.Body:
+    """Two walls with a gap of a width between them, about x = 0."""
+    half = width / 2
+    walls = [list(product(ends, (-5.0, 5.0), (-5.0, 5.0))) for ends in ((-half - 3, -half), (half, half + 3))]
+    return fo.Body.from_parts(walls, seed=(0, 0, 0), name=name)
+
+
+def inner(tolerance: Any, name: str = "gap", along: str | None = None) -> fo.Size:
+    """The two walls that face each other, further apart; or moved together along x."""
+    faces = [{"through": (-10.0, 0, 0)}, {"through": (10.0, 0, 0)}]
+    more = {"along": along} if along else {"each": -0.5}
+    return fo.Size(name, "static", faces=faces, tolerance=tolerance, **more)
+
+
+BLOCK = fo.Size("block", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.05)
+
+
+def test_a_block_between_walls() -> None:
+    """At the middle each side's gap is (channel - block) / 2 -+ position."""
+    stack = stacked(
+        box((-9.9, -1, -1), (9.9, 1, 1)), channel(20.0), BLOCK, inner((-0.02, 0.08)), inner(0.03, "at", "x")
+    )
+    worst = stack.worst()
+    assert worst.least == pytest.approx(0.1 - 0.025 - 0.01 - 0.03, abs=1e-14)
+    assert worst.largest == pytest.approx(0.1 + 0.025 + 0.04, abs=1e-9)
+    assert worst.at_least["block"] == 0.05
+    assert worst.at_least["gap"] == -0.02
+    assert worst.at_largest["at"] == pytest.approx(0.0, abs=1e-9)
+    assert stack.gap(worst.at_least) == pytest.approx(worst.least, abs=1e-14)
+    assert len(stack.rows) == 2
+    mean, spread = 0.1 + 0.015, np.array([0.025, 0.025, 0.03]) / 3
+    told = stack.root_sum_square()
+    assert told.mean == pytest.approx(mean, abs=1e-14)
+    assert told.deviation == pytest.approx(np.sqrt((spread**2).sum()), rel=1e-13)
+    for own in ("worst", "variance"):
+        assert abs(sum(getattr(row, own) for row in stack.contributions) - 1.0) < 1e-12
+    assert stack.contributions[0].size == "at"
+
+
+def test_yield_of_one_row_is_the_normal_distribution_s() -> None:
+    """A chain of five widths: published practice, gap = bore - sum of widths."""
+    halves = [0.01, 0.02, 0.015, 0.03, 0.005]
+    sizes = [fo.Size(f"w{k}", "movable", faces="+x", tolerance=t) for k, t in enumerate(halves)]
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.03, 0, 0), (12, 1, 1)), *sizes, limits=(0.015, 0.05))
+    sigma = np.sqrt(sum(t * t for t in halves)) / 3
+    share = ndtr((0.05 - 0.03) / sigma) - ndtr((0.015 - 0.03) / sigma)
+    assert stack.worst().least == pytest.approx(0.03 - sum(halves), abs=1e-13)
+    assert stack.worst().largest == pytest.approx(0.03 + sum(halves), abs=1e-13)
+    assert stack.root_sum_square().share == pytest.approx(share, abs=5e-11)
+    drawn = stack.yield_(2_000_000, confidence=0.999)
+    assert drawn.interval[0] <= share <= drawn.interval[1]
+    assert drawn.mean == pytest.approx(0.03, abs=4 * sigma / np.sqrt(2e6))
+    assert drawn.deviation == pytest.approx(sigma, rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "deviation", "mean"),
+    [
+        ({"normal": {"cp": 2.0, "shift": 0.5}}, 0.03 / 6, 0.015),
+        ({"uniform": {}}, 0.03 / np.sqrt(3.0), 0.0),
+        ({"measured": [0.0, 0.01, 0.03, 0.0]}, np.std([0.0, 0.01, 0.03, 0.0]), 0.01),
+        (fo.Uniform(0.0, 0.03), 0.03 / np.sqrt(12.0), 0.015),
+    ],
+)
+def test_distributions_have_their_moments(distribution: Any, deviation: float, mean: float) -> None:
+    size = fo.Size("w", "movable", faces="+x", tolerance=0.03, distribution=distribution)
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.03, 0, 0), (12, 1, 1)), size)
+    told, drawn = stack.root_sum_square(), stack.yield_(300_000)
+    assert (told.mean, told.deviation) == (pytest.approx(0.03 - mean), pytest.approx(deviation))
+    assert drawn.mean == pytest.approx(0.03 - mean, abs=5 * deviation / np.sqrt(3e5))
+    assert drawn.deviation == pytest.approx(deviation, rel=0.01)
+
+
+def test_correlated_sizes_add_or_cancel() -> None:
+    sizes = [fo.Size(name, "movable", faces="+x", tolerance=0.03) for name in "ab"]
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), *sizes)
+    for r in (-1.0, 0.0, 0.5, 1.0):
+        drawn = stack.yield_(200_000, correlation=[[1.0, r], [r, 1.0]])
+        assert drawn.deviation == pytest.approx(0.01 * np.sqrt(2 + 2 * r), rel=0.01, abs=1e-12)
+
+
+def test_two_pins_in_two_holes_keep_the_fixed_fastener_rule() -> None:
+    """Worst clearance, as a diameter: hole - pin - both position zones."""
+    pin, hole, pitch, height = 5.0, 5.6, 20.0, 6.0
+
+    def square(x: float, side: float) -> list[tuple[float, ...]]:
+        return list(product((x - side / 2, x + side / 2), (-side / 2, side / 2), (0.0, height)))
+
+    pins = fo.Body.from_parts([square(x, pin) for x in (-pitch / 2, pitch / 2)], seed=(0, 0, 3), name="pins")
+    cuts = [-pitch, -pitch / 2 - hole / 2, -pitch / 2 + hole / 2, pitch / 2 - hole / 2, pitch / 2 + hole / 2, pitch]
+    bars = [(cuts[k], cuts[k + 1], side) for k in (1, 3) for side in (-1, 1)]
+    walls = [list(product((cuts[k], cuts[k + 1]), (-9.0, 9.0), (0.0, height))) for k in (0, 2, 4)]
+    walls += [list(product((a, b), sorted((side * hole / 2, side * 9.0)), (0.0, height))) for a, b, side in bars]
+    plate = fo.Body.from_parts(walls, seed=(0, 0, 3), name="plate")
+    sizes = []
+    for k, x in enumerate((-pitch / 2, pitch / 2)):
+        for body, side, sign, tolerance in (("movable", pin, 1, (-0.1, 0.0)), ("static", hole, -1, (0.0, 0.1))):
+            ends = [{"through": (x + s * side / 2, 0.0, 3.0)} for s in (-1, 1)]
+            more = {"tolerance": tolerance, "each": 0.5 * sign}
+            sizes.append(fo.Size(f"{body} width {k}", body, faces=ends, **more))
+            sizes.append(fo.Size(f"{body} at {k}", body, faces=ends, along="x", tolerance=0.2 / 2))
+    stack = stacked(pins, plate, *sizes)
+    assert 2 * stack.worst().least == pytest.approx(hole - pin - 0.2 - 0.2, abs=1e-12)
+    assert {row.coefficients[f"static at {k}"] for row in stack.rows for k in (0, 1)} == {-1.0, 0.0, 1.0}
+
+
+def test_shrinkage_by_axis_of_a_lid() -> None:
+    """Rim of half length 10 about the seed in a well of half length 10.2: the gap at its ends shrinks with x alone."""
+    sizes = [fo.Size(axis, "static", scale=axis, tolerance=(-0.006, 0.0)) for axis in "xyz"]
+    well = channel(20.4)
+    stack = stacked(box((-10, -1, -1), (10, 1, 1)), well, *sizes)
+    assert stack.worst().least == pytest.approx(0.2 - 0.006 * 10.2, abs=1e-13)
+    assert stack.gap({"x": -0.004, "y": -0.006}) == pytest.approx(0.2 - 0.004 * 10.2, abs=1e-13)
+    sloped = fo.Body.convex([(0, 0, 0), (3, 0, 0), (0, 3, 0), (0, 0, 3)])
+    with pytest.raises(fo.InputError, match="size 'x' turns face F"):
+        stacked(box((5, 5, 5), (6, 6, 6)), sloped, *sizes)
+
+
+def test_a_peg_with_a_tolerance_on_each_side() -> None:
+    sides = {"+x": (-0.1, 0.02), "-x": (-0.03, 0.04), "+y": (0.0, 0.05), "-y": (-0.01, 0.01)}
+    sizes = [fo.Size(f"side {face}", "movable", faces=face, tolerance=t) for face, t in sides.items()]
+    stack = stacked(box((-9.9, -1, -1), (9.95, 1, 1)), channel(20.0), *sizes)
+    assert stack.worst().least == pytest.approx(min(0.05 - 0.02, 0.1 - 0.04), abs=1e-13)
+    assert stack.worst().largest == pytest.approx(min(0.05 + 0.1, 0.1 + 0.03), abs=1e-9)
+
+
+# ----------------------------------------------------------------------------------------------------------- allocation
+
+
+def least_gap(stack: Any, t: Any) -> float:
+    """The least gap of half tolerances t: a linear program for each part pair, in another formulation."""
+    middle = np.array([size.middle for size in stack.sizes])
+    found = []
+    for pair in {row.parts for row in stack.rows}:
+        rows = np.array([[row.gap, *row.coefficients.values()] for row in stack.rows if row.parts == pair])
+        heights = rows[:, 0] + rows[:, 1:] @ middle
+        left = np.column_stack([rows[:, 1:] * t, -np.ones(len(rows))])
+        cost = [0.0] * len(t) + [1.0]
+        found.append(linprog(cost, left, -heights, bounds=[(-1, 1)] * len(t) + [(None, None)]).fun)
+    return min(found)
+
+
+def brute(stack: Any, cost: dict[str, Any], halves: list[float], low: float, steps: int = 9) -> float:
+    """The least cost on ever finer grids of half tolerances."""
+    best, place, span = np.inf, np.array([1.0] * len(halves)), np.array([2.0] * len(halves))
+    for _ in range(7):
+        grid = [np.linspace(max(x - s, 0.02), min(x + s, 4.0), steps) for x, s in zip(place, span, strict=True)]
+        for shares in product(*grid):
+            t = np.array(shares) * halves
+            price = sum(own(x) for own, x in zip(cost.values(), t, strict=True))
+            if price < best and least_gap(stack, t) >= low:
+                best, place = price, np.array(shares)
+        span = span / 2.5
+    return best
+
+
+def wide(stack: Any, *bodies: fo.Body) -> Any:
+    """The same with rows that are complete for four times the tolerances."""
+    sizes = [replace(s, tolerance=(s.middle - 4 * s.half, s.middle + 4 * s.half)) for s in stack.sizes]
+    return stacked(*bodies, *sizes)
+
+
+SCENES = {
+    "chain": (box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), ("+x", "+x", "+x")),
+    "corner": (
+        fo.Body.convex([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1)]),
+        box((0.9, 0.9, 0.9), (3, 3, 3)),
+        ("F1", "F2", "+x"),
+    ),
+    "walls": (box((-9.9, -1, -1), (9.9, 1, 1)), channel(20.0), ("+x", "-x", "+x")),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_cheapest_tolerances_are_those_of_brute_force(name: str) -> None:
+    one, two, faces = SCENES[name]
+    sizes = [fo.Size(f"s{k}", "movable", faces=face, tolerance=0.02) for k, face in enumerate(faces)]
+    stack = stacked(one, two, *sizes)
+    low = stack.gap({}) - 0.05
+    found = stack.allocate({"s0": 1.0, "s1": ("1/t^2", 0.02), "s2": 0.5}, limits=(low, np.inf))
+    cost = {"s0": lambda t: 1.0 / t, "s1": lambda t: 0.02 / t**2, "s2": lambda t: 0.5 / t}
+    least = brute(wide(stack, one, two), cost, [0.02] * 3, low)
+    assert found.least >= low - 1e-7
+    assert found.cost <= least * (1 + 1e-9)  # no grid is cheaper
+    assert found.cost >= 0.98 * least  # and it comes near
+
+
+def test_cheapest_tolerances_have_their_closed_form() -> None:
+    """c_k / t_k subject to sum t_k = m: t_k = m sqrt(c_k) / sum sqrt(c)."""
+    sizes = [fo.Size(name, "movable", faces="+x", tolerance=0.05) for name in "abc"]
+    stack = stacked(box((0, 0, 0), (10, 1, 1)), box((10.1, 0, 0), (12, 1, 1)), *sizes)
+    cost = {"a": 1.0, "b": 4.0, "c": 9.0}
+    found = stack.allocate(cost, limits=(0.04, np.inf))
+    assert [high for _, high in found.tolerances.values()] == pytest.approx([0.01, 0.02, 0.03], rel=1e-4)
+    assert found.cost == pytest.approx(600.0, rel=1e-6)
+    table = stack.allocate({"a": [(0.01, 5.0), (0.02, 2.0), (0.05, 1.0)]}, limits=(-0.02, np.inf))
+    assert table.tolerances["a"][1] == pytest.approx(0.02, rel=1e-5)
+    assert table.cost == pytest.approx(2.0, rel=1e-5)
+    share = stack.allocate(cost, share=0.9973, limits=(0.04, np.inf))
+    assert np.linalg.norm([high for _, high in share.tolerances.values()]) == pytest.approx(
+        3 * 0.06 / ndtri(0.9973), rel=1e-5
+    )
+    assert share.cost < found.cost
+    with pytest.raises(fo.InputError, match="no tolerances keep the gap"):
+        stack.allocate(cost, limits=(0.2, np.inf))
+    with pytest.raises(fo.InputError, match="unusable table of costs"):
+        stack.allocate({"a": [(0.01, 1.0), (0.02, 2.0)]})
+
+
+# --------------------------------------------------------------------------------------------------------- command line
+
+
+def run(*arguments: Any) -> tuple[int, str]:
+    """Run a command."""
+    result = CliRunner().invoke(app, [*map(str, arguments)])
+    return result.exit_code, result.stdout
+
+
+def test_faces_are_listed_by_name() -> None:
+    code, text = run("faces", PROBLEMS / "slot_and_key.toml", "--json")
+    assert code == 0
+    faces = json.loads(text)[0]["faces"]["static"]
+    bottom = next(face for face in faces if face["plane"] == "y = 12")
+    assert (bottom["face"], bottom["normal"], bottom["area"]) == ("F7", "+y", pytest.approx(10.125 * 30))
+    code, text = run("faces", PROBLEMS / "slot_and_key.toml")
+    assert code == 0
+    assert "x = 5.0625" in text
+
+
+def test_a_stack_is_printed_drawn_and_written(tmp_path: Path) -> None:
+    file = PROBLEMS / "slot_and_key.toml"
+    line = ("stack", file, "--case", "as drawn", "--gap", "0.04,0.12", "--draws", 20000, "--cost", "key_width=1")
+    code, text = run(*line, "--json", "--out", tmp_path)
+    assert code == 0
+    case = json.loads(text)[0]["cases"][0]
+    assert case["stack"]["worst"]["least"] == pytest.approx(0.0325, abs=1e-12)
+    assert case["stack"]["worst"]["largest"] == pytest.approx(0.0955, abs=1e-9)
+    assert case["yield"]["count"] == 20000
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert [name.rsplit(".")[-1] for name in names].count("csv") == 1
+    assert sum(name.endswith("slice.png") for name in names) == 1
+    rows = next(tmp_path.glob("*.csv")).read_text().splitlines()
+    assert rows[0] == "row,gap as drawn,key_width,key_foot,slot_width,slot_position,slot_depth"
+    code, text = run(*line)
+    assert "of the worst case" in text
+
+
+def test_a_stack_without_sizes_says_what_to_write() -> None:
+    result = CliRunner().invoke(app, ["stack", str(PROBLEMS / "boxes.toml")])
+    assert result.exit_code == 2
+    assert "[[size]]" in result.stderr
