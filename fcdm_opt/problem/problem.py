@@ -74,8 +74,8 @@ class Problem(NominalContact, Shown):
     motion : Motion
         The family of motions to choose from.
     goal : "beyond", "at", "seat", "touch", "clear" or "fit", optional
-        Default: "at" with `contacts`, "beyond" at a switching point between two segments with a requirement, "seat" where the nominal contact
-        is flush (at such a point too where it leaves no play), else "touch".
+        Default: "at" with `contacts`; "beyond" at a switching point between two segments with a requirement, "seat"
+        where the nominal contact is flush (at such a point too where it leaves no play), else "touch".
     pair : "any", "clear" or "touch"
         State of the target pair that is required besides the goal.
     clearance : float
