@@ -41,6 +41,7 @@ def widest_unique(problem: Problem, q: Array) -> float:
     return float(tried[unique(problem, q, tried)].max(initial=0.0))
 
 
+@np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
 def unique(problem: Problem, q: Array, half: Array) -> Array:
     """Tell for boxes |weights * q| <= half, (n,), whether at most one motion within restores the contacts.
 
@@ -70,6 +71,7 @@ def unique(problem: Problem, q: Array, half: Array) -> Array:
     return np.asarray(off * (1.0 + 2.0**-40) < 1.0)  # nan is not
 
 
+@np.errstate(all="ignore")
 def least_amount(problem: Problem, way: Array, half: Array) -> float:
     """Return an amount below which no motion restores the contacts, weighted; 0 where nothing is proved.
 
