@@ -55,7 +55,9 @@ def _contacts(solution: Solution) -> list[str]:
         told.append(f"contact {k}, {feature.label}" + (f": {state}" if gaps else ""))
     if not solution.status.found:
         return [*told, *solution.active]
-    if problem.goal != FIT:
+    if problem.goal == FIT:
+        told += solution.active
+    else:
         within = solution.unique_within
         box = f" whose weighted parameters are at most {measured(f'{within:.4g}', unit)}" if within < math.inf else ""
         told.append(
