@@ -335,7 +335,12 @@ class _Told:
         count = len(self.own.features)
         if count > MOST_EXPLAINED:
             return (f"{count} contacts: too many to tell which exclude each other",)
-        told = [f"contacts {_listed(group)} exclude each other" for group in self.conflicts]
+        told = [
+            f"contacts {_listed(group)} exclude each other"
+            if len(group) > 1
+            else f"contact {group[0] + 1} cannot be closed"
+            for group in self.conflicts
+        ]
         if not told:
             return ("nothing of what closes all contacts keeps parts from overlapping, or elements on each other",)
         return (*told, *self._carried())
@@ -345,7 +350,7 @@ class _Told:
         """The least sets of contacts that no motion closes together, whatever else it does."""
         found: list[tuple[int, ...]] = []
         count, most = len(self.own.features), int(self.own.moving.sum()) + 1
-        for size in range(2, min(count, most) + 1):
+        for size in range(1, min(count, most) + 1):
             for group in combinations(range(count), size):
                 if not any(set(known) <= set(group) for known in found) and not self._agree(group):
                     found.append(group)
