@@ -262,6 +262,26 @@ def test_contacts_with_two_solids_in_one_body() -> None:
     assert list(solution.parameters.values()) == pytest.approx([0.02, 0.02, 0.0], abs=1e-12)
 
 
+@pytest.mark.parametrize("requirement", "ABCD")
+def test_a_corner_on_a_corner_and_an_edge_stay_on_each_other(requirement) -> None:
+    seeds = np.array([0.3, 0.4, 0.5]), np.array([2.0, 2.2, 2.4])
+    cube = fo.Body.convex(block((0, 0, 0), (1, 1, 1)), seed=seeds[0])
+    one, two = scales(requirement, 0.02)
+    corner = made(np.ones(3), seeds[1], two) - made(np.ones(3), seeds[0], one)
+    for far, moved in (((3, 3, 3), corner), ((3, 3, 0.5), corner * [1, 1, 0])):
+        low = np.minimum(1.0, far)
+        low[2] = min(far[2], 1.0) - (far[2] < 1.0) * 1.0  # a corner at (1, 1, 1), or an edge along z beside the cube's
+        other = fo.Body.convex(block((1, 1, low[2]), far), seed=seeds[1])
+        problem = fo.Problem(cube, other, tolerance=0.02, requirement=requirement, motion=SHIFTS, contacts="all")
+        solution = fo.solve(problem)
+        assert solution.usable
+        assert list(solution.parameters.values()) == pytest.approx(moved, abs=1e-12)
+        assert (solution.unique_within == np.inf) == (far[2] == 3)
+    with pytest.raises(InputError) as refused:
+        problem.changed(goal="fit")
+    assert refused.value.key == "contacts"
+
+
 # ---------------------------------------------------------------------------------------------------- over-determined
 
 FEET, HEIGHTS = ((-4, -3), (4, -3), (4, 3), (-4, 3)), (0.0, 0.5, 1.0, 0.2)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -158,7 +158,7 @@ def _independent(slopes: Array, count: int) -> list[int]:
 
 
 def _equations(problem: Problem) -> Iterator[Equation]:
-    """Yield the equations of all contacts; none of those at corners, which may touch in several ways."""
+    """Yield the equations of all contacts."""
     for feature in problem.contacts:
         yield from _equations_of(problem, feature)
 
@@ -172,7 +172,18 @@ def _equations_of(problem: Problem, feature: Feature) -> Iterator[Equation]:
         )
     )
     kinds = feature.one.kind + feature.two.kind
-    if kinds == "EE":
+    flush = any(feature == seat.touching for seat in problem.nominal_seats)
+    axes = [Interval(axis, np.zeros(3)) for axis in np.eye(3)]
+    if kinds == "VV":
+        for axis in axes:
+            yield "in two", [*_numbers(own[0], axis, other[0])]
+    elif kinds[1] == "E" and (kinds[0] == "V" or flush):
+        for point, axis in product(own, axes):
+            yield "in two", [*_numbers(point, _cross(_less(other[1], other[0]), axis), other[0])]
+    elif kinds == "EV":
+        for axis in axes:
+            yield "in one", [*_numbers(other[0], _cross(_less(own[1], own[0]), axis), own[0])]
+    elif kinds == "EE":
         yield "edges", [*_numbers(own[0], _less(own[1], own[0]), other[0], _less(other[1], other[0]))]
     elif kinds[1] == "F":
         a, b, c = _corners(other)

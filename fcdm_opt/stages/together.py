@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, islice, product
+from itertools import combinations
 
 import numpy as np
 
@@ -19,18 +19,17 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import Bools
-from fcdm_opt.model.task import Answer, Parts, Task, ways_of
+from fcdm_opt.model.task import Answer, Parts, Task, lines_of
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.proof.uniqueness import equations_at, least_amount, widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
 MOST_NODES, FARTHEST = 2000, 1e6
-MOST_CHOICES = 64  # of the directions of contacts at corners and edges
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
@@ -47,21 +46,12 @@ def together(task: Task) -> Answer | None:
         return None
     if task.goal == FIT:
         return _fitted(task)
-    best: tuple[System, Array] | None = None
-    closest: System | None = None
-    impossible = True
-    for tried, own in enumerate(_choices(task), 1):
-        z, none = own.least()
-        impossible = impossible and none and tried < MOST_CHOICES
-        if z is None:
-            closest = closest or own
-        elif best is None or task.amount(own.q(z)) < task.amount(best[0].q(best[1])):
-            best = own, z
-    if best is not None:
-        return _answered(*best)
-    stage = LINEAR if task.motion.shifts else NEWTON
-    told = _Told(task, closest).sentences() if closest is not None else ()
-    if impossible:
+    own = System.of(task)
+    z, none = own.least()
+    if z is not None:
+        return _answered(own, z)
+    stage, told = LINEAR if task.motion.shifts else NEWTON, _Told(own).sentences()
+    if none:
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
 
@@ -70,14 +60,12 @@ def _answered(own: System, z: Array) -> Answer:
     """Return a motion that restores all contacts as the answer."""
     task, q = own.task, own.q(z)
     exact = task.motion.shifts
-    only = np.linalg.matrix_rank(own.linearised(q)[1], DEFAULT.nominal) == own.moving.sum()
     count = len(task.joints)
     active = (f"{count} contacts at once" if count > 1 else "the contact", *own.at_limits(q))
     pairs = {feature.parts for feature in own.features}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
     bound = np.inf if exact else displacement_bound(task)
-    answer = task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
-    return replace(answer, unique=np.inf if exact and only else 0.0)
+    return task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
 
 
 def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
@@ -86,10 +74,15 @@ def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
     How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
     unless it is larger.
     """
-    if problem.goal == FIT or problem.motion.shifts or (answer.q is not None and not answer.q.any()):
+    if problem.goal == FIT or (answer.q is None and problem.motion.shifts):
         return answer
-    if answer.q is not None and not answer.unique:
+    if problem.motion.shifts:  # what holds in one box holds in all
+        only = bool(unique(problem, answer.motion, np.array([problem.size]))[0])
+        return replace(answer, unique=np.inf if only else 0.0)
+    if answer.q is not None:
         answer = replace(answer, unique=widest_unique(problem, answer.q))
+    if answer.q is not None and not answer.q.any():
+        return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
     if bound < answer.amount:
         bound = max(bound, _bounded(problem, task, answer))
@@ -126,13 +119,6 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
     return least_amount(problem, np.asarray(way, dtype=np.float64), np.array([answer.amount]))
 
 
-def _choices(task: Task) -> Iterator[System]:
-    """Yield the equations, of contacts at corners and edges for each direction in which they may touch."""
-    ways = [ways_of(task.movable, task.static, joint) for joint in task.joints]
-    for features in islice(product(*ways), MOST_CHOICES):
-        yield System(task, features)
-
-
 @dataclass(frozen=True, eq=False)
 class System:
     """The equations of some contacts; z = weights * q / size.
@@ -141,11 +127,20 @@ class System:
     ----------
     task : Task
     features : tuple of FeaturePoints
-        One for each of the task's joints, or for some.
+        Those of the task's joints, or others to be worked out alike.
     """
 
     task: Task
     features: tuple[FeaturePoints, ...]
+
+    @classmethod
+    def of(cls, task: Task, group: Sequence[int] | None = None) -> System:
+        """Return the equations of all of a task's joints, or of some, as if there were no others."""
+        if group is None:
+            return cls(task, task.besides)
+        joints = tuple(task.joints[k] for k in group)
+        lines = tuple(line for joint in joints for line in lines_of(task.movable, task.static, joint))
+        return cls(replace(task, joints=joints, besides=lines), lines)
 
     def q(self, z: Array) -> Array:
         """Return the motion parameters."""
@@ -327,12 +322,11 @@ def _seen(rows: Rows, centre: Array, free: Array) -> Rows | None:
 class _Told:
     """What keeps contacts from being restored together, and which of them can be."""
 
-    task: Task
     own: System
 
     def sentences(self) -> tuple[str, ...]:
         """Return which contacts exclude each other, by number, and which carry without the others."""
-        count = len(self.own.features)
+        count = len(self.own.task.joints)
         if count > MOST_EXPLAINED:
             return (f"{count} contacts: too many to tell which exclude each other",)
         told = [
@@ -349,7 +343,7 @@ class _Told:
     def conflicts(self) -> list[tuple[int, ...]]:
         """The least sets of contacts that no motion closes together, whatever else it does."""
         found: list[tuple[int, ...]] = []
-        count, most = len(self.own.features), int(self.own.moving.sum()) + 1
+        count, most = len(self.own.task.joints), int(self.own.moving.sum()) + 1
         for size in range(1, min(count, most) + 1):
             for group in combinations(range(count), size):
                 if not any(set(known) <= set(group) for known in found) and not self._agree(group):
@@ -358,38 +352,36 @@ class _Told:
 
     def _agree(self, group: tuple[int, ...]) -> bool:
         """Tell whether the equations of some contacts alone have a solution."""
-        own = System(self.task, tuple(self.own.features[k] for k in group))
-        z = np.zeros(len(self.task.weights))
+        own, task = System.of(self.own.task, group), self.own.task
+        z = np.zeros(len(task.weights))
         for _ in range(STEPS):
-            values, slopes = own.linearised(z * self.task.size / self.task.weights)
+            values, slopes = own.linearised(z * task.size / task.weights)
             step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
             z = z - step
-            if np.abs(step).max() <= LEAST_STEP * 10 or self.task.motion.shifts:
+            if np.abs(step).max() <= LEAST_STEP * 10 or task.motion.shifts:
                 break
-        return bool(np.abs(own.linearised(z * self.task.size / self.task.weights)[0]).max() <= DEFAULT.touch)
+        return bool(np.abs(own.linearised(z * task.size / task.weights)[0]).max() <= DEFAULT.touch)
 
     def _carried(self) -> Iterator[str]:
         """Yield which contacts can be closed together while the others are open, and by how much."""
-        count = len(self.own.features)
-        told = 0
+        task = self.own.task
+        count, told = len(task.joints), 0
         for size in range(count - 1, 0, -1):
             for group in combinations(range(count), size):
                 if any(set(known) <= set(group) for known in self.conflicts):
                     continue
-                some = replace(
-                    self.task,
-                    joints=tuple(self.task.joints[k] for k in group),
-                    besides=tuple(self.own.features[k] for k in group),
-                )
-                z, _ = System(some, some.besides).least()
+                some = System.of(task, group)
+                z, _ = some.least()
                 if z is None:
                     continue
-                gaps = replace(self.task, besides=self.own.features).line_gaps(self.own.q(z))[1].tolist()
-                if min(gaps) < -DEFAULT.touch * self.task.size:
+                left = {
+                    k: System.of(task, (k,)).task.line_gaps(some.q(z))[1].max() for k in range(count) if k not in group
+                }
+                if min(left.values()) < -DEFAULT.touch * task.size:
                     continue  # past it, not above it
-                left = [f"{k + 1} open by {gaps[k]:.4g}" for k in range(count) if k not in group]
                 told += 1
-                yield f"{_listed(group)} can carry, with {', '.join(left)}"
+                others = ", ".join(f"{k + 1} open by {x:.4g}" for k, x in left.items())
+                yield f"{_listed(group)} can carry, with {others}"
             if told:
                 return
 
@@ -408,7 +400,7 @@ def _fitted(task: Task) -> Answer:
     """
     from scipy.optimize import linprog
 
-    own = next(_choices(task))
+    own = System.of(task)
     exact, count = task.motion.shifts, len(own.features)
     z, stage = np.clip(task.rest, *task.limits.T) * task.weights / task.size, LINEAR if exact else NEWTON
     failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
