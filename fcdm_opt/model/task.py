@@ -553,9 +553,11 @@ class Task:
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s.
 
-        The pair is nan where the two lines are parallel.
+        The pair is nan where the two lines are parallel. Contacts that are restored together are sought at the target.
         """
         pose = self.pose(s * np.asarray(q))
+        if self.joints:
+            return self.target, pose, ()
         tracked = tuple(
             Tracked.at(self.movable, self.static, pose, feature.parts, feature.site, feature.sign)
             for feature in self.tracked
