@@ -142,7 +142,10 @@ def test_the_judge_takes_nothing_from_what_finds_motions():
     """But for the checker of evidence, which stands apart from the proof that it checks."""
     taken = {other for module, others in IMPORTS.items() if package(module) == "judge" for other in others}
     assert {other for other in taken if package(other) in ("model", "stages", "solver", "along")} == set()
-    assert {other for other in taken if package(other) == "proof"} == {"fcdm_opt.proof.checker"}
+    assert {other for other in taken if package(other) == "proof"} == {
+        "fcdm_opt.proof.checker",
+        "fcdm_opt.proof.uniqueness",
+    }
 
 
 def test_solve_is_one_screen_and_its_steps_stand_in_order():

@@ -18,7 +18,18 @@ from fcdm_opt.cli import app
 from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.problem.problem import GOALS, SIGNS
 
-SOLVED = ("peg_square", "peg_tapered", "peg_hexagon", "dovetail", "keyway", "lid", "gears", "nut", "bracket")
+SOLVED = (
+    "peg_square",
+    "peg_tapered",
+    "peg_hexagon",
+    "dovetail",
+    "keyway",
+    "lid",
+    "gears",
+    "nut",
+    "bracket",
+    "locating",
+)
 IMPOSSIBLE = ("keyway_jammed", "bracket_stuck")  # and peg_square_tight, on the command line
 CLOSED_FORM = 1e-9  # of lengths and angles of order one; a nominal pair given to seven digits costs 3e-11
 VOLUMES = {

@@ -133,6 +133,8 @@ def test_plain_data_tell_status_advice_and_motion(question):
         "usable",
         "motion",
         "keep_out_gaps",
+        "contact_gaps",
+        "open_contacts",
         "snapped",
         "gap",
         "sensitivity",

@@ -170,6 +170,9 @@ def coherent_range(
         For a direction that is none, limits that exclude no motion, and a nominal pair that is not on the curve.
     """
     along = checked_direction(problem, direction)
+    if problem.contacts:
+        what = "a range tells how far one tracked contact lasts"
+        raise InputError(what, key="contacts", found="several", allowed="none, or another question of each contact")
     tracked = followed(problem)
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
     nearest = min(end.x for end in ends.values())

@@ -44,6 +44,9 @@ def sensitivity(solution: Solution) -> Sensitivity:
     if not solution.status.found:
         return _made(problem, task, None, _nothing(layout, np.nan), ["no motion was found"])
     q = np.array(list(solution.parameters.values()))
+    if problem.contacts:
+        what = "several contacts are restored together: derivatives are not worked out for them"
+        return _made(problem, task, q, _nothing(layout, np.nan), [what])
     if not task.amount(q) > 0:
         met = not task.tracked and not task.must_touch and task.misses(q)[0] > DEFAULT.active * task.size
         reasons = [] if met else ["the requirement is only just met without motion: derivatives are one-sided"]

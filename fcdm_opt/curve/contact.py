@@ -276,7 +276,7 @@ def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint
             [k for k, part in enumerate(body.parts) if part.carriers(element)]
             for body, element in ((movable, contact.feature.one), (static, contact.feature.two))
         )
-        hosts = tuple(product(*carried))
+        hosts = tuple((m, n) for m, n in product(*carried))
         found[contact.feature] = Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], hosts or ((i, j),))
     return tuple(found.values())
 

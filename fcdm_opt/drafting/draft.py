@@ -54,6 +54,7 @@ WHY = {
     "seat": "a flush contact, face on face or along an edge, stays flush",
     "at": "the same feature touches, at exactly the sizes made",
     "beyond": "the paper's: the switching point moves into the quadrant beyond the sizes made",
+    "fit": "none of the contacts listed overlaps, and the largest of their gaps is least",
 }
 BECAUSE = {
     ("touching", "seat"): "flush as drawn, the parts are to stay so",
@@ -257,11 +258,12 @@ def _goals(situation: Situation) -> dict[str, tuple[str, str, bool, bool]]:
         "seat": ("a flush nominal contact", situation.flush),
         "at": ("a nominal contact", situation.nearest is not None),
         "beyond": ("a nominal switching point", bool(situation.curve.switching_points)),
+        "fit": ('contacts = "all", and several', len(situation.contacts) > 1),
     }
     rows = {}
     for goal, why in WHY.items():
         need, there = needs.get(goal, ("", True))
-        rows[goal] = why, need, there, bool(need) and not (situation.state == "touching" and goal != "beyond")
+        rows[goal] = why, need, there, bool(need) and not (situation.state == "touching" and goal in ("seat", "at"))
     return rows
 
 

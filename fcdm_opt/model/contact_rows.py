@@ -117,6 +117,9 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
     """
     if not isinstance(problem, Problem):
         raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    if problem.contacts:
+        allowed = 'one tracked contact, or goal "touch" or "clear"'
+        raise InputError("rows of several contacts are not offered", key="contacts", found="several", allowed=allowed)
     if pairs := problem.feature_pairs:
         found = "; ".join(" and ".join(pair) for pair in pairs)
         raise InputError("several features meet: name two", key="features", found=found)

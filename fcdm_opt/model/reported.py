@@ -26,7 +26,7 @@ def reported(problem: Problem, task: Task, answer: Answer, evidence: Evidence | 
             "transform": frozen(task.transform(q)),
             "amount": task.amount(q),
             "rho": frozen(task.tracked_contact(q)[0]) if task.tracked else problem.target,
-            "features": problem.tracked_features if task.tracked or problem.tracked_features else _touching_features(task, q, slack),
+            "features": problem.tracked_features or _touching_features(task, q, slack),
         }
     return Solution(
         problem=problem,

@@ -23,7 +23,7 @@ from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.packing import packed_together
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.seats import besides, held, seat_of, spins
+from fcdm_opt.model.seats import besides, held, independent, seat_of, spins
 from fcdm_opt.motion.kinematics import Kinematics
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
@@ -128,7 +128,7 @@ class Task:
     seats : tuple of Flush
         The flush contacts that "seat" keeps, tracked or not.
     besides : tuple of FeaturePoints
-        One feature for each plane of flush contacts that is not tracked; of each of `joints` its first.
+        One feature for each plane of flush contacts that is not tracked; those of all `joints`, see `lines_of`.
     joints : tuple of Joint
         Contacts that are restored together: then none is tracked.
     amount_kind : "weighted", "displacement" or OwnAmount
@@ -179,7 +179,7 @@ class Task:
             tuple(feature_points(problem.movable, problem.static, p.site, p.parts, p.normal, np.eye(3)) for p in some)
             for some in (pieces, () if joints else besides(seats, pieces, problem.target))
         )
-        others += tuple(ways_of(problem.movable, problem.static, joint)[0] for joint in joints)
+        others += tuple(line for joint in joints for line in lines_of(problem.movable, problem.static, joint))
         weights, amount = problem.weights, problem.amount
         if amount == "displacement" and _shifts_at_right_angles(problem):
             weights, amount = frozen(np.ones(len(weights))), "weighted"  # the same number
@@ -561,9 +561,11 @@ class Task:
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s.
 
-        The pair is nan where the two lines are parallel.
+        The pair is nan where the two lines are parallel. Contacts that are restored together are sought at the target.
         """
         pose = self.pose(s * np.asarray(q))
+        if self.joints:
+            return self.target, pose, ()
         tracked = tuple(
             Tracked.at(self.movable, self.static, pose, feature.parts, feature.site, feature.sign)
             for feature in self.tracked
@@ -683,9 +685,8 @@ class Task:
 
     def restores(self, q: Array, slack: float) -> bool:
         """Tell whether a motion closes each of `joints` to within a length, by its own elements."""
-        lines, pose = self.line_gaps(q)[1], self.pose(q)
-        single = np.array([len(joint.normals) == 1 for joint in self.joints])
-        if not (np.abs(lines[single]) <= slack).all():
+        pose = self.pose(q)
+        if not (np.abs(self.line_gaps(q)[1]) <= slack).all():
             return False
         if not all(np.abs(self.joint_gaps(joint, pose)).min() <= slack for joint in self.joints):
             return False
@@ -724,9 +725,13 @@ class Task:
         return bool((gaps >= self.needs - DEFAULT.requirement * self.size).all())
 
 
-def ways_of(movable: Body, static: Body, joint: Joint) -> tuple[FeaturePoints, ...]:
-    """Return what a contact's lines may be of: one for each direction in which its parts may come apart."""
-    both = zip(joint.sites.tolist(), joint.normals, strict=True)
+def lines_of(movable: Body, static: Body, joint: Joint) -> tuple[FeaturePoints, ...]:
+    """Return the lines that say together that a contact's own elements meet.
+
+    One of a vertex and a face or of two edges, two of a vertex and an edge, three of two vertices.
+    """
+    kept = independent(joint.normals)
+    both = zip(joint.sites[kept].tolist(), joint.normals[kept], strict=True)
     return tuple(feature_points(movable, static, tuple(site), joint.parts, n, np.eye(3)) for site, n in both)
 
 

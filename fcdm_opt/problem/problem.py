@@ -77,8 +77,8 @@ class Problem(NominalContact, Shown):
     motion : Motion
         The family of motions to choose from.
     goal : "beyond", "at", "seat", "touch", "clear" or "fit", optional
-        Default: "at" with `contacts`, "beyond" at a switching point between two segments with a requirement, "seat" where the nominal contact
-        is flush (at such a point too where it leaves no play), else "touch".
+        Default: "at" with `contacts`; "beyond" at a switching point between two segments with a requirement, "seat"
+        where the nominal contact is flush (at such a point too where it leaves no play), else "touch".
     pair : "any", "clear" or "touch"
         State of the target pair that is required besides the goal.
     clearance : float
@@ -348,6 +348,9 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
     several = contact.chosen_contacts(asked.contacts)
+    if contact.goal == "fit" and any(len(j.normals) > 1 for j in contact.nominal_joints if j.feature in several):
+        what = 'goal "fit" measures gaps along a normal, and a contact at a corner or along edges has several'
+        raise InputError(what, key="contacts", found=asked.contacts, allowed="contacts on a face, or of crossing edges")
     together = {"path": "free", "pair": "clear" if contact.goal == "fit" else "touch"} if several else {}
     return {
         **vars(contact),

@@ -8,8 +8,8 @@ derivatives over a box that are regular whichever they are there, no two motions
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
-from itertools import combinations
+from functools import cache, lru_cache
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,7 @@ def widest_unique(problem: Problem, q: Array) -> float:
     return float(tried[unique(problem, q, tried)].max(initial=0.0))
 
 
+@np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
 def unique(problem: Problem, q: Array, half: Array) -> Array:
     """Tell for boxes |weights * q| <= half, (n,), whether at most one motion within restores the contacts.
 
@@ -53,7 +54,7 @@ def unique(problem: Problem, q: Array, half: Array) -> Array:
     if len(equations) < count or not count:
         return np.zeros(len(half), dtype=np.bool_)
     wide = half[:, None] * moving
-    motion = PosesOfPieces(problem)
+    motion = _motion(problem)
     here = np.where(moving, weights * q, still)[None]
     # derivatives at the motion, by the coordinates of the unit box: which equations are independent, and their inverse
     tight = _slopes(motion, _boxes(here - 1e-9 * problem.size * moving, here + 1e-9 * problem.size * moving), equations)
@@ -70,6 +71,7 @@ def unique(problem: Problem, q: Array, half: Array) -> Array:
     return np.asarray(off * (1.0 + 2.0**-40) < 1.0)  # nan is not
 
 
+@np.errstate(all="ignore")
 def least_amount(problem: Problem, way: Array, half: Array) -> float:
     """Return an amount below which no motion restores the contacts, weighted; 0 where nothing is proved.
 
@@ -84,18 +86,17 @@ def least_amount(problem: Problem, way: Array, half: Array) -> float:
         Half widths of boxes of weighted parameters, of which the best is taken.
     """
     moving = problem.limits[:, 0] < problem.limits[:, 1]
-    equations, motion = list(_equations(problem)), PosesOfPieces(problem)
+    equations, motion = list(_equations(problem)), _motion(problem)
     if problem.limits[~moving].any() or not len(half):
         return 0.0
     rest = np.zeros((1, len(moving)))
     wide = half[:, None] * moving
-    (still, _), sides = equations_at(problem, rest[0]), np.stack([way])
     poses = motion.poses(_boxes(rest, rest))
     at_rest = [_expression(kind).values(poses.centre, given)[0][0][0] for kind, given in equations]
     value = sum((float(w) * x for w, x in zip(way, at_rest, strict=True)), Interval(0.0))
     short = max(float(np.max(value.low)), -float(np.max(value.high)), 0.0)
     over = _slopes(motion, _boxes(-wide, wide), equations)
-    fixed = np.broadcast_to(sides, (len(half), 1, len(still)))
+    fixed = np.broadcast_to(way, (len(half), 1, len(way)))
     slope = Interval(fixed, np.zeros_like(fixed)).contracted(over).size[:, 0] / half[:, None]
     steep = np.sqrt((slope * slope).sum(axis=1)) * (1.0 + 2.0**-40)
     bounds = np.minimum(half, short / np.where(steep > 0.0, steep, np.inf)) * (1.0 - 2.0**-40)
@@ -108,11 +109,16 @@ def equations_at(problem: Problem, y: Array) -> tuple[Array, Array]:
     In floats, to choose by: neither is an enclosure.
     """
     moving = problem.limits[:, 0] < problem.limits[:, 1]
-    equations, motion, step = list(_equations(problem)), PosesOfPieces(problem), 1e-9 * problem.size
+    equations, motion, step = list(_equations(problem)), _motion(problem), 1e-9 * problem.size
     poses = motion.poses(_boxes(y[None], y[None]))
     values = [_expression(kind).values(poses.centre, given)[0][0][0].middle for kind, given in equations]
     slopes = _slopes(motion, _boxes((y - step * moving)[None], (y + step * moving)[None]), equations).middle[0] / step
     return np.array(values).ravel(), slopes
+
+
+@lru_cache(maxsize=4)
+def _motion(problem: Problem) -> PosesOfPieces:
+    return PosesOfPieces(problem)
 
 
 def _boxes(low: Array, high: Array) -> Boxes:
@@ -152,7 +158,7 @@ def _independent(slopes: Array, count: int) -> list[int]:
 
 
 def _equations(problem: Problem) -> Iterator[Equation]:
-    """Yield the equations of all contacts; none of those at corners, which may touch in several ways."""
+    """Yield the equations of all contacts."""
     for feature in problem.contacts:
         yield from _equations_of(problem, feature)
 
@@ -166,7 +172,18 @@ def _equations_of(problem: Problem, feature: Feature) -> Iterator[Equation]:
         )
     )
     kinds = feature.one.kind + feature.two.kind
-    if kinds == "EE":
+    flush = any(feature == seat.touching for seat in problem.nominal_seats)
+    axes = [Interval(axis, np.zeros(3)) for axis in np.eye(3)]
+    if kinds == "VV":
+        for axis in axes:
+            yield "in two", [*_numbers(own[0], axis, other[0])]
+    elif kinds[1] == "E" and (kinds[0] == "V" or flush):
+        for point, axis in product(own, axes):
+            yield "in two", [*_numbers(point, _cross(_less(other[1], other[0]), axis), other[0])]
+    elif kinds == "EV":
+        for axis in axes:
+            yield "in one", [*_numbers(other[0], _cross(_less(own[1], own[0]), axis), own[0])]
+    elif kinds == "EE":
         yield "edges", [*_numbers(own[0], _less(own[1], own[0]), other[0], _less(other[1], other[0]))]
     elif kinds[1] == "F":
         a, b, c = _corners(other)

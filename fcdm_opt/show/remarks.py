@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
@@ -34,7 +35,37 @@ def remarks(solution: Solution) -> list[str]:
         off = f"{measured(f'{abs(gap):.4g}', unit)} {'clear' if gap > 0 else 'overlapping'}"
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
-    return [*told, *_large(solution)]
+    return [*told, *_contacts(solution), *_large(solution)]
+
+
+def _contacts(solution: Solution) -> list[str]:
+    """Return what became of the contacts of the nominal position, where there are several."""
+    problem, unit, gaps = solution.problem, solution.problem.unit, solution.contact_gaps
+    if not problem.contacts:
+        opened = [gaps[label] for label in solution.open_contacts]
+        if problem.goal != "touch" or not opened:
+            return []
+        most = measured(f"{max(opened):.4g}", unit)
+        return [
+            f"{len(opened)} of the {len(gaps)} contacts of the nominal position are open now, by up to {most}; "
+            'contacts = "all" asks for all of them'
+        ]
+    told = []
+    for k, feature in enumerate(problem.contacts, 1):
+        gap = gaps.get(feature.label, math.nan)
+        state = f"open by {measured(f'{gap:.4g}', unit)}" if gap > problem.contact_slack else "closed"
+        told.append(f"contact {k}, {feature.label}" + (f": {state}" if gaps else ""))
+    if not solution.status.found:
+        return [*told, *solution.active]
+    if problem.goal == FIT:
+        told += solution.active
+    else:
+        within = solution.unique_within
+        box = f" whose weighted parameters are at most {measured(f'{within:.4g}', unit)}" if within < math.inf else ""
+        told.append(
+            f"no other motion{box} closes them: proved" if within else "that no other motion closes them is not proved"
+        )
+    return told
 
 
 def _large(solution: Solution) -> list[str]:

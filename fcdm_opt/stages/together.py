@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, islice, product
+from itertools import combinations
 
 import numpy as np
 
@@ -18,19 +18,19 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.task import Answer, Parts, Task, ways_of
+from fcdm_opt.model.seats import Bools
+from fcdm_opt.model.task import Answer, Parts, Task, lines_of
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.proof.uniqueness import equations_at, least_amount, widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
 
-STEPS, LEAST_STEP = 40, 1e-14  # of Newton's method, and the last, in sizes
+STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
 MOST_NODES, FARTHEST = 2000, 1e6
-MOST_CHOICES = 64  # of the directions of contacts at corners and edges
-NEAREST_WAYS = 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
+EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: several contacts, linear in the motion", "2: several contacts, by Newton's method"
@@ -46,19 +46,12 @@ def together(task: Task) -> Answer | None:
         return None
     if task.goal == FIT:
         return _fitted(task)
-    best, impossible, closest = None, True, None
-    for own in _choices(task):
-        z, met = own.least()
-        impossible = impossible and met is False
-        if z is None:
-            closest = closest or own
-        elif best is None or task.amount(own.q(z)) < task.amount(best[0].q(best[1])):
-            best = own, z
-    if best is not None:
-        return _answered(*best)
-    stage = LINEAR if task.motion.shifts else NEWTON
-    told = _Told(task, closest).sentences() if closest is not None else ()
-    if impossible and task.motion.shifts:
+    own = System.of(task)
+    z, none = own.least()
+    if z is not None:
+        return _answered(own, z)
+    stage, told = LINEAR if task.motion.shifts else NEWTON, _Told(own).sentences()
+    if none:
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
 
@@ -67,14 +60,12 @@ def _answered(own: System, z: Array) -> Answer:
     """Return a motion that restores all contacts as the answer."""
     task, q = own.task, own.q(z)
     exact = task.motion.shifts
-    only = np.linalg.matrix_rank(own.linearised(q)[1], DEFAULT.nominal) == own.moving.sum()
     count = len(task.joints)
     active = (f"{count} contacts at once" if count > 1 else "the contact", *own.at_limits(q))
     pairs = {feature.parts for feature in own.features}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
     bound = np.inf if exact else displacement_bound(task)
-    answer = task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
-    return replace(answer, unique=np.inf if exact and only else 0.0)
+    return task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
 
 
 def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
@@ -83,17 +74,25 @@ def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
     How far a motion is the only one, and that none of a smaller amount does; without a motion, that none does at all
     unless it is larger.
     """
-    if problem.goal == FIT or problem.motion.shifts or (answer.q is not None and not answer.q.any()):
+    if problem.goal == FIT or (answer.q is None and problem.motion.shifts):
         return answer
-    if answer.q is not None and not answer.unique:
+    if problem.motion.shifts:  # what holds in one box holds in all
+        only = bool(unique(problem, answer.motion, np.array([problem.size]))[0])
+        return replace(answer, unique=np.inf if only else 0.0)
+    if answer.q is not None:
         answer = replace(answer, unique=widest_unique(problem, answer.q))
+    if answer.q is not None and not answer.q.any():
+        return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
     if bound < answer.amount:
         bound = max(bound, _bounded(problem, task, answer))
     bound = min(bound, answer.amount)
     if answer.q is not None or bound <= answer.lower_bound:
         return replace(answer, lower_bound=max(bound, answer.lower_bound))
-    told = f"no motion below the amount {bound:.4g} closes all of them"
+    farthest = float(np.linalg.norm(task.weights * np.abs(task.limits).max(axis=1)))
+    if farthest <= bound:
+        return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
+    told = f"below the amount {bound:.4g} no motion closes all and lets nothing overlap"
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
 
 
@@ -101,23 +100,23 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
     """Return the amount below which no motion restores the contacts, by multipliers at the motion nearest to that."""
     y = task.weights * (answer.q if answer.q is not None else task.start)
     if answer.q is None:
-        for _ in range(STEPS):  # to the least squares of the equations
+        for _ in range(FEW_STEPS):  # to the least squares of the equations
             values, slopes = equations_at(problem, y)
-            y = y - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+            step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
+            y = y - step
+            if not np.abs(step).max(initial=0.0) > CONTRACTED * task.size:
+                break
+        if not len(values):
+            return 0.0
+        if np.abs(task.line_gaps(y / task.weights)[1]).max() <= DEFAULT.touch * task.size:
+            return widest_unique(problem, y / task.weights)  # the one motion that closes all is no answer
         half = max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES)
-        values, _ = equations_at(problem, y)
-        return least_amount(problem, values, half) if len(values) else 0.0
+        return least_amount(problem, values, half)
     values, slopes = equations_at(problem, y)
     if not len(values):
         return 0.0
-    return least_amount(problem, np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0], np.array([answer.amount]))
-
-
-def _choices(task: Task) -> Iterator[System]:
-    """Yield the equations, of contacts at corners and edges for each direction in which they may touch."""
-    ways = [ways_of(task.movable, task.static, joint) for joint in task.joints]
-    for features in islice(product(*ways), MOST_CHOICES):
-        yield System(task, features)
+    way = np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0]
+    return least_amount(problem, np.asarray(way, dtype=np.float64), np.array([answer.amount]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +127,20 @@ class System:
     ----------
     task : Task
     features : tuple of FeaturePoints
-        One for each of the task's joints, or for some.
+        Those of the task's joints, or others to be worked out alike.
     """
 
     task: Task
     features: tuple[FeaturePoints, ...]
+
+    @classmethod
+    def of(cls, task: Task, group: Sequence[int] | None = None) -> System:
+        """Return the equations of all of a task's joints, or of some, as if there were no others."""
+        if group is None:
+            return cls(task, task.besides)
+        joints = tuple(task.joints[k] for k in group)
+        lines = tuple(line for joint in joints for line in lines_of(task.movable, task.static, joint))
+        return cls(replace(task, joints=joints, besides=lines), lines)
 
     def q(self, z: Array) -> Array:
         """Return the motion parameters."""
@@ -140,7 +148,7 @@ class System:
         return np.clip(z * task.size / task.weights, *task.limits.T)
 
     @cached_property
-    def moving(self) -> Array:
+    def moving(self) -> Bools:
         """Which parameters are free to change, (k,)."""
         return self.task.limits[:, 0] < self.task.limits[:, 1]
 
@@ -169,41 +177,41 @@ class System:
         slopes += [task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns]
         return np.array(values), np.where(self.moving, np.array(slopes) / task.weights, 0.0)
 
-    def least(self, start: Array | None = None) -> tuple[Array | None, bool | None]:
-        """Return the least z that solves the equations and lets nothing overlap; and whether they can be solved.
+    def least(self) -> tuple[Array | None, bool]:
+        """Return the least z that solves the equations and lets nothing overlap; without one, whether none does.
 
-        None for what is not known: of motions that turn Newton's method may have missed a solution.
+        Of motions that turn Newton's method may have missed one: it never tells that there is none.
         """
-        task = self.task
-        z = np.clip(np.zeros(len(task.weights)), *(task.limits.T * task.weights / task.size))
-        z = z if start is None else start
-        exact, groups, turned = task.motion.shifts, list[list[Rows]](), 0
+        task, exact = self.task, self.task.motion.shifts
+        z, blocked, closings = task.start * task.weights / task.size, set[Parts](), list[list[Rows]]()
         for _ in range(STEPS):
-            values, slopes = self.linearised(self.q(z))
-            levels = slopes @ z - values
-            found = _nearest(slopes, levels, self._limits(), groups, self._closings() if exact and groups else None)
+            q = self.q(z)
+            values, slopes = self.linearised(q)
+            groups = [*(self._ways_apart(parts, q) for parts in sorted(blocked)), *closings]
+            found, complete = _nearest(slopes, slopes @ z - values, self._limits(), groups)
             if found is None:
-                return None, False if exact else None
+                return None, exact and complete
             step, z = float(np.abs(found - z).max()), found
-            if step > (CONTRACTED if not exact else LEAST_STEP) and not exact:
+            if step > CONTRACTED and not exact:
                 continue
             q = self.q(z)
-            if not np.abs(self.linearised(q)[0]).max() <= DEFAULT.line:
-                if exact or step <= LEAST_STEP:
-                    return None, False if exact else None
+            if np.abs(self.linearised(q)[0]).max() > DEFAULT.line:
+                if step <= LEAST_STEP or exact:
+                    return None, False
                 continue
             if replace(task, besides=self.features).meets(q, DEFAULT.requirement):
-                return self._polished(z, groups), True
-            walls = self._walls(q)
-            if turned and exact or not walls:
-                return None, False if exact else None
-            groups, turned = walls, turned + 1
-        return None, None
+                return (z if exact or blocked else self._polished(z)), False
+            if exact and np.linalg.matrix_rank(slopes[:, self.moving], DEFAULT.nominal) == self.moving.sum():
+                return None, not replace(task, besides=self.features).meets(q, DEFAULT.line)
+            more = self._blocked(q) - blocked
+            if not more:
+                return None, False
+            blocked |= more
+            closings = self._closings() if exact else []
+        return None, False
 
-    def _polished(self, z: Array, groups: list[list[Rows]]) -> Array:
-        """Return z after a last step of Newton's method, where that is no worse."""
-        if self.task.motion.shifts or groups:
-            return z
+    def _polished(self, z: Array) -> Array:
+        """Return z after a last step of Newton's method."""
         values, slopes = self.linearised(self.q(z))
         return z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
 
@@ -220,33 +228,29 @@ class System:
         order = np.argsort(-gaps)[:most]
         if task.motion.shifts:
             rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)[1][:, :3, 3]
-            slopes = np.where(self.moving, -(rows[order, :3] @ rates.T) * 1.0 / task.weights, 0.0)
+            slopes = np.where(self.moving, -(rows[order, :3] @ rates.T) / task.weights, 0.0)
         else:
             R, pairs = task.transform(q)[:3, :3], zip(sites[order].tolist(), rows[order, :3], strict=True)
             features = [feature_points(task.movable, task.static, tuple(site), parts, n, R) for site, n in pairs]
             slopes = System(task, tuple(features)).linearised(q)[1][: len(order)]
         return Rows(slopes, slopes @ (q * task.weights / task.size) - gaps[order] / task.size)
 
-    def _walls(self, q: Array) -> list[list[Rows]]:
-        """Return for each pair with the static body that would overlap, or may on the way, its ways apart."""
-        task = self.task
-        own = {feature.parts for feature in self.features}
-        exact = task.motion.shifts
-        gaps = task.pair_gaps(q)
-        walls = []
-        for i, j in np.ndindex(gaps.shape):
-            if (i, j) in own or j >= len(task.static.parts):
-                continue
-            if exact or gaps[i, j] < -DEFAULT.cut * task.size:
-                rows = self._rows((i, j), q, 10**6 if exact else NEAREST_WAYS)
-                walls.append([Rows(rows.normals[k : k + 1], rows.levels[k : k + 1]) for k in range(len(rows.levels))])
-        return walls
+    def _blocked(self, q: Array) -> set[Parts]:
+        """Return the pairs with the static body that overlap; while nothing turns all that may."""
+        task, own = self.task, {feature.parts for feature in self.features}
+        bad = task.pair_gaps(q)[:, : len(task.static.parts)] < -DEFAULT.cut * task.size
+        return {(i, j) for i, j in np.ndindex(bad.shape) if (bad[i, j] or task.motion.shifts) and (i, j) not in own}
+
+    def _ways_apart(self, parts: Parts, q: Array) -> list[Rows]:
+        """Return the ways in which a pair may come apart, the widest first."""
+        rows = self._rows(parts, q, EVERY if self.task.motion.shifts else NEAREST_WAYS)
+        return [Rows(rows.normals[k : k + 1], rows.levels[k : k + 1]) for k in range(len(rows.levels))]
 
     def _closings(self) -> list[list[Rows]]:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other."""
         task, rest = self.task, self.task.start
         return [
-            [Rows(-rows.normals, -rows.levels) for parts in joint.hosts for rows in (self._rows(parts, rest, 10**6),)]
+            [Rows(-rows.normals, -rows.levels) for parts in joint.hosts for rows in (self._rows(parts, rest, EVERY),)]
             for joint in task.joints
         ]
 
@@ -273,39 +277,33 @@ def _touched(task: Task, feature: FeaturePoints, T: Array, n: Array, gap: float)
     return np.asarray((place - T[:3, 3]) @ T[:3, :3])
 
 
-def _nearest(
-    slopes: Array, levels: Array, limits: Rows, groups: Sequence[list[Rows]], closings: list[list[Rows]] | None = None
-) -> Array | None:
+def _nearest(slopes: Array, levels: Array, limits: Rows, groups: Sequence[list[Rows]]) -> tuple[Array | None, bool]:
     """Return the least z with slopes . z = levels, within limits, that meets an alternative of each group.
 
-    None where there is none: the equations disagree, or nothing of what they leave meets the rest.
+    None where there is none: the equations disagree, or nothing of what they leave meets the rest; and whether that is
+    so, or the search was left.
     """
-    centre = np.linalg.lstsq(slopes, levels, rcond=DEFAULT.nominal)[0]
+    centre = np.asarray(np.linalg.lstsq(slopes, levels, rcond=DEFAULT.nominal)[0], dtype=np.float64)
     if np.abs(slopes @ centre - levels).max(initial=0.0) > DEFAULT.touch:
-        return None
+        return None, True
     _, sizes, ways = np.linalg.svd(slopes)
     free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]  # rows span the null space
-    every = [*groups, *(closings or ())]
-    inside = (limits.normals @ centre >= limits.levels - DEFAULT.line).all()
-    if inside and not every:
-        return np.asarray(centre)
     kept = []
-    for group in every:
-        ahead = [_seen(rows, centre, free) for rows in group]
-        possible = [rows for rows in ahead if rows is not None]
+    for group in groups:
+        possible = [rows for rows in (_seen(rows, centre, free) for rows in group) if rows is not None]
         if not possible:
-            return None
+            return None, True
         if all(len(rows.levels) for rows in possible):
             kept.append(possible)
     start = _seen(limits, centre, free)
     if start is None:
-        return None
-    if not len(free):
-        return np.asarray(centre)
+        return None, True
+    if not len(free) or (not kept and not (start.levels > 0.0).any()):
+        return centre, True
     start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
     choices = Choices.of(kept, len(free))
     least = nearest(choices, [start], np.zeros(len(free)), slack=DEFAULT.cut, nodes=MOST_NODES, most=FARTHEST)
-    return None if least.y is None else np.asarray(centre + least.y @ free)
+    return (None, least.complete) if least.y is None else (centre + least.y @ free, True)
 
 
 def _seen(rows: Rows, centre: Array, free: Array) -> Rows | None:
@@ -324,15 +322,19 @@ def _seen(rows: Rows, centre: Array, free: Array) -> Rows | None:
 class _Told:
     """What keeps contacts from being restored together, and which of them can be."""
 
-    task: Task
     own: System
 
     def sentences(self) -> tuple[str, ...]:
         """Return which contacts exclude each other, by number, and which carry without the others."""
-        count = len(self.own.features)
+        count = len(self.own.task.joints)
         if count > MOST_EXPLAINED:
             return (f"{count} contacts: too many to tell which exclude each other",)
-        told = [f"contacts {_listed(group)} exclude each other" for group in self.conflicts]
+        told = [
+            f"contacts {_listed(group)} exclude each other"
+            if len(group) > 1
+            else f"contact {group[0] + 1} cannot be closed"
+            for group in self.conflicts
+        ]
         if not told:
             return ("nothing of what closes all contacts keeps parts from overlapping, or elements on each other",)
         return (*told, *self._carried())
@@ -341,8 +343,8 @@ class _Told:
     def conflicts(self) -> list[tuple[int, ...]]:
         """The least sets of contacts that no motion closes together, whatever else it does."""
         found: list[tuple[int, ...]] = []
-        count, most = len(self.own.features), int(self.own.moving.sum()) + 1
-        for size in range(2, min(count, most) + 1):
+        count, most = len(self.own.task.joints), int(self.own.moving.sum()) + 1
+        for size in range(1, min(count, most) + 1):
             for group in combinations(range(count), size):
                 if not any(set(known) <= set(group) for known in found) and not self._agree(group):
                     found.append(group)
@@ -350,38 +352,36 @@ class _Told:
 
     def _agree(self, group: tuple[int, ...]) -> bool:
         """Tell whether the equations of some contacts alone have a solution."""
-        own = System(self.task, tuple(self.own.features[k] for k in group))
-        z = np.zeros(len(self.task.weights))
+        own, task = System.of(self.own.task, group), self.own.task
+        z = np.zeros(len(task.weights))
         for _ in range(STEPS):
-            values, slopes = own.linearised(z * self.task.size / self.task.weights)
+            values, slopes = own.linearised(z * task.size / task.weights)
             step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
             z = z - step
-            if np.abs(step).max() <= LEAST_STEP * 10 or self.task.motion.shifts:
+            if np.abs(step).max() <= LEAST_STEP * 10 or task.motion.shifts:
                 break
-        return bool(np.abs(own.linearised(z * self.task.size / self.task.weights)[0]).max() <= DEFAULT.touch)
+        return bool(np.abs(own.linearised(z * task.size / task.weights)[0]).max() <= DEFAULT.touch)
 
     def _carried(self) -> Iterator[str]:
         """Yield which contacts can be closed together while the others are open, and by how much."""
-        count = len(self.own.features)
-        told = 0
+        task = self.own.task
+        count, told = len(task.joints), 0
         for size in range(count - 1, 0, -1):
             for group in combinations(range(count), size):
                 if any(set(known) <= set(group) for known in self.conflicts):
                     continue
-                some = replace(
-                    self.task,
-                    joints=tuple(self.task.joints[k] for k in group),
-                    besides=tuple(self.own.features[k] for k in group),
-                )
-                z, _ = System(some, some.besides).least()
+                some = System.of(task, group)
+                z, _ = some.least()
                 if z is None:
                     continue
-                gaps = replace(self.task, besides=self.own.features).line_gaps(self.own.q(z))[1].tolist()
-                if min(gaps) < -DEFAULT.touch * self.task.size:
+                left = {
+                    k: System.of(task, (k,)).task.line_gaps(some.q(z))[1].max() for k in range(count) if k not in group
+                }
+                if min(left.values()) < -DEFAULT.touch * task.size:
                     continue  # past it, not above it
-                left = [f"{k + 1} open by {gaps[k]:.4g}" for k in range(count) if k not in group]
                 told += 1
-                yield f"{_listed(group)} can carry, with {', '.join(left)}"
+                others = ", ".join(f"{k + 1} open by {x:.4g}" for k, x in left.items())
+                yield f"{_listed(group)} can carry, with {others}"
             if told:
                 return
 
@@ -390,7 +390,7 @@ def _listed(group: Sequence[int]) -> str:
     return ", ".join(str(k + 1) for k in group)
 
 
-# ------------------------------------------------------------------------------------------------------------ goal "fit"
+# ----------------------------------------------------------------------------------------------------------- goal "fit"
 
 
 def _fitted(task: Task) -> Answer:
@@ -400,7 +400,7 @@ def _fitted(task: Task) -> Answer:
     """
     from scipy.optimize import linprog
 
-    own = next(_choices(task))
+    own = System.of(task)
     exact, count = task.motion.shifts, len(own.features)
     z, stage = np.clip(task.rest, *task.limits.T) * task.weights / task.size, LINEAR if exact else NEWTON
     failed = Answer(Status.NOT_FOUND, None, stage, 0.0, last=True)
@@ -426,7 +426,7 @@ def _fitted(task: Task) -> Answer:
         rows = own._limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
         flat = np.linalg.norm(rows.normals, axis=1) > DEFAULT.tie
         rows = Rows(rows.normals[flat], rows.levels[flat])
-        found = _nearest(slopes[count:], slopes[count:] @ z - values[count:], rows, ())
+        found, _ = _nearest(slopes[count:], slopes[count:] @ z - values[count:], rows, ())
         found = program.x[:-1] if found is None else found
         step, z = float(np.abs(found - z).max()), found
         if step <= CONTRACTED:

@@ -363,4 +363,4 @@ class ClashSearch:
             yield Trial(change="motion Free()", solution=self.solved(bare.changed(motion=Free(), **given)))
         for goal in ("touch", "clear"):
             if goal != self.problem.goal:
-                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal)))
+                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, contacts=None)))

@@ -1,0 +1,420 @@
+"""Several contacts at once: closed forms, uniqueness, conflicts, the fit, and a judge that is not taken in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.spatial.transform import Rotation as Turn
+
+import fcdm_opt as fo
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.show.remarks import remarks
+
+SHIFTS = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+
+
+def block(low: tuple[float, ...], high: tuple[float, ...]) -> Array:
+    """The corners of a box."""
+    return np.array(list(product(*zip(low, high, strict=True))), dtype=float)
+
+
+def made(point: Array, seed: Array, scale: float) -> Array:
+    """A point of a body as made."""
+    return np.asarray(seed + scale * (np.asarray(point) - seed))
+
+
+def scales(requirement: str, tolerance: float) -> tuple[float, float]:
+    one, two = SIGNS[requirement]
+    return 1.0 + tolerance * one, 1.0 + tolerance * two
+
+
+# ---------------------------------------------------------------------------------------------------- ball in a corner
+
+BALL_SEED, CORNER_SEED = np.array([10.0, 9.5, 10.5]), np.array([6.5, 6.0, 7.0])
+
+
+@pytest.fixture(scope="module")
+def ball() -> fo.Body:
+    """A ball of radius 10 that touches three walls with a vertex each."""
+    points = np.random.default_rng(7).normal(size=(60, 3))
+    points = 9.9 * points / np.linalg.norm(points, axis=1)[:, None]
+    points = np.vstack([points, 10.0 * np.eye(3), -10.0 * np.eye(3)])
+    return fo.Body.convex(10.0 + points, seed=BALL_SEED, name="ball")
+
+
+@pytest.fixture(scope="module")
+def corner() -> fo.Body:
+    walls = [block((-3, -3, -3), tuple(0.0 if k == axis else 30.0 for k in range(3))) for axis in range(3)]
+    return fo.Body.from_parts(walls, seed=CORNER_SEED, name="corner")
+
+
+@pytest.mark.parametrize("requirement", "ABCD")
+def test_ball_in_a_corner_closes_three_walls_in_closed_form(ball, corner, requirement) -> None:
+    solution = fo.solve(
+        fo.Problem(ball, corner, tolerance=0.02, requirement=requirement, motion=SHIFTS, contacts="all")
+    )
+    one, two = scales(requirement, 0.02)
+    touching = made(np.zeros(3), BALL_SEED, one)  # of each axis the coordinate of the vertex that touches
+    expected = made(np.zeros(3), CORNER_SEED, two) - touching
+    assert solution.usable
+    assert list(solution.parameters.values()) == pytest.approx(expected, abs=1e-12)
+    assert len(solution.features) == len(solution.problem.contacts) == 3
+    assert solution.unique_within == np.inf
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
+    assert not solution.open_contacts
+
+
+def test_touch_says_how_many_nominal_contacts_are_open(ball, corner) -> None:
+    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="C", motion=SHIFTS, goal="touch")
+    solution = fo.solve(problem)
+    assert len(solution.contact_gaps) == 3
+    assert len(solution.open_contacts) == 2
+    assert any("2 of the 3 contacts" in told and 'contacts = "all"' in told for told in remarks(solution))
+
+
+def test_fewer_contacts_than_freedoms_take_the_least_motion(ball, corner) -> None:
+    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="C", motion=SHIFTS, contacts="all")
+    for two in combinations(problem.contacts, 2):
+        solution = fo.solve(problem.changed(contacts=[feature.label for feature in two]))
+        whole = np.array(list(fo.solve(problem).parameters.values()))
+        found = np.array(list(solution.parameters.values()))
+        still = np.abs(found) <= 1e-12
+        assert solution.usable
+        assert still.sum() == 1  # the wall that is not listed
+        assert found[~still] == pytest.approx(whole[~still], abs=1e-12)
+        assert solution.unique_within == 0.0
+        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
+
+
+def test_a_wall_that_is_not_listed_is_not_run_into(ball, corner) -> None:
+    # made larger, the ball must leave the third wall too, although it is not listed
+    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="B", motion=SHIFTS, contacts="all")
+    whole = fo.solve(problem)
+    solution = fo.solve(problem.changed(contacts=[feature.label for feature in problem.contacts[:2]]))
+    assert solution.usable
+    assert list(solution.parameters.values()) == pytest.approx(list(whole.parameters.values()), abs=1e-9)
+
+
+def test_a_problem_with_contacts_is_plain_data(ball, corner) -> None:
+    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, contacts="all", name="A")
+    again = fo.Problem.from_dict(problem.to_dict())
+    assert again.contacts == problem.contacts
+    named = problem.changed(contacts=[feature.label for feature in reversed(problem.contacts)])
+    assert fo.Problem.from_dict(named.to_dict()).contacts == problem.contacts[::-1]
+    solution = fo.solve(problem)
+    assert fo.Solution.from_dict(solution.to_dict()).to_dict() == solution.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        ({"contacts": "all", "goal": "touch"}, "goal"),
+        ({"goal": "fit"}, "contacts"),
+        ({"contacts": []}, "contacts"),
+        ({"contacts": ["V1F2(P1V1; P2V1,V2,V3)"]}, "contacts[1]"),
+        ({"contacts": "all", "pair": "clear"}, "pair"),
+        ({"contacts": "all", "amount": "displacement"}, "amount"),
+        ({"contacts": "all", "resolution": 0.01}, "resolution"),
+    ],
+)
+def test_what_does_not_go_with_contacts_is_refused(ball, corner, arguments, key) -> None:
+    with pytest.raises(InputError) as refused:
+        fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, **arguments)
+    assert refused.value.key == key
+
+
+def test_stages_that_know_one_contact_are_refused(ball, corner) -> None:
+    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, contacts="all")
+    with pytest.raises(InputError):
+        fo.solve(problem, model="nlp")
+
+
+def test_what_knows_one_contact_refuses_several(ball, corner) -> None:
+    problem = fo.Problem(ball, corner, tolerance=0.02, requirement="A", motion=SHIFTS, contacts="all")
+    for ask in (lambda: fo.coherent_range(problem, {"TX": 1.0}), lambda: fo.contact_rows(problem)):
+        with pytest.raises(InputError) as refused:
+            ask()
+        assert refused.value.key == "contacts"
+    reasons = fo.solve(problem).sensitivity.reasons
+    assert reasons
+    assert "several contacts" in reasons[0]
+
+
+# ------------------------------------------------------------------------------------------------------- 3-2-1 fixture
+
+
+def tip(point: tuple[float, ...], way: tuple[float, ...]) -> Array:
+    """A pyramid whose corner `point` looks along an axis."""
+    p, d = np.array(point, dtype=float), np.array(way, dtype=float)
+    a = np.roll(d, 1)
+    b, base = np.cross(d, a), p - 0.5 * d
+    return np.array([p, base + 0.2 * a, base + 0.2 * b, base - 0.2 * (a + b)])
+
+
+# a stepped block: the three locators below stand at different heights, so that sizes tilt it
+LOCATORS = (
+    ((1.0, 1.0, 0.0), (0, 0, 1)),
+    ((5.0, 1.0, 0.0), (0, 0, 1)),
+    ((3.0, 3.5, -0.5), (0, 0, 1)),
+    ((1.2, 0.0, 1.0), (0, 1, 0)),
+    ((4.8, 0.0, 1.1), (0, 1, 0)),
+    ((0.0, 2.0, 0.9), (1, 0, 0)),
+)
+BLOCK_SEED, FIXTURE_SEED = np.array([3.0, 2.0, 1.0]), np.array([0.5, -1.0, -2.0])
+
+
+@pytest.fixture(scope="module")
+def fixture() -> tuple[fo.Body, fo.Body]:
+    stepped = [block((0, 0, 0), (6, 3, 2)), block((0, 3, -0.5), (6, 4, 2))]
+    part = fo.Body.from_parts(stepped, seed=BLOCK_SEED, name="block")
+    tips = [tip(*locator) for locator in LOCATORS]
+    return part, fo.Body.from_parts(tips, seed=FIXTURE_SEED, name="locators")
+
+
+def first_order(one: float, two: float) -> Array:
+    """The six parameters of the motion for small sizes: each locator's gap, and the rates of a screw at it."""
+    rows, gaps = [], []
+    for point, way in LOCATORS:
+        normal, place = -np.array(way, dtype=float), np.array(point)
+        rows.append(np.concatenate([normal, np.cross(place - BLOCK_SEED, normal)]))
+        gaps.append(normal @ (made(place, FIXTURE_SEED, two) - made(place, BLOCK_SEED, one)))
+    return np.linalg.solve(np.array(rows), np.array(gaps))
+
+
+@pytest.mark.parametrize("requirement", "ABCD")
+def test_three_two_one_fixture_for_small_sizes(fixture, requirement) -> None:
+    for tolerance in (1e-3, 1e-4):
+        problem = fo.Problem(*fixture, tolerance=tolerance, requirement=requirement, motion=fo.Free(), contacts="all")
+        solution = fo.solve(problem)
+        expected = first_order(*scales(requirement, tolerance))
+        assert len(problem.contacts) == 6
+        assert solution.usable
+        off = np.abs(np.array(list(solution.parameters.values())) - expected).max()
+        assert off <= 20.0 * tolerance**2  # second order, times lengths of the part
+        assert np.abs(expected).max() > tolerance / 10.0  # there is something to be right about
+        assert solution.unique_within > solution.amount
+        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
+
+
+def test_three_two_one_fixture_meets_every_plane_exactly(fixture) -> None:
+    solution = fo.solve(fo.Problem(*fixture, tolerance=0.02, requirement="B", motion=fo.Free(), contacts="all"))
+    T = solution.transform
+    one, two = scales("B", 0.02)
+    for point, way in LOCATORS:
+        normal = T[:3, :3] @ -np.array(way, dtype=float)
+        on_plane = T[:3, :3] @ made(np.array(point), BLOCK_SEED, one) + T[:3, 3]
+        assert normal @ (made(np.array(point), FIXTURE_SEED, two) - on_plane) == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(list(solution.parameters.values())[3:]).max() > 1e-3  # it does tilt
+    assert solution.usable
+
+
+def test_a_common_rigid_motion_changes_nothing(fixture) -> None:
+    plain = fo.solve(fo.Problem(*fixture, tolerance=0.02, requirement="C", motion=fo.Free(), contacts="all"))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = Turn.from_rotvec([0.3, -0.5, 0.2]).as_matrix(), (4.0, -2.0, 1.0)
+    moved = [body.moved(T) for body in fixture]
+    turned = fo.solve(
+        fo.Problem(
+            *moved, tolerance=0.02, requirement="C", motion=fo.Free(), contacts="all", length=plain.problem.length
+        )
+    )
+    assert turned.usable
+    assert turned.amount == pytest.approx(plain.amount, rel=1e-9)
+    q, p = (np.array(list(solution.parameters.values())).reshape(2, 3) for solution in (plain, turned))
+    assert np.abs(p - q @ T[:3, :3].T).max() <= 1e-9
+
+
+# ------------------------------------------------------------------------------------------------- flush and V contacts
+
+
+def test_hook_on_a_bar_closes_two_flush_faces() -> None:
+    hook = fo.Body.from_parts([block((-8, -6, 4), (8, 6, 8)), block((-8, -6, -20), (-4, 6, 4))], seed=(-3, 0, -10))
+    bar = fo.Body.convex(block((-4, -40, -4), (4, 40, 4)), seed=(0, 0, 0))
+    for requirement, motion in product("AB", (SHIFTS, fo.Free())):
+        solution = fo.solve(
+            fo.Problem(hook, bar, tolerance=0.02, requirement=requirement, motion=motion, contacts="all")
+        )
+        one, two = scales(requirement, 0.02)
+        expected = [-4.0 * two - (-3.0 - one), 0.0, 4.0 * two - (-10.0 + 14.0 * one)]
+        assert solution.usable
+        assert list(solution.parameters.values())[:3] == pytest.approx(expected, abs=1e-12)
+        assert list(solution.parameters.values())[3:] == pytest.approx([0.0] * (len(solution.parameters) - 3), abs=1e-9)
+        assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-3)
+
+
+def test_prism_in_a_v_block() -> None:
+    angles = (np.arange(16) + 0.5) * np.pi / 8.0
+    ring = 2.0 / np.cos(np.pi / 16.0) * np.column_stack([np.cos(angles), np.sin(angles)])
+    prism = fo.Body.convex(np.array([[x, y, z] for y in (-3, 3) for x, z in ring]), seed=(0, 0, 0))
+    depth = 2.0 * np.sqrt(2.0)
+    cheek = np.array([[x, y, z] for y in (-2, 2) for x, z in ((0, -depth), (5, 5 - depth), (5, -6), (0, -6))])
+    vee = fo.Body.from_parts([cheek, cheek * [-1, 1, 1]], seed=(0, 0, -5))
+    for requirement in "ABCD":
+        solution = fo.solve(
+            fo.Problem(prism, vee, tolerance=0.02, requirement=requirement, motion=SHIFTS, contacts="all")
+        )
+        one, two = scales(requirement, 0.02)
+        apex = -5.0 + two * (5.0 - depth)
+        assert solution.usable
+        assert list(solution.parameters.values()) == pytest.approx([0.0, 0.0, apex + depth * one], abs=1e-12)
+
+
+def test_contacts_with_two_solids_in_one_body() -> None:
+    part = fo.Body.convex(block((0, 0, 0), (4, 2, 2)), seed=(1, 1, 1))
+    stops = fo.Body.from_parts([block((-1, 0, 0), (0, 2, 2)), block((1, -1, 0), (3, 0, 2))], seed=(0, 0, 0))
+    solution = fo.solve(fo.Problem(part, stops, tolerance=0.02, requirement="B", motion=SHIFTS, contacts="all"))
+    assert solution.usable
+    assert list(solution.parameters.values()) == pytest.approx([0.02, 0.02, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("requirement", "ABCD")
+def test_a_corner_on_a_corner_and_an_edge_stay_on_each_other(requirement) -> None:
+    seeds = np.array([0.3, 0.4, 0.5]), np.array([2.0, 2.2, 2.4])
+    cube = fo.Body.convex(block((0, 0, 0), (1, 1, 1)), seed=seeds[0])
+    one, two = scales(requirement, 0.02)
+    corner = made(np.ones(3), seeds[1], two) - made(np.ones(3), seeds[0], one)
+    for far, moved in (((3, 3, 3), corner), ((3, 3, 0.5), corner * [1, 1, 0])):
+        low = np.minimum(1.0, far)
+        low[2] = min(far[2], 1.0) - (far[2] < 1.0) * 1.0  # a corner at (1, 1, 1), or an edge along z beside the cube's
+        other = fo.Body.convex(block((1, 1, low[2]), far), seed=seeds[1])
+        problem = fo.Problem(cube, other, tolerance=0.02, requirement=requirement, motion=SHIFTS, contacts="all")
+        solution = fo.solve(problem)
+        assert solution.usable
+        assert list(solution.parameters.values()) == pytest.approx(moved, abs=1e-12)
+        assert (solution.unique_within == np.inf) == (far[2] == 3)
+    with pytest.raises(InputError) as refused:
+        problem.changed(goal="fit")
+    assert refused.value.key == "contacts"
+
+
+# ---------------------------------------------------------------------------------------------------- over-determined
+
+FEET, HEIGHTS = ((-4, -3), (4, -3), (4, 3), (-4, 3)), (0.0, 0.5, 1.0, 0.2)
+LID_SEED = np.array([0.0, 0.0, 2.5])
+
+
+@pytest.fixture(scope="module")
+def lid() -> tuple[fo.Body, fo.Body]:
+    """A lid on four pointed feet of unequal height, on as many pads; sizes do not change them alike."""
+    feet = [
+        np.array([[x, y, h], *([x + a, y + b, 2.1] for a, b in ((-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (-0.3, 0.3)))])
+        for (x, y), h in zip(FEET, HEIGHTS, strict=True)
+    ]
+    pads = [block((x - 1, y - 1, -1), (x + 1, y + 1, h)) for (x, y), h in zip(FEET, HEIGHTS, strict=True)]
+    top = fo.Body.from_parts([block((-5, -4, 2), (5, 4, 3)), *feet], seed=LID_SEED, name="lid")
+    return top, fo.Body.from_parts(pads, seed=(0, 0, 0), name="pads")
+
+
+def heights(one: float, two: float) -> Array:
+    """How far each foot is above its pad, at rest."""
+    return np.array([made(np.array([0, 0, h]), LID_SEED, one)[2] - two * h for h in HEIGHTS])
+
+
+def numbers(problem: fo.Problem) -> list[int]:
+    """Which foot each contact is of."""
+    feet = [np.array([x, y, h], dtype=float) for (x, y), h in zip(FEET, HEIGHTS, strict=True)]
+    tips = [problem.movable.vertices[feature.one.vertices[0] - 1] for feature in problem.contacts]
+    return [int(np.argmin([np.abs(tip - foot).max() for foot in feet])) for tip in tips]
+
+
+def test_too_many_contacts_name_those_that_exclude_each_other(lid) -> None:
+    problem = fo.Problem(*lid, tolerance=0.02, requirement="B", motion=SHIFTS, contacts="all")
+    solution = fo.solve(problem)
+    assert solution.status is fo.Status.INFEASIBLE
+    clashes = {told for told in solution.active if "exclude" in told}
+    assert clashes == {f"contacts {i}, {j} exclude each other" for i, j in combinations(range(1, 5), 2)}
+    lowest = numbers(problem).index(int(np.argmin(heights(*scales("B", 0.02))))) + 1
+    assert any(told.startswith(f"{lowest} can carry") for told in solution.active)
+
+
+def test_three_feet_carry_where_the_lid_may_tilt(lid) -> None:
+    motion = fo.Translation("z") >> fo.Rotation("x") >> fo.Rotation("y")
+    problem = fo.Problem(*lid, tolerance=0.02, requirement="B", motion=motion, contacts="all")
+    solution = fo.solve(problem)
+    assert not solution.status.found
+    assert solution.lower_bound > 0.0
+    assert "contacts 1, 2, 3, 4 exclude each other" in solution.active
+    # two diagonals: the feet of the lower one carry in any case, and either of the others with them
+    level, order = heights(*scales("B", 0.02)), numbers(problem)
+    twist = level[0] + level[2] - level[1] - level[3]
+    carrying = (0, 2) if twist < 0 else (1, 3)
+    for k in range(4):
+        kept = [feature.label for m, feature in enumerate(problem.contacts) if m != k]
+        answer = fo.solve(problem.changed(contacts=kept))
+        told = ", ".join(str(m + 1) for m in range(4) if m != k) + " can carry"
+        stands = order[k] not in carrying
+        assert answer.usable == stands == any(sentence.startswith(told) for sentence in solution.active)
+
+
+@pytest.mark.parametrize("requirement", "ABCD")
+def test_fit_is_the_linear_program(lid, requirement) -> None:
+    problem = fo.Problem(*lid, tolerance=0.02, requirement=requirement, motion=SHIFTS, contacts="all", goal="fit")
+    solution = fo.solve(problem)
+    level = heights(*scales(requirement, 0.02))
+    rows = np.column_stack([np.ones(4), -np.ones(4)])
+    program = linprog(
+        [0.0, 1.0], A_ub=np.vstack([rows, [[-1.0, 0.0]] * 4]), b_ub=[*-level, *level], bounds=(None, None)
+    )
+    assert solution.usable
+    assert max(solution.contact_gaps.values()) == pytest.approx(program.fun, abs=1e-9)
+    assert solution.parameters["TZ"] == pytest.approx(program.x[0], abs=1e-9)
+
+
+def test_fit_with_tilts_is_no_worse_than_without_and_is_the_program_of_small_turns(lid) -> None:
+    motion = fo.Translation("z") >> fo.Rotation("x") >> fo.Rotation("y")
+    problem = fo.Problem(*lid, tolerance=1e-3, requirement="B", motion=motion, contacts="all", goal="fit")
+    solution = fo.solve(problem)
+    level = heights(*scales("B", 1e-3))
+    rows = np.array([[1.0, y, -x] for x, y in FEET])
+    A = np.vstack([np.column_stack([rows, -np.ones(4)]), np.column_stack([-rows, np.zeros(4)])])
+    program = linprog([0.0, 0.0, 0.0, 1.0], A_ub=A, b_ub=[*-level, *level], bounds=(None, None))
+    assert solution.usable
+    assert max(solution.contact_gaps.values()) == pytest.approx(program.fun, abs=1e-5)
+
+
+# ---------------------------------------------------------------------------------------------------- what is claimed
+
+
+def test_a_second_motion_ends_the_box_in_which_the_first_is_the_only_one() -> None:
+    # a needle that turns about the origin meets a ceiling at 60 degrees, and again at 120
+    high, turn = np.sin(np.pi / 3.0), np.pi / 3.0
+    needle = np.array([[np.cos(turn), high, 0.0], [0.0, 0.0, 0.1], [0.1, -0.1, -0.1], [-0.1, -0.1, -0.1]])
+    one = fo.Body.convex(needle, seed=(0, 0, 0))
+    two = fo.Body.convex(block((-9, high, -9), (9, 3, 9)), seed=(0, 0, 0))
+    problem = fo.Problem(
+        one, two, target=(1.02, 1.0), motion=fo.Rotation("z", centre="origin"), contacts="all", weights={"RZ": 1.0}
+    )
+    solution = fo.solve(problem)
+    first = np.arcsin(high / 1.02) - turn
+    second = np.pi - np.arcsin(high / 1.02) - turn
+    assert solution.usable
+    assert solution.parameters["RZ"] == pytest.approx(first, abs=1e-12)
+    assert abs(first) < solution.unique_within < second
+    wrong = fo.verify(replace(solution, unique_within=1.01 * second))
+    assert "only motion" in {check.name for check in wrong.failed}
+
+
+def test_the_judge_refuses_planted_errors(ball, corner, lid) -> None:
+    solution = fo.solve(fo.Problem(ball, corner, tolerance=0.02, requirement="C", motion=SHIFTS, contacts="all"))
+    assert solution.certificate.passed
+    fewer = fo.verify(replace(solution, features=solution.features[:2]))
+    assert "nominal features" in {check.name for check in fewer.failed}
+    free = solution.problem.changed(motion=SHIFTS >> fo.Rotation("x"))
+    spun = replace(solution, problem=free, parameters={**solution.parameters, "RX": 0.0})
+    assert "only motion" in {check.name for check in fo.verify(spun).failed}  # a ball may turn
+    fit = fo.solve(fo.Problem(*lid, tolerance=0.02, requirement="B", motion=SHIFTS, contacts="all", goal="fit"))
+    T = np.array(fit.transform)
+    T[2, 3] += 1e-3
+    higher = {**fit.parameters, "TZ": fit.parameters["TZ"] + 1e-3}
+    worse = replace(fit, transform=T, parameters=higher, amount=fit.amount + 1e-3, pair_gap=1e-3, pair_state="apart")
+    assert {check.name for check in fo.verify(replace(worse, features=())).failed} == {"largest gap least"}
+    T[2, 3] -= 2e-3
+    lower = {**fit.parameters, "TZ": fit.parameters["TZ"] - 1e-3}
+    deeper = replace(fit, transform=T, parameters=lower, amount=fit.amount - 1e-3)
+    assert "contacts not overlapping" in {check.name for check in fo.verify(deeper).failed}
