@@ -19,7 +19,7 @@ from fcdm_opt.geometry.closing import Faces, closed, reverse
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
 from fcdm_opt.geometry.polygons import Polygon, Sides, components, triangulated
-from fcdm_opt.geometry.shells import Union, union_of_shells
+from fcdm_opt.geometry.shells import JoinedShells, union_of_shells
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike
     )
 
 
-def _joined(joined: Union, surface: Faces, refused: InputError, unit: int, name: str) -> Mesh:
+def _joined(joined: JoinedShells, surface: Faces, refused: InputError, unit: int, name: str) -> Mesh:
     """Return the mesh of closed surfaces made one; what was wrong with them is raised where that is no solid either."""
     assert joined.triangles is not None
     try:

@@ -11,7 +11,7 @@ from fcdm_opt.geometry.measures import volume_and_centroid
 from fcdm_opt.tolerances import DEFAULT
 
 
-class Union(NamedTuple):
+class JoinedShells(NamedTuple):
     """The surface of several solids taken together.
 
     Attributes
@@ -31,7 +31,7 @@ class Union(NamedTuple):
     remark: str
 
 
-def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> Union | None:
+def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> JoinedShells | None:
     """Return what closed surfaces bound together, by manifold3d; None for a single one, and where one is no solid.
 
     Parameters
@@ -72,9 +72,9 @@ def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> Union | Non
     mesh = whole.to_mesh64()
     before, after = float(np.abs(volumes).sum()), float(whole.volume())
     if len(whole.decompose()) == len(own) and abs(after - before) <= DEFAULT.nominal * before:
-        return Union(points, None, 0.0, "")
+        return JoinedShells(points, None, 0.0, "")
     remark = (
         f"{len(own)} closed surfaces made one solid, {abs(round(1.0 - after / before, 9)):.3g} of their volumes common"
     )
     made = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
-    return Union(*made, float(whole.get_tolerance()), remark)
+    return JoinedShells(*made, float(whole.get_tolerance()), remark)
