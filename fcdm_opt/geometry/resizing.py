@@ -133,7 +133,7 @@ class Resizing:
     def inclined(self) -> str:
         """Return a face that a scale along an axis turns, "" where none is turned."""
         for own in self.parts:
-            for size in self.sizes:
+            for size in (size for size in self.sizes if not size.is_length):
                 turned = own.part.normals @ size.directions()
                 along = (turned * own.part.normals).sum(axis=1)[:, None] * own.part.normals
                 bad = np.flatnonzero(np.abs(turned - along).max(axis=1) > DEFAULT.nominal)
