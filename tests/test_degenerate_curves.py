@@ -190,9 +190,26 @@ def exact_lines(pair: Pair, piece: Piece) -> list[np.ndarray]:
     return [np.array([float(x / unit) for x in f.line]) for f, unit in zip(piece.facets, units, strict=True)]
 
 
+def as_read(curve: DecisionCurve, group: Group) -> Feature:
+    """A group's contact; where signs tie, edges that cross within `planarity` of a corner of both touch there."""
+    (region,), one, two = curve.regions, group.feature.one, group.feature.two
+    if not region.is_tied or (one.kind, two.kind) != ("E", "E"):
+        return group.feature
+    rho = [float(x) for x in plane_point(middle(group.pieces[0]))]
+    bodies = zip((curve.movable, curve.static), rho, (one, two), (curve.transform, np.eye(4)), strict=True)
+    p, q = (b.placed_vertices(x, T)[np.array(own.vertices) - 1] for b, x, own, T in bodies)
+    across, lengths = np.cross(p[1] - p[0], q[1] - q[0]), np.linalg.norm(p[1] - p[0]) * np.linalg.norm(q[1] - q[0])
+    apart = np.linalg.norm(p[:, None] - q, axis=2)
+    i, j = np.unravel_index(apart.argmin(), apart.shape)
+    near = apart[i, j] <= NEAR * max(curve.movable.size * rho[0], curve.static.size * rho[1])
+    if not near or np.linalg.norm(across) <= NEAR * lengths:  # or along each other
+        return group.feature
+    return Feature.from_label(feature_label((one.vertices[i],), (two.vertices[j],)))
+
+
 def check_chains(pair: Pair, curve: DecisionCurve) -> list[list[Group]]:
     """The curve in the whole quadrant: features, lines and breakpoints."""
-    expected = expected_chains(pair)
+    expected = [[group._replace(feature=as_read(curve, group)) for group in chain] for chain in expected_chains(pair)]
     (path,) = (region.path for region in curve.regions)
     found = [[run.whole for run in chain if is_seen(run.whole)] for chain in curve.chains]
     runs = {piece.feature: piece for chain in found for piece in chain}

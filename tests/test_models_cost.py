@@ -97,6 +97,7 @@ ASKED = {
     "whole steps": problem("clear", motion=X >> Y, target=(2.2, 1.0), resolution=0.03),
     "no motion": problem("clear", motion=X, target=(2.2, 1.0), limits={"TX": (0.0, 0.01)}),
     "coherent up to the motion and no further": problems("example1")["B"].changed(tolerance=0.04),
+    "several contacts": problem("at", nominal=(2.0, 1.0), target=(2.04, 1.0), contacts="all"),
     "turns about all axes": problem(motion=X >> Y >> Translation("z") >> RZ, target=(1.2, 1.1), weights={"RZ": 1.0}),
 }
 

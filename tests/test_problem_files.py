@@ -276,7 +276,7 @@ BAD = [
     ("target = ", "nominal = 1.5\ntarget = ", "case[1] 'A'.nominal", "found 1.5", '"drawn"'),
     ("target = ", "nominal = 9\ntarget = ", "case[1] 'A'.nominal", "found 9", "one of 1: 1 at (1."),
     ("target = ", "clearance = 0.5\ntarget = ", "case[1] 'A'.clearance", "found 0.5", '"clear"'),
-    ('goal = "touch"', 'goal = "sit"', "case[1] 'A'.goal", "unknown goal; found 'sit'", '"seat"'),
+    ('goal = "touch"', 'goal = "stand"', "case[1] 'A'.goal", "unknown goal; found 'stand'", '"seat"'),
     ('goal = "touch"', "goal = 1", "case[1] 'A'.goal", "found 1", '"beyond"'),
     (None, "limits = { RZ = [0, 1] }", "case[1] 'A'.limits.RZ", "unit of the angle is missing", "TZ, RZ_deg, RZ_rad"),
     (

@@ -29,6 +29,7 @@ SOLVED = (
     "nut",
     "bracket",
     "locating",
+    "slot_and_key",
 )
 IMPOSSIBLE = ("keyway_jammed", "bracket_stuck")  # and peg_square_tight, on the command line
 CLOSED_FORM = 1e-9  # of lengths and angles of order one; a nominal pair given to seven digits costs 3e-11

@@ -25,6 +25,7 @@ STYLES = {
     "directions": ("d", PURPLE, 22),
     "nlp": (">", PURPLE, 24),
     "branch and bound": ("p", ORANGE, 26),
+    "together": ("H", ORANGE, 26),
     "full": ("X", BLACK, 34),
 }
 """Mark, colour and size of a model; what is exact and cheap in blue, the search along few parameters in green."""
