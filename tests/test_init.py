@@ -105,6 +105,23 @@ def test_tilted_far_and_unlike_parts_are_told_and_solved(tmp_path: Path) -> None
     assert "sizes apart" in drafted(far, table, tmp_path)[0]
 
 
+def test_a_block_in_a_corner_of_three_walls_is_to_touch_them_all(tmp_path: Path) -> None:
+    import trimesh
+
+    block = box(tmp_path / "block.off", (2.0, 2.0, 2.0), (1.0, 1.0, 1.0))
+    corner = trimesh.creation.box(bounds=[[-1, -1, -1], [5, 5, 5]])
+    corner = trimesh.boolean.difference([corner, trimesh.creation.box(bounds=[[0, 0, 0], [6, 6, 6]])])
+    corner.export(tmp_path / "corner.stl")
+    text, path = drafted(block, tmp_path / "corner.stl", tmp_path)
+    assert '\ngoal = "seat"' in text
+    assert '\ncontacts = "all"' in text
+    seed = float(Body.from_file(tmp_path / "corner.stl", unit="mm").seed[0])
+    for problem, (one, two) in zip(load_problems(path), ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True):
+        # the block's face at 0 moves to 1 - (1 + 0.02 one), the wall there to seed - seed (1 + 0.02 two)
+        shift = 0.02 * (one - two * seed)
+        assert list(solve(problem).parameters.values()) == pytest.approx([shift] * 3, rel=1e-9)
+
+
 def test_parts_in_the_same_place_can_be_taken_apart(tmp_path: Path) -> None:
     cube = box(tmp_path / "cube.off", (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
     text, path = drafted(cube, cube, tmp_path)

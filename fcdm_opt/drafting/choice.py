@@ -38,11 +38,14 @@ class Choice:
     motion : Motion
     solutions : dict
         By requirement; None where it could not be asked.
+    together : bool
+        Whether all contacts that are drawn are to be restored, not one.
     """
 
     goal: str
     motion: Motion
     solutions: dict[str, Solution | None]
+    together: bool = False
 
     @property
     def usable(self) -> dict[str, Solution]:
@@ -84,10 +87,15 @@ class Choice:
 def chosen(situation: Situation) -> Choice:
     """Return the goal that the parts as drawn ask for, and the simplest motion that answers most of the four cases.
 
-    Parts that touch flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where
-    that cannot be asked, or no case of it is solved: a case in which the parts do not fit is an answer. Translations
-    along one axis come before those along three wherever they are as small, and rotations after both.
+    Parts that touch at several places are to do so again, if shifts can bring that about in all cases. Parts that touch
+    flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where that cannot be
+    asked, or no case of it is solved: a case in which the parts do not fit is an answer. Translations along one axis
+    come before those along three wherever they are as small, and rotations after both.
     """
+    for goal in ("seat", "at") if len(situation.contacts) > 1 else ():
+        pacing.at(f'trying goal "{goal}" of all contacts together')
+        if (every := _tried(situation, goal, ANY_SHIFT, together=True)) is not None:
+            return every
     found: Choice | None = None
     start = perf_counter()
     for goal in GOALS[situation.state]:
@@ -132,17 +140,20 @@ def _simpler(situation: Situation, choice: Choice) -> Choice:
     return less if less is not None and len(less.usable) == len(choice.usable) else choice
 
 
-def _tried(situation: Situation, goal: str, motion: Motion) -> Choice | None:
-    """Return what a goal and a motion lead to; None where the goal cannot be asked."""
+def _tried(situation: Situation, goal: str, motion: Motion, *, together: bool = False) -> Choice | None:
+    """Return what a goal and a motion lead to; None where it cannot be asked, or not all contacts be restored."""
     solutions: dict[str, Solution | None] = {}
     bodies, asked = (situation.movable, situation.static), {"goal": goal, "motion": motion, "tolerance": TOLERANCE}
+    asked |= {"contacts": "all"} if together else {}
     for letter in SIGNS:
         try:
             problem = Problem(*bodies, box=situation.box, requirement=letter, **asked)  # type: ignore[arg-type]
             with pacing.sharing(1.0 / (len(SIGNS) - len(solutions))):
-                solutions[letter] = solve(problem, effort="quick", time=math.inf)
+                answer = solutions[letter] = solve(problem, effort="quick", time=math.inf)
+            if together and not answer.usable:
+                return None
         except InputError:
             solutions[letter] = None
-            if goal == "seat":
-                return None  # the contact is not flush: the same for all requirements
-    return Choice(goal, motion, solutions)
+            if goal == "seat" or together:
+                return None  # the contact is not flush, or not of a kind for it: the same for all requirements
+    return Choice(goal, motion, solutions, together)

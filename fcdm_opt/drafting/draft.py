@@ -63,6 +63,7 @@ BECAUSE = {
     ("overlapping", "clear"): "overlapping as drawn, the parts are to come apart",
 }
 """Why a goal is proposed, by how the parts lie."""
+TOGETHER = "as drawn the parts touch at {} places, and shifts restore them all"
 OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
 WORDS = {
     "A": "both parts made larger",
@@ -149,7 +150,8 @@ def draft(
         patience=SECONDS,
         tie=TIE,
     )
-    asked = f'goal "{choice.goal}", motion {motion_entry(choice.motion)}'
+    every = ', contacts = "all"' if choice.together else ""
+    asked = f'goal "{choice.goal}"{every}, motion {motion_entry(choice.motion)}'
     summary = (
         *(f"{role}: {_extent(body, lengths)}" for role, body in zip(("movable", "static"), bodies, strict=True)),
         f"as drawn: {state}",
@@ -228,6 +230,8 @@ def state_text(situation: Situation, unit: str) -> str:
 
 def _because(situation: Situation, choice: Choice) -> str:
     """Return why a goal and a motion are proposed."""
+    if choice.together:
+        return TOGETHER.format(len(situation.contacts))
     why = BECAUSE.get((situation.state, choice.goal), OTHERWISE)
     shift = choice.motion.steps[0]
     if len(choice.motion.steps) == 1 and isinstance(shift, Translation) and shift.axis == named(situation.normal):
