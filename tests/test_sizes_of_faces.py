@@ -287,3 +287,57 @@ def test_what_if_takes_other_sizes() -> None:
     problem = fo.load_problems(PROBLEMS / "slot_and_key.toml")[1]
     answer = fo.whatif(problem, made={"key_foot": 0.02, "slot_depth": 0.0})
     assert answer.after.parameters["TY"] == pytest.approx(-0.105, abs=1e-12)
+
+
+def test_derivatives_by_sizes_are_those_of_the_closed_forms() -> None:
+    """Amounts: 0.125 + slot_depth - key_foot; 0.0625 + (slot_width - key_width) / 2 - slot_position."""
+    told = {
+        "as drawn": {"key_foot": -1.0, "slot_depth": 1.0},
+        "low foot, deep slot": {"key_foot": -1.0, "slot_depth": 1.0},
+        "to a side, at the least gap": {"key_width": -0.5, "slot_width": 0.5, "slot_position": -1.0},
+    }
+    for problem in fo.load_problems(PROBLEMS / "slot_and_key.toml"):
+        found = fo.solve(problem).sensitivity
+        assert found.exists
+        assert found.sizes == pytest.approx({name: told[problem.name].get(name, 0.0) for name in found.sizes}, abs=1e-9)
+
+
+def test_derivatives_by_sizes_are_those_of_differences() -> None:
+    """Random hulls that are scaled, and whose faces are moved besides: corners of three faces, so that all exist."""
+    from scipy.spatial import HalfspaceIntersection
+
+    rng = np.random.default_rng(8)
+    tried = 0
+    for _ in range(10):
+        bodies = []
+        for k in range(2):
+            normals = np.vstack([rng.normal(size=(4, 3)), [[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]]])
+            normals /= np.linalg.norm(normals, axis=1)[:, None]
+            planes = np.column_stack([normals, -rng.uniform(0.8, 1.3, size=8)])
+            points = HalfspaceIntersection(planes, np.zeros(3)).intersections
+            bodies.append(fo.Body.convex(points + [0, 0, 3.5 * k]))
+        sizes = [fo.Size("all", "movable", scale="xyz")]
+        for role, body in zip(("movable", "static"), bodies, strict=True):
+            sizes += [fo.Size(f"{role}{k}", role, faces=f"F{k + 1}") for k in range(len(body.faces))]
+        values = {size.name: x for size, x in zip(sizes, rng.uniform(-0.003, 0.003, 17).tolist(), strict=False)}
+        motion = fo.Translation("z") >> fo.Translation("x")
+        problem = fo.Problem(*bodies, sizes=sizes, made=values, motion=motion, goal="touch")
+        solution = fo.solve(problem)
+        found = solution.sensitivity
+        if not found.exists:
+            continue
+        for name, x in values.items():
+            ends = [fo.solve(problem.changed(made={**values, name: x + step})).amount for step in (1e-6, -1e-6)]
+            assert found.sizes[name] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5)
+            tried += 1
+    assert tried >= 17 * 5
+
+
+def test_faces_are_chosen_on_the_part_as_drawn_when_it_is_scaled_too() -> None:
+    """The point of a selector lies on the face as drawn, and no more on that of the scaled part."""
+    peg, wall = box((0, 0, 0), (4, 2, 1), "peg"), box((4.5, 0, 0), (6, 2, 1), "wall")
+    sizes = [fo.Size("s", "movable", scale="x"), fo.Size("a", "movable", faces={"through": (4, 1, 0.5)})]
+    problem = fo.Problem(peg, wall, sizes=sizes, made={"s": 0.05, "a": 0.02}, motion=X, goal="touch")
+    solution = fo.solve(problem)
+    assert solution.parameters["TX"] == pytest.approx(0.5 - 0.1 - 0.02, abs=1e-12)
+    assert solution.sensitivity.sizes == pytest.approx({"s": -2.0, "a": -1.0})

@@ -81,6 +81,9 @@ TABLES = {"limits": {"RZ_deg": [-10, 10]}, "target": [1.0, 2.0], "motion": [{"sc
         ("limits.RZ_deg", ("limits", "RZ_deg")),
         ("bodies.movable.vertices[5][3]", ("bodies", "movable", "vertices", 4, 2)),
         ("motion[1].pitch_per_deg", ("motion", 0, "pitch_per_deg")),
+        ("made.peg width", ("made", "peg width")),
+        ('size."a.b = [1]".tolerance[2]', ("size", "a.b = [1]", "tolerance", 1)),
+        ("made.'1 \" pipe'", ("made", '1 " pipe')),
     ],
 )
 def test_places_read_and_write(text: str, place: tuple) -> None:
@@ -89,7 +92,7 @@ def test_places_read_and_write(text: str, place: tuple) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", ".", "a.", ".a", "a..b", "a[0]", "a[-1]", "a[1", "a[x]", "[1]", "a b", "a[1]b", 3]
+    "text", ["", ".", "a.", ".a", "a..b", "a[0]", "a[-1]", "a[1", "a[x]", "[1]", "a  b", "a ", "a\"b", "a[1]b", 3]
 )
 def test_what_is_no_place_is_refused(text: Any) -> None:
     with pytest.raises(InputError, match="not a place"):
@@ -665,7 +668,7 @@ WRONG = [
     ('colour = "red"', "unknown key 'colour'"),
     ("[[vary]]\nkey = 3\nvalues = [1]", r"vary\[1\].key"),
     ("[[vary]]\nkey = []\nvalues = [1]", r"vary\[1\].key"),
-    ('[[vary]]\nkey = "a b"\nvalues = [1]', r"vary\[1\].key: not a place"),
+    ('[[vary]]\nkey = "a..b"\nvalues = [1]', r"vary\[1\].key: not a place"),
     ('[[vary]]\nkey = "tolerence"\nvalues = [0.1]', r"vary\[1\].*unknown key 'tolerence', did you mean 'tolerance'"),
     ('[[vary]]\nkey = "limts.TZ"\nvalues = [[-1, 1]]', "unknown key 'limts', did you mean 'limits'"),
     ('[[vary]]\nkey = "limits.TY"\nvalues = [[-1, 1]]', r"vary\[1\].*no such parameter; found 'TY'; allowed: TZ"),

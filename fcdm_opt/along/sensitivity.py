@@ -7,10 +7,11 @@ constraints are found from geometry (`holding`), so it does not matter which sta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice, product
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.resizing import vertex_rates
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.kinematics import Compiled
@@ -262,9 +265,77 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         faces=faces,
         vertices=vertices,
         seeds=seeds,
+        sizes=_by_size(problem, faces, vertices),
         multipliers=balance.multipliers,
         residual=balance.residual,
     )
+
+
+def _by_size(problem: Problem, faces: Mapping[str, float], vertices: Mapping[str, Array]) -> dict[str, float]:
+    """Return the derivatives by the problem's sizes, of bodies as made."""
+    found = {}
+    for size in problem.sizes:
+        drawn, body = problem.request[size.body], getattr(problem, size.body)
+        made = {own: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes if own.body == size.body}
+        moves = vertex_rates(drawn, made, size) if body.faces == drawn.faces else None
+        key = "P1" if size.body == "movable" else "P2"
+        found[size.name] = np.nan if moves is None else by_moves(key, body, moves, faces, vertices)[0]
+    return found
+
+
+def by_moves(
+    key: str, body: Body, moves: Array, faces: Mapping[str, float], vertices: Mapping[str, Array]
+) -> tuple[float, str]:
+    """Return the change of the amount, to first order, where vertices of a body move: by them, or by its faces' shifts.
+
+    Parameters
+    ----------
+    key : str
+        How labels of the body begin: "P1".
+    body : Body
+    moves : (n, 3) array
+    faces, vertices : mappings
+        Of a `Sensitivity`.
+
+    Returns
+    -------
+    change : float
+        nan where there is no derivative.
+    by : str
+        "vertices" or "faces".
+    """
+    change = _summed([vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)], moves)
+    shifts = _shifts(body, moves) if np.isnan(change) else None
+    if shifts is not None and np.isfinite(shifts).all():
+        labels = [key + ",".join(f"V{label}" for label in face) for face in body.faces]
+        return _summed([faces[label] for label in labels], shifts), "faces"
+    return change, "vertices"
+
+
+def _summed(rates: Any, changes: Array) -> float:
+    """Return the sum of rates times changes; what does not change needs no rate."""
+    rates, changes = np.ravel(np.asarray(rates)), np.ravel(changes)
+    used = changes != 0.0
+    return float(rates[used] @ changes[used])
+
+
+def _shifts(body: Body, moves: Array) -> Array:
+    """Return how far each face's plane moves outwards, nan where it turns, or where it is not known, (f,)."""
+    normals = {
+        tuple(sorted(element.vertices)): part.normals[k]
+        for part in body.parts
+        for k, element in enumerate(part.elements["F"])
+    }
+    made = np.full(len(body.faces), np.nan)
+    for k, face in enumerate(body.faces):
+        moved = moves[np.array(face) - 1]
+        if not moved.any():
+            made[k] = 0.0
+        elif face in normals:
+            along = moved @ normals[face]
+            if np.ptp(along) <= DEFAULT.planarity * body.size:
+                made[k] = along.mean()
+    return made
 
 
 def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Rate, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
 
+_CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 LEAST = 0.1  # seconds that a map gets in any case
 Results = Annotated[Path, option("--out", "DIR", "Write results and pictures there.")]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
@@ -39,7 +41,10 @@ Columns = Annotated[str, option("--columns", "A,B", "Its columns with the movabl
 Nominals = Annotated[str, option("--nominals", "X,Y", "What these columns are divided by: the sizes as drawn.")]
 BOX = "Sizes of both parts as shares of those drawn, in place of the tolerance box."
 SizeBox = Annotated[str | None, option("--box", "LOW1,HIGH1,LOW2,HIGH2", BOX)]
-SET = "Change any key of a case, or bodies.movable...: tolerance=0.03, limits.RZ_deg=[-5,5]; may be repeated."
+SET = (
+    "Change any key of a case, or bodies.movable..., or size.NAME...: tolerance=0.03, limits.RZ_deg=[-5,5], "
+    "made.NAME=0.01, size.NAME.tolerance=0.02; may be repeated."
+)
 BUDGET = (
     'Largest tolerance that motions up to this amount make good, per requirement; "limits": that any motion within the '
     "case's own limits does."
@@ -317,9 +322,11 @@ def _code(answer: Any) -> int:
 
 def _change(text: str) -> tuple[str, Any]:
     """Read KEY=VALUE, the value as in a problem file; a word that is no such value is text."""
-    key, sign, value = (part.strip() for part in text.partition("="))
-    if not key or not sign:
-        raise InputError("not a change", key="--set", found=text, allowed="KEY=VALUE as tolerance=0.03")
+    told = _CHANGE.fullmatch(text)
+    if told is None:
+        allowed = """KEY=VALUE as tolerance=0.03, made."peg width"=0.01"""
+        raise InputError("not a change", key="--set", found=text, allowed=allowed)
+    key, value = told[1].strip(), told[2].strip()
     try:
         return key, parsed(f"value = {value}")["value"]
     except ValueError:

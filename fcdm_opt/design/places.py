@@ -1,4 +1,7 @@
-"""A place in plain tables: `limits.RZ_deg`, `target[1]`, `bodies.movable.vertices[5][3]`; items count from 1."""
+"""A place in plain tables: `limits.RZ_deg`, `target[1]`, `made."peg width"`, `bodies.movable.vertices[5][3]`.
+
+Items count from 1. A key that has more than letters may stand in quotes, and must where it has a point or a bracket.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,10 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.schema import closest
 
 Place = tuple[str | int, ...]  # keys of tables, and rows of lists from 0
-_SPELLED = re.compile(r"([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*)(\.([^.\[\]\s]+(\[[1-9][0-9]{0,8}\])*))*")
+_BARE = r"""[^.\[\]\s"']+(?: [^.\[\]\s"']+)*+"""
+_PART = rf"""("[^"]+"|'[^']+'|{_BARE})((?:\[[1-9][0-9]{{0,8}}\])*)"""
+_SPELLED = re.compile(rf"{_PART}(?:\.{_PART})*")
 LONGEST, DEEPEST = 300, 20  # characters, and keys and items below each other: more than any problem has
-_ITEM = re.compile(r"[^.\[\]]+")
 
 
 @lru_cache(maxsize=1024)
@@ -23,9 +27,8 @@ def parse(text: str) -> Place:
         allowed = 'keys with points between and items counted from 1: "limits.RZ_deg", "target[1]"'
         raise InputError("not a place in a problem", found=text, allowed=allowed)
     place: list[str | int] = []
-    for part in text.split("."):
-        key, *rows = _ITEM.findall(part)
-        place += [key, *(int(row) - 1 for row in rows)]
+    for key, rows in re.findall(_PART, text):
+        place += [key.strip("\"'"), *(int(row) - 1 for row in re.findall("[0-9]+", rows))]
     if len(place) > DEEPEST:
         raise InputError("no problem is that deep", found=text, allowed=f"{DEEPEST} keys and items below each other")
     return tuple(place)
@@ -33,7 +36,14 @@ def parse(text: str) -> Place:
 
 def written(place: Iterable[str | int]) -> str:
     """Return a place as text."""
-    return "".join(f"[{item + 1}]" if isinstance(item, int) else f".{item}" for item in place).removeprefix(".")
+    keys = (f"[{item + 1}]" if isinstance(item, int) else f".{_key(item)}" for item in place)
+    return "".join(keys).removeprefix(".")
+
+
+def _key(text: str) -> str:
+    if re.fullmatch(rf"{_BARE}|'[^']+'", text):  # as it may stand, or in quotes already
+        return text
+    return f"'{text}'" if '"' in text else f'"{text}"'
 
 
 def put(

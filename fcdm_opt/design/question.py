@@ -42,6 +42,8 @@ _EXCLUDED = {
     "pitch_per_deg": ("pitch_per_rad", "pitch"),
     "pitch_per_rad": ("pitch_per_deg", "pitch"),
     "file": ("vertices", "parts", "faces", "deviation", "notes"),
+    "each": ("along",),
+    "along": ("each",),
 }
 _ENCODED = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
 
@@ -221,8 +223,11 @@ class SceneTables:
         return Parts(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit, sizes)
 
     def check(self) -> None:
-        """Refuse tables that are no bodies; reads and builds nothing."""
+        """Refuse tables that are no bodies or sizes; reads and builds nothing."""
         self._each(lambda table: table.checked)
+        for k, table in enumerate(self.sizes, 1):
+            with placed(key=f"size[{k}]"):
+                checked(SizeEntry, table).size()
 
     def _each(self, made: Callable[[BodyTable], Any]) -> dict[str, Any]:
         """Return what is made of each table; an error says of which one."""
@@ -233,7 +238,12 @@ class SceneTables:
         return results
 
     def with_value(self, place: Place, value: Any) -> SceneTables:
-        """Return the scene with a value at a place, which starts with bodies.movable, bodies.static or keep_out[k]."""
+        """Return the scene with a value at a place, which starts with bodies.movable, bodies.static, keep_out[k] or size.
+
+        Of sizes only what is said of one: size[k] or size.NAME, then a key.
+        """
+        if place[0] == "size":
+            return SceneTables(self.tables, self._other_sizes(place, value))
         table = written(place[:2])
         if place[0] == "keep_out":
             if isinstance(place[1], str):
@@ -246,6 +256,20 @@ class SceneTables:
             raise InputError(what, key=written(place), found=role or None, allowed="bodies.movable or bodies.static")
         with placed(key=table):
             return SceneTables({**self.tables, table: self.tables[table].with_value(place[2:], value)}, self.sizes)
+
+    def _other_sizes(self, place: Place, value: Any) -> tuple[Mapping[str, Any], ...]:
+        names, rows = [str(table.get("name")) for table in self.sizes], list(self.sizes)
+        if len(place) < 3:
+            allowed = "a key of one size, as size.NAME.tolerance"
+            raise InputError("sizes are changed one by one", key=written(place), allowed=allowed)
+        if isinstance(place[1], str) and place[1] not in names:
+            what = f"no such size{closest(place[1], names)}"
+            raise InputError(what, key=written(place[:2]), found=place[1], allowed=", ".join(names) or "[[size]] tables")
+        if not isinstance(place[1], str):
+            check_item(rows, place, 1)
+        k = names.index(place[1]) if isinstance(place[1], str) else place[1]
+        rows[k] = put(rows[k], place[2:], value, dropped=excluded)
+        return tuple(rows)
 
 
 def _scene_text(sizes: Any, movable: Mapping[str, Any], static: Mapping[str, Any], *others: Mapping[str, Any]) -> str:
@@ -311,7 +335,7 @@ class Question:
         Parameters
         ----------
         values : mapping of place to value
-            A place that starts with `bodies.` or `keep_out[` is of the scene, any other of the case. None takes a key
+            A place that starts with `bodies.`, `size` or `keep_out[` is of the scene, any other of the case. None takes a key
             away, so that its default holds. Setting an angle or pitch in one unit drops the other; setting the target
             drops requirement and tolerance, and the other way round.
 
@@ -325,7 +349,7 @@ class Question:
         together = {place[: k + 1] for place in places for k in range(len(place))}
         for place, value in places.items():
             given = plain_value(value)
-            if place[0] == "bodies" or (place[0] == "keep_out" and len(place) > 1):
+            if place[0] in ("bodies", "size") or (place[0] == "keep_out" and len(place) > 1):
                 scene = scene.with_value(place, given)
             else:
                 case = put(case, place, given, kept=together, dropped=excluded)

@@ -80,15 +80,20 @@ class Resizing:
 
     body: Body
     sizes: tuple[Size, ...]
+    faces: Array  # how far each face of the body moves outward a unit of each size, (faces, k)
     parts: tuple[MovingPart, ...]
 
     @classmethod
-    def of(cls, body: Body, sizes: Sequence[Size]) -> Resizing:
-        """Return it; raises `InputError` where faces in one plane, or a cut between parts, would have to part."""
-        face_offsets = np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
+    def of(cls, body: Body, sizes: Sequence[Size], *, drawn: Body | None = None) -> Resizing:
+        """Return it; raises `InputError` where faces in one plane, or a cut between parts, would have to part.
+
+        Faces are chosen on the body as drawn, which the body was before it was scaled.
+        """
+        chosen = drawn or body
+        face_offsets = np.column_stack([*(size.offsets(chosen) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
         parts = tuple(_moving(body, k, sizes, face_offsets, turns) for k in range(len(body.parts)))
-        return cls(body, tuple(sizes), parts)
+        return cls(body, tuple(sizes), face_offsets, parts)
 
     def reach(self, low: Array, high: Array) -> tuple[float, str]:
         """Return by what factor a box of sizes about 0 may be widened until a face vanishes, and where it does.
@@ -158,6 +163,30 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     InputError
         Where a face vanishes or a part does, with the face.
     """
+    scaled = _scaled(body, made)
+    lengths = {size: value for size, value in made.items() if size.is_length and value}
+    if not lengths:
+        return scaled
+    moving = Resizing.of(scaled, tuple(lengths), drawn=body)
+    values = np.array(list(lengths.values()))
+    return _offset(moving, values)
+
+
+def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | None:
+    """Return how the vertices of a body made move a unit of one of its sizes, (n, 3), to first order, by their labels.
+
+    None where the body made has other vertices than the one drawn, and where a scale turns faces that others move.
+    """
+    if not size.is_length:
+        turns = Resizing.of(body, (size,)).inclined() and any(own.is_length and x for own, x in made.items())
+        return None if turns else (body.vertices - body.seed) @ size.directions()
+    moving = Resizing.of(_scaled(body, made), (size,), drawn=body)
+    rows = _kept_numbers(moving, np.ones(1))
+    return None if rows is None else rows - moving.body.vertices
+
+
+def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
+    """Return a body of which all scales are made, and no face moves by itself."""
     stretch = np.zeros((3, 3)) + sum(value * size.directions() for size, value in made.items())
     scaled = body
     if stretch.any():
@@ -170,12 +199,7 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
         scaled = body._mapped(lambda x: body.seed + (
             (x - body.seed) * diagonal if straight else (x - body.seed) @ factors
         ))  # fmt: skip
-    lengths = {size: value for size, value in made.items() if size.is_length and value}
-    if not lengths:
-        return scaled
-    moving = Resizing.of(scaled, tuple(lengths))
-    values = np.array(list(lengths.values()))
-    return _offset(moving, values)
+    return scaled
 
 
 def _offset(moving: Resizing, values: Array) -> Body:
@@ -273,10 +297,7 @@ def _kept_numbers(moving: Resizing, values: Array) -> Array | None:
                 if known[row] and np.abs(new[row] - point - move).max() > near:
                     return None
                 new[row], known[row] = point + move, True
-    normals = body.face_planes[0]
-    offsets = sum(
-        (size.offsets(body) * x for size, x in zip(moving.sizes, values, strict=True)), np.zeros(len(normals))
-    )
+    normals, offsets = body.face_planes[0], moving.faces @ values
     for row in sorted({label - 1 for face in body.faces for label in face}):
         if not known[row]:  # where parts that overlap cross: by the faces that meet there
             around = [k for k, face in enumerate(body.faces) if row + 1 in face]

@@ -148,6 +148,9 @@ class Sensitivity(Plain):
         of more than three corners, or a flush contact, that matters: see `faces` for these.
     seeds : dict
         "P1", "P2" -> (3,) array, world frame as drawn.
+    sizes : dict
+        Name of each of the problem's sizes -> by it, amount per unit of the size, from the sizes made; nan as with
+        vertices, and where the body made has other vertices than as drawn.
     multipliers : dict
         Constraint -> multiplier, amount per unit of the constraint.
     residual : float
@@ -167,6 +170,7 @@ class Sensitivity(Plain):
     faces: Mapping[str, float]
     vertices: Mapping[str, Array]
     seeds: Mapping[str, Array]
+    sizes: Mapping[str, float]
     multipliers: Mapping[str, float]
     residual: float
 

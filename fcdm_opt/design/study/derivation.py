@@ -160,7 +160,7 @@ class Derivation:
             used.append((written(place), Formula.of(value, written(place))))
             return used[-1][1]
 
-        values = {place: _each_leaf(value, (f"derive.'{place}'",), kept) for place, value in derive.items()}
+        values = {place: _each_leaf(value, ("derive", f"'{place}'"), kept) for place, value in derive.items()}
         for key, formula in used:
             for name in sorted(formula.names - parameters.keys()):
                 what = f"no such parameter '{name}'{closest(name, [*parameters, *FUNCTIONS])}"
@@ -195,7 +195,7 @@ class Derivation:
 
         for name, formula in self.steps:
             known[name] = worked_out(formula, ("parameters", name))
-        return {place: _each_leaf(tree, (f"derive.'{place}'",), worked_out) for place, tree in self.values.items()}
+        return {place: _each_leaf(tree, ("derive", f"'{place}'"), worked_out) for place, tree in self.values.items()}
 
 
 def _each_leaf(tree: Any, place: Place, made: Callable[[Any, Place], Any]) -> Any:

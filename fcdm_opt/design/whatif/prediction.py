@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.along.sensitivity import Sensitivity
+from fcdm_opt.along.sensitivity import Sensitivity, by_moves
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
@@ -190,33 +190,9 @@ def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     moves = new.vertices - old.vertices
     if not moves.any():
         return
-    each = np.array([rates.vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)])
-    term = _told(f"{name} vertices", each, moves)
-    if np.isnan(term[1]):
-        shifts = _shifts(old, moves)
-        faces = [rates.faces[key + ",".join(f"V{label}" for label in face)] for face in old.faces]
-        term = _told(f"{name} faces", faces, shifts) if np.isfinite(shifts).all() else term
+    change, by = by_moves(key, old, moves, rates.faces, rates.vertices)
     reason = f"no derivative by a vertex of {name} that moves and breaks or turns a face that matters"
-    yield (*term[:2], reason if np.isnan(term[1]) else "")
-
-
-def _shifts(body: Body, moves: Array) -> Array:
-    """Return how far each face's plane moves outwards, nan where it turns, or where it is not known, (f,)."""
-    normals = {
-        tuple(sorted(element.vertices)): part.normals[k]
-        for part in body.parts
-        for k, element in enumerate(part.elements["F"])
-    }
-    made = np.full(len(body.faces), np.nan)
-    for k, face in enumerate(body.faces):
-        moved = moves[np.array(face) - 1]
-        if not moved.any():
-            made[k] = 0.0
-        elif face in normals:
-            along = moved @ normals[face]
-            if np.ptp(along) <= DEFAULT.planarity * body.size:
-                made[k] = along.mean()
-    return made
+    yield f"{name} {by}", change, reason if np.isnan(change) else ""
 
 
 def _told(name: str, rates: Any, changes: Any) -> tuple[str, float, str]:
