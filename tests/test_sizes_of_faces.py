@@ -315,7 +315,7 @@ def test_derivatives_by_sizes_are_those_of_differences() -> None:
             normals /= np.linalg.norm(normals, axis=1)[:, None]
             planes = np.column_stack([normals, -rng.uniform(0.8, 1.3, size=8)])
             points = HalfspaceIntersection(planes, np.zeros(3)).intersections
-            bodies.append(fo.Body.convex(points + [0, 0, 3.5 * k]))
+            bodies.append(fo.Body.convex(points + np.array([0, 0, 3.5 * k])))
         sizes = [fo.Size("all", "movable", scale="xyz")]
         for role, body in zip(("movable", "static"), bodies, strict=True):
             sizes += [fo.Size(f"{role}{k}", role, faces=f"F{k + 1}") for k in range(len(body.faces))]

@@ -92,7 +92,7 @@ def test_places_read_and_write(text: str, place: tuple) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", ".", "a.", ".a", "a..b", "a[0]", "a[-1]", "a[1", "a[x]", "[1]", "a  b", "a ", "a\"b", "a[1]b", 3]
+    "text", ["", ".", "a.", ".a", "a..b", "a[0]", "a[-1]", "a[1", "a[x]", "[1]", "a  b", "a ", 'a"b', "a[1]b", 3]
 )
 def test_what_is_no_place_is_refused(text: Any) -> None:
     with pytest.raises(InputError, match="not a place"):

@@ -178,7 +178,8 @@ class TouchingSizes:
     def least(self) -> tuple[float, Array]:
         """Return the least gap in the box, exact, and sizes at which it is: the largest interference."""
         found = [_least_of(pair.values, self.box) for pair in self.pairs]
-        return min(found, key=lambda one: one[0])
+        value, place = min(found, key=lambda one: one[0])
+        return value, self._plainest(place)
 
     def largest(self) -> tuple[float, Array]:
         """Return the largest gap in the box, exact, and sizes at which it is: the largest play.
@@ -214,7 +215,18 @@ class TouchingSizes:
                 (min(value, float(tops[worst][row])), {**taken, worst: row}) for row in range(len(tops[worst]))
                 if tops[worst][row] > best
             ]  # fmt: skip
-        return best, where
+        return best, self._plainest(where)
+
+    def _plainest(self, place: Array) -> Array:
+        """Return sizes with the same gap of which those that do not matter are as drawn, or as near to it as may be."""
+        drawn = np.clip(0.0, self.box[:, 0], self.box[:, 1])
+        gap, near = self.gap(place), DEFAULT.planarity * max(body.size for body in self.bodies)
+        for k in np.flatnonzero(place != drawn).tolist():
+            other = place.copy()
+            other[k] = drawn[k]
+            if abs(self.gap(other) - gap) <= near:
+                place = other
+        return place + 0.0
 
 
 def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> dict[str, float]:

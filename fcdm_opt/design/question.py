@@ -238,9 +238,9 @@ class SceneTables:
         return results
 
     def with_value(self, place: Place, value: Any) -> SceneTables:
-        """Return the scene with a value at a place, which starts with bodies.movable, bodies.static, keep_out[k] or size.
+        """Return the scene with a value at a place.
 
-        Of sizes only what is said of one: size[k] or size.NAME, then a key.
+        It starts with bodies.movable, bodies.static or keep_out[k]; or with size[k] or size.NAME, and has a key then.
         """
         if place[0] == "size":
             return SceneTables(self.tables, self._other_sizes(place, value))
@@ -264,7 +264,9 @@ class SceneTables:
             raise InputError("sizes are changed one by one", key=written(place), allowed=allowed)
         if isinstance(place[1], str) and place[1] not in names:
             what = f"no such size{closest(place[1], names)}"
-            raise InputError(what, key=written(place[:2]), found=place[1], allowed=", ".join(names) or "[[size]] tables")
+            raise InputError(
+                what, key=written(place[:2]), found=place[1], allowed=", ".join(names) or "[[size]] tables"
+            )
         if not isinstance(place[1], str):
             check_item(rows, place, 1)
         k = names.index(place[1]) if isinstance(place[1], str) else place[1]
@@ -335,9 +337,9 @@ class Question:
         Parameters
         ----------
         values : mapping of place to value
-            A place that starts with `bodies.`, `size` or `keep_out[` is of the scene, any other of the case. None takes a key
-            away, so that its default holds. Setting an angle or pitch in one unit drops the other; setting the target
-            drops requirement and tolerance, and the other way round.
+            A place that starts with `bodies.`, `size` or `keep_out[` is of the scene, any other of the case. None
+            takes a key away, so that its default holds. Setting an angle or pitch in one unit drops the other; setting
+            the target drops requirement and tolerance, and the other way round.
 
         Raises
         ------

@@ -236,9 +236,13 @@ class Size(Plain):
             if rows.size:
                 return rows
         if not rows.size:
-            there = ", ".join(f"F{k + 1} ({direction(n)}, {direction_level(n, points[k])})" for k, n in enumerate(normals[:12]))
+            there = ", ".join(
+                f"F{k + 1} ({direction(n)}, {direction_level(n, points[k])})" for k, n in enumerate(normals[:12])
+            )
             more = ", ..." if len(normals) > 12 else ""
-            way = "no face of body '{}' looks that way" if isinstance(selector, str) else "body '{}' has no such cylinder"
+            way = (
+                "no face of body '{}' looks that way" if isinstance(selector, str) else "body '{}' has no such cylinder"
+            )
             what = "no face of body '{}' goes through this point" if "through" in selector else way
             raise self._refused(what.format(body.name), key, selector, there + more)
         first = rows[0]

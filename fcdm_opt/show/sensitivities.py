@@ -177,7 +177,9 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         yield Bar(f"clearance from {name}", shift * value, length, "keep-out")
     for own in problem.sizes:
         step, unit = (shift, length) if own.is_length else (STEP, percent)
-        yield Bar(f"size {own.name}", step * derivatives.sizes[own.name], unit, f"of body {own.body}, from what is made")
+        yield Bar(
+            f"size {own.name}", step * derivatives.sizes[own.name], unit, f"of body {own.body}, from what is made"
+        )
     names = [parameter.name for parameter in problem.motion.parameters]
     for name, weight, value in zip(names, problem.weights.tolist(), derivatives.weights.values(), strict=True):
         yield Bar(f"weight of {name}", STEP * weight * value, percent, "of the amount")

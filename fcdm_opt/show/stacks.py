@@ -86,7 +86,7 @@ def print_stack(stack: StackUp, share: GapYield) -> None:
     print_text()
     print_rows([
         {
-            "size": own.size, "gap a unit": f"{own.coefficient:+.6g}", "half tolerance": f"{own.half:.6g}",
+            "size": own.size, "gap a unit": f"{own.coefficient + 0.0:+.6g}", "half tolerance": f"{own.half:.6g}",
             "of the worst case": f"{own.worst:.2%}", "of the variance": f"{own.variance:.2%}",
         }
         for own in stack.contributions
@@ -141,7 +141,7 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: s
         bars.barh(row + 0.2, 100.0 * own.variance, 0.38, color=GREY, label="variance" if row == 0 else None)
     bars.set_yticks(range(len(shown)), [literal(shortened(own.size, LONGEST)) for own in shown])
     bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
-    bars.legend(loc="lower right")
+    _legend(bars)
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
     middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
     within = (middles >= low) & (middles <= high)
@@ -150,18 +150,28 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: s
             gaps.bar(
                 edges[:-1][chosen], heights[chosen], np.diff(edges)[chosen], align="edge", color=colour, label=name
             )
-    for limit in share.limits:
-        if np.isfinite(limit):
-            gaps.axvline(limit, color=BLACK, linewidth=1.2)
     worst = stack.worst()
-    for end in (worst.least, worst.largest):
-        gaps.axvline(end, color=DARK, linewidth=0.8, linestyle=":")
+    finite = [limit for limit in share.limits if np.isfinite(limit)]
+    for ends, name, style in (
+        (finite, "limits", {"color": BLACK, "linewidth": 1.2}),
+        ((worst.least, worst.largest), "worst case", {"color": DARK, "linewidth": 0.8, "linestyle": ":"}),
+    ):
+        for k, end in enumerate(ends):
+            gaps.axvline(end, label=None if k else name, **style)
     seen = [x for x in (worst.least, worst.largest, *share.limits) if np.isfinite(x)]
     room = 0.05 * max(max(seen) - min(seen), float(edges[1] - edges[0]))
     gaps.set_xlim(min(seen) - room, max(seen) + room)
     gaps.set(xlabel=f"gap ({stack.unit or 'length units'})", ylabel="share of pairs in a bin")
-    gaps.legend(loc="upper right")
+    _legend(gaps)
     return sheet.figure
+
+
+def _legend(axes: Any) -> None:
+    """Tell what is what above the axes, where it covers nothing."""
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.0, handlelength=1.2, columnspacing=0.8,
+        handletextpad=0.4, frameon=False,
+    )  # fmt: skip
 
 
 @styled
@@ -198,7 +208,7 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
         seen[own] = replace(seen[own], tolerance=(low, high))
     gap = TouchingSizes.of(*stack.touching.bodies, seen, transform=stack.touching.transform, least=False).gap(p)
     sheet = Sheet.of(PAGE, 3.3, title=title, caption=caption or "line: touching; dashed: limits; box: tolerances")
-    axes, bar = sheet.axes(0.8, 0.45, 3.0, 2.7), sheet.axes(4.0, 0.45, 0.1, 2.7)
+    axes, bar = sheet.axes(0.8, 0.45, 4.8, 2.7), sheet.axes(5.75, 0.45, 0.1, 2.7)
     most = max(float(np.abs(gap).max()), float(np.finfo(float).tiny))
     mesh = axes.pcolormesh(*sides, gap, cmap="RdBu", vmin=-most, vmax=most, shading="gouraud", rasterized=True)
     sheet.figure.colorbar(mesh, cax=bar, label=f"gap ({stack.unit or 'length units'})")
@@ -249,4 +259,4 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
 
 
 def _sizes(values: Any) -> str:
-    return ", ".join(f"{name} {x:+.6g}" for name, x in values.items())
+    return ", ".join(f"{name} {x + 0.0:+.6g}" for name, x in values.items())
