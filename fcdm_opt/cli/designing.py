@@ -50,6 +50,7 @@ BUDGET = (
     "case's own limits does."
 )
 SCHEDULER = "Of a Dask cluster; without it a local one is made."
+OVER = "Two sizes of the file, in place of both scales; the others stay as made. Default: where there are just two."
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 WINDOW = "Smallest motion after which every pair's gap is in this window."
@@ -147,6 +148,7 @@ def map_command(
     budget: Annotated[
         float | None, option("--budget", "AMOUNT", "Tell the share of pairs whose motion stays within it.")
     ] = None,
+    over: Annotated[str | None, option("--over", "SIZE,SIZE", OVER)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
@@ -156,14 +158,19 @@ def map_command(
     as_json: AsJson = False,
     case: Cases = None,
 ) -> None:
-    """Map the smallest motion over all sizes in the tolerance box, a table for the shop floor, and tell the yield."""
+    """Map the smallest motion over all sizes in the tolerance box, a table for the shop floor, and tell the yield.
+
+    The sizes are the scales of both parts, or two [[size]] tables of the file.
+    """
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
+    from fcdm_opt.design.stack.spread import spreads
     from fcdm_opt.show import tables
     from fcdm_opt.show.maps import map_figure, yield_figure
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals)
+    names = None if over is None else _names(over)
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
     pictures = inquiry.pictures
 
@@ -171,7 +178,7 @@ def map_command(
         assert pictures is not None  # there is a case
         spent = min(seconds, max(pacing.left(), LEAST))
         with pacing.unlimited():  # it has its own limit
-            found = compensation_map(problem, box=covered, error=error, seconds=spent, jobs=jobs or 1)
+            found = compensation_map(problem, over=names, box=covered, error=error, seconds=spent, jobs=jobs or 1)
         title = f"{file.name}: case {problem.name}"
         stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, title=title), ending="-map")
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
@@ -180,7 +187,8 @@ def map_command(
         yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
-            scattered: Any = tuple(ends) if pairs is None else pairs
+            own = [size for name in found.over for size in problem.sizes if size.name == name]
+            scattered: Any = tuple(spreads(own) if own else ends) if pairs is None else pairs
             share = assembly_yield(found, sizes=scattered, budget=budget, seed=seed)
             pictures.add(f"{stem}-yield", yield_figure(share, title=title))
             yield "yield", share, tables.print_yield
@@ -275,7 +283,7 @@ def stack_command(
             write_stack(found, out / f"{stem}.csv")
             say(f"wrote {out / f'{stem}.csv'}")
             most = [own.size for own in found.contributions[:2]]
-            names = most if cut is None else [name.strip() for name in cut.split(",")]
+            names = most if cut is None else _names(cut)
             if len(names) == 2:
                 pictures.add(f"{stem}-slice", slice_figure(found, names, title=title))
 
@@ -350,6 +358,10 @@ def _numbers(text: str, key: str, count: str, allowed: str) -> list[float]:
     if len(numbers) != allowed.count(",", allowed.rfind(" ")) + 1 or any(map(math.isnan, numbers)):
         raise InputError(f"not {count} numbers", key=key, found=text, allowed=allowed)
     return numbers
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")]
 
 
 def _two(text: str, key: str) -> tuple[float, float]:

@@ -242,11 +242,6 @@ def made_at(movable: Body, static: Body, sizes: Sequence[Size], made: Any) -> di
     """
     names = [size.name for size in sizes]
     if isinstance(made, Mapping):
-        for name in made:
-            if name not in names:
-                raise InputError(
-                    "no such size", key=f"made.{name}", found=name, allowed=", ".join(names) or "none is given"
-                )
         return {name: float(made.get(name, 0.0)) for name in names}
     _check(sizes)
     if made in ("low", "high", "middle"):

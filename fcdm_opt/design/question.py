@@ -20,12 +20,13 @@ from fcdm_opt.curve.decision_curve import DecisionCurve
 from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body, plain_step
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, same_unit
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.schema import Entry, checked, closest
+from fcdm_opt.problem.schema import Entry, checked, closest, known_sizes
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
@@ -219,15 +220,23 @@ class SceneTables:
             (body, self.tables[place].data) for place, body in self._each(lambda table: table.body).items()
         ]
         kept = [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in others]
-        sizes = tuple(checked(SizeEntry, table).size() for table in self.sizes)
-        return Parts(movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit, sizes)
+        return Parts(
+            movable, static, {keep_out.name: keep_out for keep_out in keep_outs(kept)}, self.unit, self.checked_sizes
+        )
+
+    @cached_property
+    def checked_sizes(self) -> tuple[Size, ...]:
+        """The sizes themselves; raises `InputError` for what is none."""
+        found = []
+        for k, table in enumerate(self.sizes, 1):
+            with placed(key=f"size[{k}]"):
+                found.append(checked(SizeEntry, table).size())
+        return tuple(found)
 
     def check(self) -> None:
         """Refuse tables that are no bodies or sizes; reads and builds nothing."""
         self._each(lambda table: table.checked)
-        for k, table in enumerate(self.sizes, 1):
-            with placed(key=f"size[{k}]"):
-                checked(SizeEntry, table).size()
+        assert len(self.checked_sizes) == len(self.sizes)  # refuses what is no size
 
     def _each(self, made: Callable[[BodyTable], Any]) -> dict[str, Any]:
         """Return what is made of each table; an error says of which one."""
@@ -262,12 +271,9 @@ class SceneTables:
         if len(place) < 3:
             allowed = "a key of one size, as size.NAME.tolerance"
             raise InputError("sizes are changed one by one", key=written(place), allowed=allowed)
-        if isinstance(place[1], str) and place[1] not in names:
-            what = f"no such size{closest(place[1], names)}"
-            raise InputError(
-                what, key=written(place[:2]), found=place[1], allowed=", ".join(names) or "[[size]] tables"
-            )
-        if not isinstance(place[1], str):
+        if isinstance(place[1], str):
+            known_sizes([place[1]], "size", names)
+        else:
             check_item(rows, place, 1)
         k = names.index(place[1]) if isinstance(place[1], str) else place[1]
         rows[k] = put(rows[k], place[2:], value, dropped=excluded)

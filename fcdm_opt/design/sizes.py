@@ -1,7 +1,11 @@
-"""Which size pairs (rho_1, rho_2) are spoken of: a box, measured pairs, or what two distributions give."""
+"""Which pairs of sizes are spoken of: a box, measured pairs, or what two distributions give.
+
+The scales (rho_1, rho_2) of both bodies, or two of the problem's own sizes, as deviations from drawn.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any
@@ -11,8 +15,11 @@ import numpy as np
 from fcdm_opt.design.distributions import Distribution
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen, numbers
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.problem import arguments
 from fcdm_opt.problem.problem import Problem
 
+SCALES = ("rho_1", "rho_2")  # names of the pair that is spoken of, unless two of the problem's own sizes are
 MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 
@@ -83,27 +90,59 @@ def tolerance_box(problem: Problem) -> Array:
     return size_box(ends, "tolerance")
 
 
-def size_box(value: Any, key: str) -> Array:
-    """Return a box of sizes > 0; a range may be a single size."""
+def chosen_sizes(problem: Problem, over: Any) -> tuple[Size, ...]:
+    """Return the two sizes of a problem that a pair is of, none for the scales of both bodies.
+
+    Parameters
+    ----------
+    problem : Problem
+    over : (name, name) or None
+        None: the scales where the problem has a tolerance of them or no sizes, else the only two sizes.
+    """
+    names = [size.name for size in problem.sizes]
+    if over is None and (not names or problem.tolerance is not None):
+        return ()
+    found = list(names if over is None else arguments.items(over))
+    if len(found) != 2 or found[0] == found[1] or not set(found) <= set(names):
+        allowed = f"two of {', '.join(names) or 'its sizes, of which there are none'}"
+        raise InputError("not two sizes of this problem", key="over", found=over, allowed=allowed)
+    return tuple(problem.sizes[names.index(name)] for name in found)
+
+
+def tolerance_boxes(sizes: Sequence[Size]) -> Array:
+    """Return the tolerances of sizes, (k, 2): least and largest deviation from drawn."""
+    for size in sizes:
+        if size.tolerance is None:
+            allowed = "tolerance = 0.05, or a box"
+            raise InputError("a size without tolerance", key=f"size '{size.name}'.tolerance", allowed=allowed)
+    return frozen([size.tolerance for size in sizes])
+
+
+def size_box(value: Any, key: str, *, positive: bool = True) -> Array:
+    """Return a box of sizes, > 0 unless they are deviations; a range may be a single size."""
     ends = numbers(value, key)
-    allowed = "((low_1, high_1), (low_2, high_2)) with 0 < low <= high, finite"
+    allowed = f"((low_1, high_1), (low_2, high_2)) with {'0 < ' * positive}low <= high, finite"
     if ends.shape != (2, 2) or not np.isfinite(ends).all():
         raise InputError("unusable box of sizes", key=key, found=value, allowed=allowed)
-    if not (ends > 0).all():
+    if positive and not (ends > 0).all():
         raise InputError("a size in the box is not positive", key=key, found=ends.tolist(), allowed=allowed)
     if not (ends[:, 0] <= ends[:, 1]).all():
         raise InputError("empty box of sizes", key=key, found=ends.tolist(), allowed=allowed)
     return frozen(ends)
 
 
-def sources(value: Any) -> tuple[Distribution, Distribution] | Array:
-    """Return a distribution of sizes for each body, or a list of size pairs, (n, 2), n > 0, all finite and > 0."""
-    allowed = "an (n, 2) array of measured pairs (rho_1, rho_2) > 0, or a distribution for each body"
+def sources(value: Any, *, positive: bool = True) -> tuple[Distribution, Distribution] | Array:
+    """Return a distribution of sizes for each body, or a list of size pairs, (n, 2), n > 0, all finite.
+
+    Sizes are > 0 unless they are deviations.
+    """
+    pair = "(rho_1, rho_2) > 0" if positive else "of deviations"
+    allowed = f"an (n, 2) array of measured pairs {pair}, or a distribution for each {'body' if positive else 'size'}"
     if isinstance(value, list | tuple) and any(isinstance(item, Distribution) for item in value):
         if len(value) != 2 or not all(isinstance(item, Distribution) for item in value):
             raise InputError("not two distributions", key="sizes", found=value, allowed="one for each body")
         for source in value:
-            if not source.range[0] > 0.0:
+            if positive and not source.range[0] > 0.0:
                 raise InputError("sizes must be > 0", key="sizes", found=source)
         return value[0], value[1]
     pairs = numbers(value, "sizes")
@@ -111,10 +150,15 @@ def sources(value: Any) -> tuple[Distribution, Distribution] | Array:
         raise InputError("no sizes", key="sizes", found=value, allowed=allowed)
     if pairs.ndim != 2 or pairs.shape[1] != 2:
         raise InputError("sizes are not pairs", key="sizes", found=f"shape {pairs.shape}", allowed=allowed)
-    bad = np.flatnonzero(~(np.isfinite(pairs) & (pairs > 0)).all(axis=1))
+    bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | (not positive))).all(axis=1))
     if bad.size:
         found = pairs[bad[0]].tolist()
-        raise InputError("a size is not a positive number", key=f"sizes[{bad[0] + 1}]", found=found, allowed=allowed)
+        raise InputError(
+            f"a size is not a {'positive' if positive else 'finite'} number",
+            key=f"sizes[{bad[0] + 1}]",
+            found=found,
+            allowed=allowed,
+        )
     return frozen(pairs)
 
 
@@ -148,7 +192,7 @@ def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
     return Sizes.of(sizes)
 
 
-def drawn_pairs(sizes: Any, box: Any, count: int, seed: int) -> tuple[Array, str]:
+def drawn_pairs(sizes: Any, box: Any, count: int, seed: int, *, positive: bool = True) -> tuple[Array, str]:
     """Return size pairs, (n, 2), and what they are: a list itself, else `count` independent draws.
 
     Parameters
@@ -157,8 +201,10 @@ def drawn_pairs(sizes: Any, box: Any, count: int, seed: int) -> tuple[Array, str
         None: all sizes of the box, equally likely.
     box : (2, 2) array
     count, seed : int
+    positive : bool
+        Whether sizes are scales, > 0; else deviations.
     """
-    given = None if sizes is None else sources(sizes)
+    given = None if sizes is None else sources(sizes, positive=positive)
     if isinstance(given, np.ndarray):
         return given, f"{len(given)} measured pairs"
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:

@@ -40,7 +40,7 @@ from fcdm_opt.problem.keys import (
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import TRACKING, NominalContact
-from fcdm_opt.problem.schema import checked
+from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
@@ -403,6 +403,7 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
             )
     if made is None:
         return {}
+    known_sizes(made if isinstance(made, Mapping) else (), "made", names)
     values = made_at(request["movable"], request["static"], sizes, made)
     parts = {
         role: resized(request[role], {size: values[size.name] for size in sizes if size.body == role})

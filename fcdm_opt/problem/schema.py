@@ -76,6 +76,14 @@ def closest(key: str, allowed: Iterable[str]) -> str:
     return f", did you mean '{found}'?" if found else ""
 
 
+def known_sizes(values: Iterable[str], key: str, names: Sequence[str]) -> None:
+    """Refuse names that none of a problem's sizes has."""
+    for name in values:
+        if name not in names:
+            what = f"no such size{closest(str(name), names)}"
+            raise InputError(what, key=f"{key}.{name}", found=name, allowed=", ".join(names) or "none is given")
+
+
 def _words(kind: Any) -> list[str]:
     """Return the words that a type allows."""
     inner = get_args(kind)

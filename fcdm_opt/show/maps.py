@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
@@ -33,7 +34,7 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
     Boundaries at which the motion jumps are double lines; where there is no motion the plane is hatched. Star: nominal
-    pair; A to D: the corners of the box that the requirements of these letters ask for.
+    pair, or as drawn; A to D: the corners of the box that the requirements of these letters ask for.
 
     Parameters
     ----------
@@ -46,6 +47,8 @@ def map_figure(sizes: CompensationMap, *, title: str = "", caption: str = "") ->
     box = np.asarray(sizes.box)
     margin = 0.04 * np.ptp(box, axis=1)
     plane(axes, box + np.outer(margin, [-1.0, 1.0]))
+    if sizes.over != SCALES:
+        axes.set(xlabel=literal(f"{sizes.over[0]} (deviation)"), ylabel=literal(f"{sizes.over[1]} (deviation)"))
     axes.grid(visible=False)
     _fill(sheet.figure, axes, bar, sizes)
     for boundary in sizes.boundaries:
@@ -96,7 +99,7 @@ def _fill(figure: Figure, axes: Any, bar: Any, sizes: CompensationMap) -> None:
 def _mark(axes: Any, sizes: CompensationMap) -> None:
     """Mark the nominal pair and the corners that the requirements ask for."""
     box = np.asarray(sizes.box)
-    for name, signs in SIGNS.items():
+    for name, signs in SIGNS.items() if sizes.over == SCALES else ():
         corner = np.where(np.asarray(signs) > 0, box[:, 1], box[:, 0])
         axes.plot(*corner, marker="D", markersize=4.5, markerfacecolor="white", markeredgecolor=VERMILLION, zorder=6)
         shift = -9 * np.sign(corner - box.mean(axis=1))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.distributions import Distribution, Measured
-from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
+from fcdm_opt.design.sizes import SCALES, drawn_pairs, proportion_interval, sources
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
@@ -39,7 +39,7 @@ class Contribution(Plain):
     Attributes
     ----------
     body : str
-        "movable" or "static".
+        "movable" or "static"; of a map over two named sizes the size.
     first_order, total : float
         Sobol indices of the amount: the share of its variance that goes when this body's size is fixed, on average, and
         the share that stays when only this size varies; they differ by what both sizes do together. Pairs without a
@@ -143,7 +143,7 @@ def assembly_yield(
         The motion for every size pair, with its error.
     sizes : pair of distributions, or array (n, 2)
         What the sizes of body 1 and body 2 are drawn from, independently of each other; or measured pairs, which are
-        looked up as they are (from a CSV file: `read_columns`).
+        looked up as they are (from a CSV file: `read_columns`). Deviations, for a map over two named sizes.
     budget : float, optional
         Largest amount that passes, a length.
     limits : mapping of parameter name to (lower, upper), optional
@@ -176,9 +176,11 @@ def assembly_yield(
     if not is_real(confidence) or not 0.0 < confidence < 1.0:
         raise InputError("unusable confidence", key="confidence", found=confidence, allowed="between 0 and 1")
     looked_up = partial(_looked_up, sizes_map, most, {names.index(name): ends for name, ends in kept.items()})
-    given = sources(sizes)
+    over = getattr(sizes_map, "over", SCALES)
+    scales = over == SCALES
+    given = sources(sizes, positive=scales)
     scatter = given if isinstance(given, tuple) else (Measured(given[:, 0]), Measured(given[:, 1]))
-    drawn, _ = drawn_pairs(scatter, None, count, seed)
+    drawn, _ = drawn_pairs(scatter, None, count, seed, positive=scales)
     scattered = looked_up(*drawn.T)
     pairs, points = (drawn, scattered) if isinstance(given, tuple) else (given, looked_up(*given.T))
     even = len(drawn) // 2 * 2
@@ -194,7 +196,7 @@ def assembly_yield(
     surely, possibly = int(points.surely.sum()), int(points.possibly.sum())
     (low, _), (_, high) = (proportion_interval(some, of, confidence) for some in (surely, possibly))
     contributions = []
-    for k, body in enumerate(BODIES):
+    for k, body in enumerate(BODIES if scales else over):
         held = pairs.T.copy()
         held[k] = scatter[k].quantile(0.5)
         (first, total), (first_error, total_error) = indices[k].tolist(), deviations[k].tolist()

@@ -17,6 +17,7 @@ from fcdm_opt.design.compensation.sampling import ActiveSet, Sampler, covered
 from fcdm_opt.design.compensation.size_mesh import areas
 from fcdm_opt.design.compensation.table import MapPoints, Table
 from fcdm_opt.design.moved_files import of_json, read, to_csv, to_json
+from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -76,10 +77,12 @@ class CompensationMap(Plain, Shown):
     ----------
     problem : dict
         The problem as plain data, None where it cannot be written down (an amount of one's own).
+    over : (str, str)
+        The sizes: "rho_1" and "rho_2", the scales, or two names of the problem's own; these are deviations from drawn.
     box : (2, 2) array
-        Least and largest rho_1, rho_2.
+        Least and largest of both.
     nominal : (2,) array
-        Nominal sizes.
+        Nominal sizes, 0 for deviations.
     table : Table
         Triangles that interpolate amount and parameters, with bounds of their errors.
     regions : tuple of MapRegion
@@ -97,12 +100,13 @@ class CompensationMap(Plain, Shown):
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "format", "problem", "box", "nominal", "error", "reached", "solved", "seconds", "regions", "boundaries",
+        "format", "problem", "over", "box", "nominal", "error", "reached", "solved", "seconds", "regions", "boundaries",
         "table",
     )  # fmt: skip
     format: ClassVar[str] = _FORMAT
 
     problem: Mapping[str, Any] | None
+    over: tuple[str, str]
     box: Array
     nominal: Array
     table: Table
@@ -127,8 +131,10 @@ class CompensationMap(Plain, Shown):
     def __str__(self) -> str:
         (low_1, high_1), (low_2, high_2) = self.box
         reached = measured(f"{self.reached:.3g}", self.unit)
+        names = "" if self.over == SCALES else f"{self.over[0]} and {self.over[1]}, "
         return (
-            f"compensation map over [{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: {len(self.regions)} "
+            f"compensation map over {names}[{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}]: "
+            f"{len(self.regions)} "
             f"regions, {len(self.table)} triangles, error {reached} (asked for {self.error:.3g}), "
             f"{self.solved} solves in {self.seconds:.1f} s"
         )
@@ -138,7 +144,7 @@ class CompensationMap(Plain, Shown):
         """Rebuild a map from `to_dict`; raises `InputError` for anything else."""
         if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
             raise InputError("not a compensation map", allowed=f"format = {_FORMAT!r}")
-        return super().from_dict(data)
+        return super().from_dict({"over": SCALES, **data})
 
     def to_json(self, path: str | Path) -> None:
         """Write the whole map as JSON; the file is there as a whole or not at all."""
@@ -156,7 +162,7 @@ class CompensationMap(Plain, Shown):
             [number, region.kind, "; ".join(region.features), "; ".join(region.active), region.share, *region.amounts]
             for number, region in enumerate(self.regions)
         ]
-        self.table.to_csv(path)
+        self.table.to_csv(path, *([] if self.over == SCALES else [self.over]))
         columns = ["region", "kind", "features", "active", "share", "least_amount", "largest_amount"]
         to_csv(path.with_name(f"{path.stem}-regions.csv"), [columns, *rows])
 
@@ -164,6 +170,7 @@ class CompensationMap(Plain, Shown):
 def compensation_map(
     problem: Problem,
     *,
+    over: Any = None,
     box: Any = None,
     error: float | None = None,
     budget: int = BUDGET,
@@ -176,8 +183,12 @@ def compensation_map(
     ----------
     problem : Problem
         Its requirement or target is replaced by each pair of sizes. Any goal but "beyond".
+    over : (name, name), optional
+        Two of the problem's own sizes; all others stay as they are made. Default: the scales (rho_1, rho_2) of both
+        bodies where the problem has a tolerance of them or no sizes of its own, else its sizes, of which it has two.
     box : ((low_1, high_1), (low_2, high_2)), optional
-        Sizes to cover; default: what the problem's tolerance leaves open about its nominal pair.
+        Sizes to cover; default: what the problem's tolerance leaves open about its nominal pair, or the tolerances of
+        the two sizes, as deviations from drawn.
     error : float, optional
         Length that amount, and displacements of body 1, may be off by; default: 1e-4 of the largest amount.
     budget : int
@@ -197,7 +208,7 @@ def compensation_map(
         For goal "beyond", a resolution, and a box that is none.
     """
     start = perf_counter()
-    made = covered(problem, box)
+    names, made = covered(problem, box, over)
     for key, value, least in (("budget", budget, 1), ("jobs", jobs, 1)):
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise InputError("not a number of these", key=key, found=value, allowed="1, 2, ...")
@@ -205,15 +216,16 @@ def compensation_map(
         raise InputError("not a length", key="error", found=error, allowed="a finite number > 0, or None")
     if not (is_real(seconds) and seconds > 0):
         raise InputError("not a time", key="seconds", found=seconds, allowed="a number > 0")
-    sampler = Sampler(problem, made, budget, jobs, seconds)
+    sampler = Sampler(problem, made, budget, jobs, seconds, names)
     mesh = RefinedMesh(sampler, error)
     mesh.refine()
     table, sets = _table(mesh)
     smooth = [triangle.errors.max() for triangle in mesh.triangles if mesh.size(triangle) > 2.0 * SHORTEST]
     return CompensationMap(
         problem=_plain(problem),
+        over=(names[0], names[1]),
         box=frozen(made),
-        nominal=frozen(problem.nominal_pair),
+        nominal=frozen(problem.nominal_pair if names == SCALES else np.zeros(2)),
         table=table,
         regions=_regions(table, sets),
         boundaries=tuple(_boundaries(mesh, sets)),

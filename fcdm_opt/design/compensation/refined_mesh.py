@@ -14,6 +14,7 @@ import numpy as np
 from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import REJECTED, ActiveSet, Asking, Sample, Sampler
 from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, SizeMesh, Triangle, Values
+from fcdm_opt.design.sizes import SCALES
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
@@ -276,7 +277,8 @@ class RefinedMesh(SizeMesh):
         if np.isnan(one[0]) or np.isnan(two[0]):
             return np.zeros(2)
         change = self._task.transform(one[1:]) - self._task.transform(two[1:])
-        made = self._seed + self.sampler.pair(place)[0] * self._arms
+        scale = self.sampler.pair(place)[0] if self.sampler.over == SCALES else 1.0
+        made = self._seed + scale * self._arms
         moved = np.linalg.norm(made @ change[:3, :3].T + change[:3, 3], axis=1)
         return np.array([abs(one[0] - two[0]), moved.max()])
 

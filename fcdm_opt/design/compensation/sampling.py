@@ -17,7 +17,7 @@ from fcdm_opt.along.variation import Layout
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Contact, located, supporting_contact, touching_contact
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.design.sizes import size_box, tolerance_box
+from fcdm_opt.design.sizes import SCALES, chosen_sizes, size_box, tolerance_box, tolerance_boxes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Parts, Task
@@ -69,14 +69,17 @@ Asking = Generator[list[Array], list[Sample], Result]
 """A search that yields places, gets the samples there, and returns its result: many such are run side by side."""
 
 
-def asked(problem: Problem, pair: Sequence[float] | Array) -> Problem:
-    """Return the problem for one pair of sizes."""
+def asked(problem: Problem, pair: Sequence[float] | Array, over: Sequence[str] = SCALES) -> Problem:
+    """Return the problem for one pair of sizes: scales, or deviations of two sizes, all others as they are made."""
+    if tuple(over) != SCALES:
+        values = dict(zip(over, map(float, pair), strict=True))
+        return problem.changed(made={**(problem.made or {}), **values}, goal=problem.goal)
     return problem.changed(target=(float(pair[0]), float(pair[1])), requirement=None, tolerance=None, goal=problem.goal)
 
 
-def sample_at(problem: Problem, pair: Pair) -> Sample:
+def sample_at(problem: Problem, pair: Pair, over: Sequence[str] = SCALES) -> Sample:
     """Return the least motion for one pair of sizes."""
-    solution = solve(asked(problem, pair), effort="quick")
+    solution = solve(asked(problem, pair, over), effort="quick")
     values = [solution.amount, *solution.parameters.values()] if solution.usable else [math.nan]
     return Sample(active_set(solution), np.resize(values, 1 + len(problem.weights)))
 
@@ -86,9 +89,9 @@ def _read(text: str) -> Problem:
     return Problem.from_dict(json.loads(text))
 
 
-def sample_of(text: str, pair: Pair) -> Sample:
+def sample_of(text: str, pair: Pair, over: Sequence[str]) -> Sample:
     """Return the sample of a problem in plain data: what a worker process does."""
-    return sample_at(_read(text), pair)
+    return sample_at(_read(text), pair, over)
 
 
 @dataclass(eq=False)
@@ -104,6 +107,7 @@ class Sampler:
     budget: int
     jobs: int = 1
     seconds: float = math.inf
+    over: Sequence[str] = SCALES
     known: dict[Pair, Sample] = field(default_factory=dict)
     _start: float = field(default_factory=perf_counter)
 
@@ -131,11 +135,11 @@ class Sampler:
 
     def _solved(self, pairs: list[Pair]) -> list[Sample]:
         if self.jobs == 1 or len(pairs) < 2 * self.jobs:
-            return [sample_at(self.problem, pair) for pair in pairs]
+            return [sample_at(self.problem, pair, self.over) for pair in pairs]
         from joblib import Parallel, delayed
 
         run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
-        found: list[Sample] = run(delayed(sample_of)(self._plain, pair) for pair in pairs)
+        found: list[Sample] = run(delayed(sample_of)(self._plain, pair, self.over) for pair in pairs)
         return found
 
     @cached_property
@@ -143,14 +147,16 @@ class Sampler:
         return json.dumps(self.problem.to_dict())
 
 
-def covered(problem: Problem, box: Any) -> Array:
-    """Return the box of sizes that a map covers, (2, 2); raises `InputError` for what has no map.
+def covered(problem: Problem, box: Any, over: Any = None) -> tuple[tuple[str, ...], Array]:
+    """Return which two sizes a map is over, and the box of them that it covers; raises `InputError` where none is.
 
     Parameters
     ----------
     problem : Problem
     box : ((low_1, high_1), (low_2, high_2)) or None
-        None: what the problem's tolerance leaves open.
+        None: what the problem's tolerance leaves open, or that of both sizes.
+    over : (name, name) or None
+        See `chosen_sizes`.
     """
     if not isinstance(problem, Problem):
         raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
@@ -168,12 +174,16 @@ def covered(problem: Problem, box: Any) -> Array:
             found=problem.resolution.tolist(),
             allowed="a problem without resolution",
         )
-    made = tolerance_box(problem) if box is None else size_box(box, "box")
-    if (np.ptp(made, axis=1) <= DEFAULT.snap * made[:, 1]).any():
+    sizes = chosen_sizes(problem, over)
+    if box is not None:
+        made = size_box(box, "box", positive=not sizes)
+    else:
+        made = tolerance_boxes(sizes) if sizes else tolerance_box(problem)
+    if (np.ptp(made, axis=1) <= DEFAULT.snap * np.abs(made).max(axis=1)).any():
         raise InputError(
             "a box this narrow has no map", key="box", found=made.tolist(), allowed="low < high, for both sizes"
         )
-    return made
+    return tuple(size.name for size in sizes) or SCALES, made
 
 
 # ------------------------------------------------------------------------------------------------- what holds them

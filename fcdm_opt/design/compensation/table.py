@@ -65,7 +65,8 @@ class Table(Plain):
     Attributes
     ----------
     corners : array (m, 3, 2)
-        Corners of the triangles: size pairs (rho_1, rho_2). They cover a rectangle without overlap.
+        Corners of the triangles: size pairs (rho_1, rho_2), or deviations of two sizes. They cover a rectangle without
+        overlap.
     values : array (m, 6, 1 + k)
         Amount (length units), then the parameters (lengths, radians), at corners 1, 2, 3 and the midpoints of edges 12,
         23 and 31; nan where there is no motion.
@@ -159,17 +160,17 @@ class Table(Plain):
         (low_1, high_1), (low_2, high_2) = self.box
         return f"Table({len(self)} triangles over [{low_1:.6g}, {high_1:.6g}] x [{low_2:.6g}, {high_2:.6g}])"
 
-    def to_csv(self, path: str | Path) -> None:
+    def to_csv(self, path: str | Path, sizes: Sequence[str] = ("rho1", "rho2")) -> None:
         """Write the table as CSV, a row a triangle: `rho1_2` is rho_1 at corner 2, `amount_4` the amount at node 4."""
         columns = (self.regions.tolist(), self.errors.tolist(), self.corners, np.swapaxes(self.values, 1, 2))
         rows = ([region, *errors, *corners.ravel().tolist(), *values.ravel().tolist()]
                 for region, errors, corners, values in zip(*columns, strict=True))  # fmt: skip
-        to_csv(path, [_columns(self.names), *rows])
+        to_csv(path, [_columns(self.names, sizes), *rows])
 
 
-def _columns(names: Sequence[str]) -> list[str]:
+def _columns(names: Sequence[str], sizes: Sequence[str]) -> list[str]:
     """Return the names of a CSV file's columns."""
-    corners = [f"{rho}_{corner}" for corner in (1, 2, 3) for rho in ("rho1", "rho2")]
+    corners = [f"{size}_{corner}" for corner in (1, 2, 3) for size in sizes]
     nodes = [f"{name}_{node}" for name in ("amount", *names) for node in range(1, NODES + 1)]
     return ["region", "error", "displacement_error", *corners, *nodes]
 
@@ -191,7 +192,7 @@ class Locator:
     """
 
     def __init__(self, corners: Array) -> None:
-        self.rounding = float(DEFAULT.point * corners.max())
+        self.rounding = float(DEFAULT.point * np.abs(corners).max())
         self._low, self._high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
         self._side = math.ceil(math.sqrt(_BUCKETS * len(corners)))
         first, (p, q) = corners[:, 0], np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
@@ -201,7 +202,7 @@ class Locator:
         # first corner, and the slopes of the second and third barycentric coordinate along both sizes; by columns
         self._frames = *first.T.copy(), *np.array([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]]) / twice
         # how far below zero a coordinate may be for a point that is in the triangle but for rounding, and on a seam
-        self.seam = float(DEFAULT.line * corners.max())
+        self.seam = float(DEFAULT.line * np.abs(corners).max())
         self._slack = self.rounding / height, self.seam / height
         width, near = (self._high - self._low) / self._side, 2.0 * self.seam
         first, last = (

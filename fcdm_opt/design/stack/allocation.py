@@ -14,6 +14,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive
+from fcdm_opt.problem.schema import known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_CHOICES = 256  # of rows that hold the least gap of each part pair: all are tried up to here
@@ -66,9 +67,7 @@ def allocated(
 
     sizes = touching.sizes
     names = [size.name for size in sizes]
-    for name in cost:
-        if name not in names:
-            raise InputError("no such size", key=f"cost.{name}", found=name, allowed=", ".join(names))
+    known_sizes(cost, "cost", names)
     if not cost:
         raise InputError("no size has a cost", key="cost", allowed="{name: c} or {name: [(t, cost), ...]}")
     if share is not None and not 0.5 < share < 1.0:

@@ -17,6 +17,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.schema import known_sizes
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +149,7 @@ class StackUp:
         """
         if not isinstance(p, Mapping):
             return self.touching.gap(p)
-        for name in p:
-            if name not in self.names:
-                raise InputError("no such size", key=f"sizes.{name}", found=name, allowed=", ".join(self.names))
+        known_sizes(p, "sizes", self.names)
         return float(self.touching.gap([p.get(name, 0.0) for name in self.names]))
 
     @cached_property

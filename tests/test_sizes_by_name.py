@@ -1,0 +1,169 @@
+"""Maps, studies, what-ifs and one pose for all over sizes by name, against closed forms."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+from typer.testing import CliRunner
+
+import fcdm_opt as fo
+from fcdm_opt.cli import app
+from fcdm_opt.design.compensation.compensation_map import CompensationMap
+
+PROBLEMS = Path(__file__).parents[1] / "problems"
+KEY = PROBLEMS / "slot_and_key.toml"
+X = fo.Translation("x")
+
+
+def box(low: Any, high: Any, name: str = "body") -> fo.Body:
+    """An aligned box."""
+    return fo.Body.convex(list(product(*zip(low, high, strict=True))), name=name)
+
+
+def channel(width: float, height: float = 5.0) -> fo.Body:
+    """Two walls with a gap of a width between them, about x = 0."""
+    half = width / 2
+    walls = [list(product(ends, (-height, height), (-5.0, 5.0))) for ends in ((-half - 3, -half), (half, half + 3))]
+    return fo.Body.from_parts(walls, seed=(0, 0, 0), name="channel")
+
+
+def peg_in_channel(**more: Any) -> fo.Problem:
+    """A peg with a tolerance on each side, 0.1 off the left wall, 0.05 off the right one."""
+    sizes = [
+        fo.Size("right side", "movable", faces="+x", tolerance=(-0.02, 0.03)),
+        fo.Size("left side", "movable", faces="-x", tolerance=(0.0, 0.01)),
+    ]
+    peg = box((-9.9, -1, -1), (9.95, 1, 1), "peg")
+    return fo.Problem(peg, channel(20.0), **{"sizes": sizes, "motion": X, "goal": "touch", **more})
+
+
+def run(*arguments: Any) -> tuple[int, str, str]:
+    """Run a command."""
+    result = CliRunner().invoke(app, [*map(str, arguments)])
+    return result.exit_code, result.stdout, result.stderr
+
+
+# --------------------------------------------------------------------------------------------------------------- maps
+
+
+def test_a_map_over_two_sizes_has_the_closed_form() -> None:
+    """To touch the nearer wall: min(0.05 - right, 0.1 - left)."""
+    found = fo.compensation_map(peg_in_channel(), error=1e-6)
+    assert found.over == ("right side", "left side")
+    assert found.box.tolist() == [[-0.02, 0.03], [0.0, 0.01]]
+    right, left = np.random.default_rng(1).uniform(*found.box.T, (500, 2)).T
+    at = found.at(right, left)
+    assert (np.abs(at.amount - np.minimum(0.05 - right, 0.1 - left)) <= at.error + 1e-9).all()
+    assert at.error.max() <= 1e-6
+    again = CompensationMap.from_dict(json.loads(json.dumps(found.to_dict())))
+    assert again.over == found.over
+    share = fo.assembly_yield(found, sizes=(fo.Uniform(-0.02, 0.03), fo.Uniform(0.0, 0.01)), budget=0.045)
+    assert share.interval[0] - 1e-9 <= 0.5 <= share.interval[1] + 1e-9  # right >= 0.005
+    assert [own.body for own in share.contributions] == ["right side", "left side"]
+
+
+def test_a_map_over_scales_that_was_written_before_is_read() -> None:
+    problem = peg_in_channel(sizes=(), tolerance=1e-4, requirement="A")
+    data = fo.compensation_map(problem, error=1e-2).to_dict()
+    del data["over"]
+    assert CompensationMap.from_dict(data).over == ("rho_1", "rho_2")
+
+
+@pytest.mark.parametrize("over", [("right side",), ("left side", "left side"), ("left side", "depth"), "left side", 3])
+def test_a_map_over_what_are_no_two_sizes_is_refused(over: Any) -> None:
+    with pytest.raises(fo.InputError, match="over"):
+        fo.compensation_map(peg_in_channel(), over=over)
+
+
+def test_a_map_of_a_file_with_five_sizes_takes_two_by_name(tmp_path: Path) -> None:
+    """Amount 0.125 + slot_depth - key_foot; the depth uniform within 0.05, the foot normal with sigma 0.02 / 3."""
+    code, _, said = run("map", KEY, "--case", "as drawn", "--out", tmp_path)
+    assert code == 2
+    assert "--over" in said or "over" in said
+    line = ("map", KEY, "--case", "as drawn", "--over", "key_foot,slot_depth", "--budget", 0.15, "--error", 1e-3)
+    code, text, _ = run(*line, "--out", tmp_path, "--json")
+    assert code == 0
+    case = json.loads(text)[0]["cases"][0]
+    assert case["map"]["over"] == ["key_foot", "slot_depth"]
+    depths = np.linspace(-0.05, 0.05, 200_001)
+    share = np.mean(ndtr(3.0) - ndtr(np.clip((depths - 0.025) / (0.02 / 3), -3.0, 3.0)))  # foot >= depth - 0.025
+    low, high = case["yield"]["interval"]
+    assert low - 1e-6 <= share <= high + 1e-6
+    (header,) = [path.read_text().splitlines()[0] for path in tmp_path.glob("*-map.csv")]
+    assert "key_foot_1,slot_depth_1" in header
+
+
+# --------------------------------------------------------------------------------------------- what-ifs and studies
+
+
+def test_a_size_with_a_space_in_its_name_is_set_on_the_command_line(tmp_path: Path) -> None:
+    file = tmp_path / "peg.toml"
+    file.write_text("""
+        [bodies.movable]
+        vertices = [[0, 0, 0], [4, 0, 0], [0, 2, 0], [4, 2, 0], [0, 0, 1], [4, 0, 1], [0, 2, 1], [4, 2, 1]]
+        [bodies.static]
+        vertices = [[5, 0, 0], [6, 0, 0], [5, 2, 0], [6, 2, 0], [5, 0, 1], [6, 0, 1], [5, 2, 1], [6, 2, 1]]
+        [[size]]
+        name = "peg length"
+        body = "movable"
+        faces = "+x"
+        tolerance = 0.1
+        [[size]]
+        name = "a.b = [1]"
+        body = "static"
+        faces = "-x"
+        tolerance = 0.2
+        [[case]]
+        name = "1"
+        goal = "touch"
+        motion = [{ translation = "x" }]
+        made = { "peg length" = 0.05 }
+    """)
+    for change, amount in (
+        ("made.peg length=0.02", 0.98),
+        ('made."peg length"=0.03', 0.97),
+        ("made.'a.b = [1]' = 0.1", 0.85),
+        ("made=worst", 0.7),
+        ("made={ 'a.b = [1]' = -0.1 }", 1.1),
+    ):
+        code, text, said = run("whatif", file, "--set", change, "--json")
+        assert code == 0, said
+        assert json.loads(text)[0]["cases"][0]["whatif"]["after"]["amount"] == pytest.approx(amount, abs=1e-12)
+    both = ("--set", "made=worst", "--set", "size.peg length.tolerance=[0, 0.3]")
+    code, text, _ = run("whatif", file, *both, "--json")
+    assert json.loads(text)[0]["cases"][0]["whatif"]["after"]["amount"] == pytest.approx(0.5, abs=1e-12)
+    for change, word in (
+        ("made.peg lenght=0.02", "no such size, did you mean 'peg length'?"),
+        ("size.peg lenght.tolerance=0.02", "no such size, did you mean 'peg length'?"),
+        ("size.peg length.tolerence=0.02", "did you mean 'tolerance'"),
+        ("size[3].tolerance=0.02", "1 to 2"),
+        ("size=[]", "one by one"),
+        ('made."peg length=0.02', "not a change"),
+    ):
+        code, _, said = run("whatif", file, "--set", change)
+        assert code == 2
+        assert word in said
+
+
+def test_a_study_varies_what_is_made_and_tolerances(tmp_path: Path) -> None:
+    """Amount 0.0325 + 0.03 - t: the least gap at rest, sideways, is taken at slot_position = t."""
+    file = tmp_path / "study.toml"
+    file.write_text(f"""
+        problem = "{KEY}"
+        cases = ["to a side, at the least gap"]
+        [[vary]]
+        key = "size.slot_position.tolerance"
+        values = [0.01, 0.02]
+        [[vary]]
+        key = "made"
+        values = ["worst", {{ slot_position = 0.005 }}]
+    """)
+    result = fo.run_study(file, tmp_path / "out")
+    amounts = [row["amount"] for row in result.rows()]
+    assert amounts == pytest.approx([0.0525, 0.0575, 0.0425, 0.0575], abs=1e-12)
