@@ -167,3 +167,96 @@ def test_a_study_varies_what_is_made_and_tolerances(tmp_path: Path) -> None:
     result = fo.run_study(file, tmp_path / "out")
     amounts = [row["amount"] for row in result.rows()]
     assert amounts == pytest.approx([0.0525, 0.0575, 0.0425, 0.0575], abs=1e-12)
+
+
+# -------------------------------------------------------------------------------------------------- one pose for all
+
+
+def near_the_slot(**more: Any) -> fo.Problem:
+    """The peg, which may go 1 to either side: gaps 0.05 - right - TX and 0.1 - left + TX."""
+    return peg_in_channel(limits={"TX": (-1.0, 1.0)}, **more)
+
+
+def test_the_pose_with_the_least_worst_gap_has_the_closed_form() -> None:
+    """With TX = -0.095 the left gap is within 0.005 of zero, as wide as its tolerance; the right one is further."""
+    best = fo.best_pose(near_the_slot())
+    assert best.parameters["TX"] == pytest.approx(-0.095, abs=1e-9)
+    assert best.worst_gap == pytest.approx(0.005, abs=1e-9)
+    assert best.certified
+    assert best.lower_bound == pytest.approx(0.005, rel=2e-4)
+    assert best.passed
+    assert (best.least.names, best.least.sizes_text) == (("right side", "left side"), "left side +0.01")
+
+
+def test_the_smallest_motion_into_a_window_has_the_closed_form() -> None:
+    for window, shift in (((0.05, 0.2), -0.03), ((0.0, 0.2), 0.0), ((0.02, 0.07), 0.0), ((0.05, 0.065), -0.035)):
+        best = fo.best_pose(near_the_slot(), clearance=window)
+        assert best.status == "inside the window"
+        assert best.parameters["TX"] == pytest.approx(shift, abs=1e-7)
+        assert best.certified
+        assert best.passed
+        assert best.lower_bound == pytest.approx(abs(shift), rel=2e-4, abs=1e-7)
+
+
+def test_a_window_that_no_pose_meets_is_proved_to_be_none() -> None:
+    """The least gap is at most 0.055, in the middle."""
+    best = fo.best_pose(near_the_slot(), clearance=(0.06, 1.0))
+    assert best.status == "no pose"
+    assert best.lower_bound == pytest.approx(0.005, rel=2e-4)
+    assert best.parameters["TX"] == pytest.approx(-0.035, abs=1e-7)
+
+
+def test_no_pose_on_a_fine_grid_is_better_than_the_best_of_two_shifts() -> None:
+    """Hulls in general position, all their faces with tolerances; poses of the grid by stack-ups of their own."""
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        bodies = [fo.Body.convex(rng.normal(size=(7, 3)) + np.array([2.5 * k, 0, 0])) for k in range(2)]
+        sizes = [
+            fo.Size(f"{role}{k}", role, faces=f"F{k + 1}", tolerance=0.02)
+            for role, body in zip(("movable", "static"), bodies, strict=True)
+            for k in range(len(body.faces))
+        ]
+        limits = {"TX": (-0.5, 0.5), "TY": (-0.3, 0.3)}
+        problem = fo.Problem(*bodies, sizes=sizes, motion=X >> fo.Translation("y"), goal="touch", limits=limits)
+        best = fo.best_pose(problem)
+        assert best.passed
+        for x, y in product(np.linspace(-0.5, 0.5, 9), np.linspace(-0.3, 0.3, 7)):
+            pose = np.eye(4)
+            pose[:2, 3] = x, y
+            worst = fo.stack_up(problem, pose=pose).worst()
+            assert max(abs(worst.least), abs(worst.largest)) >= best.lower_bound - 1e-9
+        here = fo.stack_up(problem, pose=best.transform).worst()
+        assert max(abs(here.least), abs(here.largest)) == pytest.approx(best.worst_gap, abs=1e-9)
+        assert best.certified
+
+
+def test_a_turn_makes_a_peg_that_leans_fit() -> None:
+    """A square peg turned by 0.1 in a channel 10 wide: straight it has 0.5 to either side, less half its tolerance."""
+    c, s = np.cos(0.1), np.sin(0.1)
+    corners = np.array(list(product((-4.5, 4.5), (-4.5, 4.5), (-1, 1)))) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    peg = fo.Body.convex(corners, seed=(0, 0, 0))
+    faces = [{"through": tuple((corners[list(k)].mean(axis=0)).tolist())} for k in ((0, 1, 2, 3), (4, 5, 6, 7))]
+    sizes = [fo.Size("width", "movable", faces=faces, each=0.5, tolerance=(0.0, 0.2))]
+    motion, limits = fo.Rotation("z") >> X, {"RZ": (-0.3, 0.3), "TX": (-1, 1)}
+    problem = fo.Problem(peg, channel(10.0), sizes=sizes, motion=motion, goal="touch", limits=limits)
+    best = fo.best_pose(problem, clearance=(0.4 - 1e-6, 2.0))
+    assert best.status == "inside the window"
+    assert best.parameters["RZ"] == pytest.approx(-0.1, abs=1e-4)
+    assert best.passed
+    assert not best.certified
+
+
+def test_clearances_are_those_of_the_stack_up() -> None:
+    problem = near_the_slot()
+    told = fo.clearances(problem, pose={"TX": -0.03}, count=20_000)
+    assert told.range == pytest.approx((0.05, 0.07), abs=1e-12)
+    assert told.interference == 0.0
+    assert (told.gaps.min(), told.gaps.max()) == (pytest.approx(0.05, abs=2e-2), pytest.approx(0.07, abs=2e-2))
+    assert told.box.tolist() == [[-0.02, 0.03], [0.0, 0.01]]
+
+
+def test_the_pose_command_tells_sizes_by_name() -> None:
+    code, text, said = run("pose", KEY, "--case", "to a side, at the least gap", "--clearance", "0.03,0.1")
+    assert code == 0, said
+    assert "slot_position +0.03" in text
+    assert "inside the window" in text

@@ -13,7 +13,7 @@ otherwise. Those of which others are larger all over the box of sizes are left o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -68,6 +68,8 @@ class TouchingSizes:
         Of the part pairs that can be the nearest within the box.
     reach : (float, str)
         By what factor the box may be widened until one of the bodies changes its shape, and the face there.
+    ranges : (s, 2) array
+        Of shifts of the movable body, which count as sizes behind the others.
     """
 
     bodies: tuple[Body, Body]
@@ -75,10 +77,18 @@ class TouchingSizes:
     transform: Array
     pairs: tuple[PairRows, ...]
     reach: tuple[float, str]
+    ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
 
     @classmethod
     def of(
-        cls, movable: Body, static: Body, sizes: Sequence[Size], *, transform: Any = None, least: bool = True
+        cls,
+        movable: Body,
+        static: Body,
+        sizes: Sequence[Size],
+        *,
+        transform: Any = None,
+        shifts: tuple[Array, Array] | None = None,
+        least: bool = True,
     ) -> TouchingSizes:
         """Return them.
 
@@ -89,6 +99,8 @@ class TouchingSizes:
             Their tolerances are the box.
         transform : (4, 4) array, optional
             Of the movable body; default at rest.
+        shifts : (s, 3) and (s, 2) array, optional
+            Ways that the movable body is moved along, and how far at least and most: as sizes behind the others.
         least : bool
             Whether rows that bind nowhere in the box are all found and left out, which may take a linear program each.
 
@@ -101,6 +113,7 @@ class TouchingSizes:
         T = IDENTITY if transform is None else rigid_transform(transform)
         _check(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
+        ways, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
         sides, reaches = [], []
         for role, body in (("movable", movable), ("static", static)):
             own = [k for k, size in enumerate(sizes) if size.body == role]
@@ -123,20 +136,23 @@ class TouchingSizes:
                     key="sizes.tolerance", found=[size.tolerance for size in moving.sizes], allowed="smaller ones",
                 )  # fmt: skip
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
-            sides.append([_PosedPart.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts])
+            carried = ways if role == "movable" else np.zeros_like(ways)
+            posed = [_PosedPart.of(part, own, len(sizes), R, t, whole=reach[0] >= 1.0) for part in moving.parts]
+            sides.append([part.shifted(carried) for part in posed] if len(ways) else posed)
             reaches.append(reach)
-        box = np.column_stack([low, high])
+        box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
         pairs = [_pair((i, j), one, two, box, size) for i, one in enumerate(sides[0]) for j, two in enumerate(sides[1])]
         kept = _nearest(pairs, box)
         if least:
             kept = [_binding(pair, box) for pair in kept]
-        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches))
+        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges)
 
     @property
     def box(self) -> Array:
         """Least and largest of each size, (k, 2)."""
-        return np.array([size.tolerance for size in self.sizes], float).reshape(-1, 2)
+        own = np.array([size.tolerance for size in self.sizes], float).reshape(-1, 2)
+        return np.vstack([own, self.ranges])
 
     @cached_property
     def stacked(self) -> tuple[Array, Ints]:
@@ -151,7 +167,7 @@ class TouchingSizes:
         """
         p = np.asarray(p, float)
         rows, starts = self.stacked
-        flat = p.reshape(-1, len(self.sizes))
+        flat = p.reshape(-1, rows.shape[1] - 1)
         heights = flat @ rows[:, 1:].T + rows[:, 0]
         return np.minimum.reduce(np.maximum.reduceat(heights, starts, axis=1), axis=1).reshape(p.shape[:-1])
 
@@ -160,6 +176,18 @@ class TouchingSizes:
         heights = [pair.values[:, 0] + pair.values[:, 1:] @ np.asarray(p, float) for pair in self.pairs]
         pair = int(np.argmin([own.max() for own in heights]))
         return pair, int(heights[pair].argmax())
+
+    def shifted(self, q: Array) -> TouchingSizes:
+        """Return them with the movable body shifted by q, (s,), along its ways; other rows than the nearest go."""
+        count, box, pairs = len(self.sizes), self.box[: len(self.sizes)], []
+        middle, half = _centred(box)
+        for pair in self.pairs:
+            values = pair.values[:, : 1 + count].copy()
+            values[:, 0] += pair.values[:, 1 + count :] @ q
+            heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
+            kept = np.flatnonzero(heights + swings >= (heights - swings).max())
+            pairs.append(PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept]))
+        return replace(self, pairs=tuple(_nearest(pairs, box)), ranges=np.empty((0, 2)))
 
     def feature(self, pair: int, row: int) -> Feature:
         """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners."""
@@ -193,13 +221,15 @@ class TouchingSizes:
             pair.values[:, 0] + pair.values[:, 1:] @ middle + np.abs(pair.values[:, 1:]) @ half for pair in self.pairs
         ]
         bound = min(float(top.max()) for top in tops)
-        best, where = -np.inf, middle
-        near = DEFAULT.requirement * max(1.0, abs(bound))
+        lowest = min(range(len(tops)), key=lambda k: float(tops[k].max()))
+        where = middle + half * np.sign(self.pairs[lowest].values[tops[lowest].argmax(), 1:])
+        best = float(self.gap(where))  # in a corner: of one pair that is all, of several often
+        near = DEFAULT.planarity * max(body.size for body in self.bodies)
         nodes: list[tuple[float, dict[int, int]]] = [(bound, {})]
         while nodes:
             nodes.sort(key=lambda node: node[0])
             height, taken = nodes.pop()
-            if height <= best + near * 1e-3:
+            if height <= best + near:
                 break
             rows = np.array([self.pairs[k].values[row] for k, row in taken.items()]).reshape(-1, 1 + len(box))
             value, p = _most_of(rows, box, bound)
@@ -300,6 +330,11 @@ class _PosedPart:
             if rows.size:
                 return "E", int(self.edge_names[rows[0]])
         return "V", int(self.names[corner])
+
+    def shifted(self, ways: Array) -> _PosedPart:
+        """Return the part with shifts along some ways, (s, 3), as sizes behind the others."""
+        wide = np.broadcast_to(ways.T, (len(self.triples), 3, len(ways)))
+        return replace(self, moves=np.concatenate([self.moves, wide], axis=2))
 
     @classmethod
     def of(cls, part: MovingPart, own: Sequence[int], count: int, R: Array, t: Array, *, whole: bool) -> _PosedPart:

@@ -109,6 +109,11 @@ def chosen_sizes(problem: Problem, over: Any) -> tuple[Size, ...]:
     return tuple(problem.sizes[names.index(name)] for name in found)
 
 
+def by_name(problem: Problem, sizes: Any = None, box: Any = None) -> bool:
+    """Tell whether a problem is asked about its own sizes, not about scales."""
+    return bool(problem.sizes) and problem.tolerance is None and sizes is None and box is None
+
+
 def tolerance_boxes(sizes: Sequence[Size]) -> Array:
     """Return the tolerances of sizes, (k, 2): least and largest deviation from drawn."""
     for size in sizes:

@@ -124,9 +124,10 @@ class Resizing:
 
     def is_lost(self, low: Array, high: Array) -> bool:
         """Tell whether a part with all facets at their innermost within a box of sizes is empty."""
+        inward = [np.minimum(own.offsets * low, own.offsets * high).sum(axis=1) for own in self.parts]
         return any(
-            _ball(own.part, np.minimum(own.offsets * low, own.offsets * high).sum(axis=1))[1] <= 0.0
-            for own in self.parts
+            not (_levels(own.part, offsets) > 0.0).all() and _ball(own.part, offsets)[1] <= 0.0
+            for own, offsets in zip(self.parts, inward, strict=True)
         )
 
     def _named(self, own: MovingPart, facet: int) -> str:
@@ -271,11 +272,16 @@ def _ball(part: ConvexPart, offsets: Array) -> tuple[Array, float, Array]:
     """Return the largest ball in a part with moved facets, about its mean vertex, and the facets' levels there."""
     from scipy.optimize import linprog
 
-    base = part.vertices[[loop[0] for loop in part.loops]] - part.vertices.mean(axis=0)
-    levels = (part.normals * base).sum(axis=1) + offsets
+    levels = _levels(part, offsets)
     rows = np.column_stack([part.normals, np.ones(len(levels))])
     ball = linprog([0.0, 0.0, 0.0, -1.0], rows, levels, bounds=[(None, None)] * 4)
     return (ball.x[:3], float(ball.x[3]), levels) if ball.status == 0 else (np.zeros(3), -np.inf, levels)
+
+
+def _levels(part: ConvexPart, offsets: Array) -> Array:
+    """Return how far moved facets are from the mean of a part's vertices, outward."""
+    base = part.vertices[[loop[0] for loop in part.loops]] - part.vertices.mean(axis=0)
+    return np.asarray((part.normals * base).sum(axis=1) + offsets)
 
 
 def _firsts(own: MovingPart) -> Ints:

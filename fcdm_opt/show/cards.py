@@ -372,7 +372,7 @@ def clearances_card(clearances: Clearances) -> Card:
         ("interference", f"{clearances.interference:.3%}", f"of {clearances.source}; {sure}"),
     ]
     named = (("least", clearances.least), ("largest", clearances.most))
-    ends = [(name, number(end.gap), numbers(end.rho), end.feature) for name, end in named]
+    ends = [(name, number(end.gap), end.sizes_text, end.feature) for name, end in named]
     quantiles = [(f"{share:.5g}", number(gap)) for share, gap in clearances.quantiles.tolist()]
     tables: list[Rows] = [
         (("gap", clearances.unit or "length", "at the sizes", "between"), ends),

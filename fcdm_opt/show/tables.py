@@ -16,7 +16,6 @@ from fcdm_opt.show.texts import (
     bound_line,
     bound_text,
     motion_text,
-    numbers,
     outcome_text,
     units_text,
 )
@@ -275,7 +274,7 @@ def print_clearances(clearances: Clearances, *, where: str = "") -> None:
     print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
-        {"end": name, "gap": f"{end.gap:+.6g}", "at sizes": numbers(end.rho), "between": end.feature}
+        {"end": name, "gap": f"{end.gap:+.6g}", "at sizes": end.sizes_text, "between": end.feature}
         for name, end in ends
     ]
     print_rows(rows, numbers=("gap",))

@@ -8,13 +8,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fcdm_opt.design.fixed_pose import named
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
-from fcdm_opt.design.sizes import Sizes, worst_sizes
+from fcdm_opt.design.sizes import Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -27,6 +28,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 BEST, INSIDE, NONE, UNDECIDED = "least worst gap", "inside the window", "no pose", "undecided"
 EFFORT = 20_000  # cells: a second or two for two parameters
+MADE = 20  # sizes by name at which parts are made anew for that
 ASKED = 200  # size pairs at which the collision library confirms the range of the gap
 
 
@@ -154,7 +156,8 @@ def best_pose(
     sizes : (n, 2) array, or a distribution for each body, optional
         The pairs that must all do: a list, or all that the distributions can give.
     box : ((low_1, high_1), (low_2, high_2)), optional
-        All sizes of a box, in place of `sizes`; default the problem's tolerance.
+        All sizes of a box, in place of `sizes`; default the problem's tolerance, or without one its own sizes within
+        their tolerances: proved then where the motion is made of translations, whose gap is that of `stack_up`.
     clearance : (low, high), optional
         The window of the gap, length units.
     certify : bool
@@ -188,6 +191,8 @@ def best_pose(
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
+    if by_name(problem, sizes, box):
+        return _of_sizes(problem, low, high, clearance is not None, accuracy, effort if certify else 0, start)
     asked = worst_sizes(problem, sizes, box)
     worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
     slack, effort = problem.contact_slack, effort if certify else 0
@@ -209,6 +214,68 @@ def best_pose(
     done = value - bound <= max(accuracy * abs(value), slack)
     status = BEST if clearance is None else INSIDE if inside else NONE if bound > slack else UNDECIDED
     return _told(worst, best, status, value, bound, done, asked, search, time.perf_counter() - start)
+
+
+def _of_sizes(
+    problem: Problem, low: float, high: float, windowed: bool, accuracy: float, effort: int, start: float
+) -> BestPose:
+    """Return the best pose for all of the problem's own sizes."""
+    outcome, inside = named.found(problem, low, high, windowed=windowed, accuracy=accuracy, effort=effort)
+    q, ends, slack = outcome.q + 0.0, outcome.range, problem.contact_slack
+    amount = float(np.linalg.norm(problem.weights * q))
+    value = amount if inside else ends.off
+    names = [parameter.name for parameter in problem.motion.parameters]
+    transform = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
+    failed = NONE if outcome.bound > slack else UNDECIDED
+    return BestPose(
+        status=(INSIDE if inside else failed) if windowed else BEST,
+        parameters=dict(zip(names, q.tolist(), strict=True)),
+        motion=problem.motion.describe(q.tolist(), unit=problem.unit),
+        transform=frozen(transform),
+        amount=amount,
+        worst_gap=max(abs(ends.least[0]), abs(ends.most[0])),
+        violation=max(ends.off, 0.0),
+        least=EndOfRange.of_sizes(outcome.touching, *ends.least),
+        most=EndOfRange.of_sizes(outcome.touching, *ends.most),
+        value=value,
+        lower_bound=min(outcome.bound, value),
+        certified=bool(value - outcome.bound <= max(accuracy * abs(value), slack)),
+        cells=outcome.cells,
+        checks=_confirmed(problem, transform, ends, slack),
+        sizes=Sizes(outcome.touching.box),
+        window=(low, high),
+        evidence=None,
+        seconds=time.perf_counter() - start,
+        unit=problem.unit,
+    )
+
+
+def _confirmed(problem: Problem, transform: Array, ends: named.Range, slack: float) -> tuple[Check, ...]:
+    """Return the collision library's checks of a range of the gap, on parts made anew at sizes of it.
+
+    A gap along a face is no more than the distance, and as deep as parts overlap.
+    """
+    from fcdm_opt.geometry.collision import ScaledPair
+
+    box = np.array([size.tolerance for size in problem.sizes])
+    others = box[:, 0] + np.random.default_rng(0).random((MADE, len(box))) * np.ptp(box, axis=1)
+    gaps = []
+    for p in (ends.least[1], ends.most[1], *others):
+        made = dict(zip((size.name for size in problem.sizes), p.tolist(), strict=True))
+        pair = problem.changed(made=made, published=None)
+        one = ScaledPair(pair.movable, pair.static).signed_distances(np.ones((1, 2)), transform[None])
+        gaps.append(float(one[0]))
+    least, most = ends.least[0], ends.most[0]
+
+    def off(gap: float, told: float) -> float:
+        return told - gap if told > 0.0 else abs(told - gap)
+
+    errors = (
+        ("least gap", off(gaps[0], least), "at the sizes named"),
+        ("largest gap", off(gaps[1], most), "at the sizes named"),
+        ("range", max(least - min(gaps), min(max(gaps[2:]), 0.0) - most), f"at {MADE} other sizes"),
+    )
+    return tuple(Check(name, bool(error <= slack), float(error), slack, note) for name, error, note in errors)
 
 
 def _proved(search: Search) -> float:

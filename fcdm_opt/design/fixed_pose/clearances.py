@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
-from fcdm_opt.design.sizes import Sizes, box_of, drawn_pairs, proportion_interval
+from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, proportion_interval
+from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.doors import Shown
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -32,8 +34,10 @@ class EndOfRange(Plain):
     ----------
     gap : float
         Length units; > 0 clearance, < 0 interference.
-    rho : (2,) array
+    rho : (2,) or (k,) array
         The sizes at which it is taken.
+    names : tuple of str
+        Of these sizes; "rho_1" and "rho_2" are the scales of both bodies, others are deviations from drawn.
     parts : (i, j)
         The part pair that has it, 0-based.
     feature : str
@@ -47,6 +51,23 @@ class EndOfRange(Plain):
     parts: tuple[int, int]
     feature: str
     direction: Array
+    names: tuple[str, ...] = SCALES
+
+    @property
+    def sizes_text(self) -> str:
+        """The sizes in words: deviations that are not zero by their names."""
+        if self.names == SCALES:
+            return ", ".join(f"{x:.6g}" for x in self.rho)
+        told = [f"{name} {x:+.6g}" for name, x in zip(self.names, self.rho.tolist(), strict=True) if x]
+        return ", ".join(told) or "as drawn"
+
+    @classmethod
+    def of_sizes(cls, touching: TouchingSizes, gap: float, p: Array) -> EndOfRange:
+        """Return an extreme over sizes by name."""
+        pair, row = touching.governing(p)
+        own, names = touching.pairs[pair], tuple(size.name for size in touching.sizes)
+        label = touching.feature(pair, row).label
+        return cls(gap=gap, rho=frozen(p), parts=own.parts, feature=label, direction=own.normals[row], names=names)
 
     @classmethod
     def of(cls, scene: Scene, lines: Lines, extreme: Extreme) -> EndOfRange:
@@ -71,13 +92,13 @@ class Clearances(Shown):
     ----------
     transform : (4, 4) array
         The pose of body 1.
-    box : (2, 2) array
-        Sizes of the range: (low, high) of rho_1 and of rho_2.
+    box : (2, 2) or (k, 2) array
+        Sizes of the range: (low, high) of rho_1 and of rho_2, or of each of the problem's own sizes.
     least, most : EndOfRange
         The ends of the range over the whole box, exact to rounding but for `doubt`.
     doubt : float
         No gap in the box exceeds the largest by more than this; 0 for convex bodies.
-    sizes : (n, 2) array
+    sizes : (n, 2) or (n, k) array
         The size pairs of the distribution.
     source : str
         Where they come from.
@@ -142,7 +163,8 @@ def clearances(
         sizes of the box equally likely.
     box : ((low_1, high_1), (low_2, high_2)), optional
         Of the range; default the problem's tolerance, nominal * (1 - minus) to nominal * (1 + plus), or all that
-        `sizes` may be where it has none.
+        `sizes` may be where it has none. A problem with sizes of its own and no such tolerance is asked about these,
+        distributed as they say; its gap is then that of `stack_up`, the largest separation along a face or two edges.
     pose : mapping of parameter name to number, sequence of parameters, or (4, 4) array, optional
         Where body 1 is: parameters of the problem's motion (length units, radians), or a rigid transform. Default: at
         rest.
@@ -158,23 +180,49 @@ def clearances(
     """
     if not isinstance(problem, Problem):
         raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    transform = transform_of(problem, pose)
+    if by_name(problem, sizes, box):
+        return _of_sizes(problem, transform, count, seed)
     whole = box_of(problem, sizes, box)
     pairs, source = drawn_pairs(sizes, whole, count, seed)
-    transform = transform_of(problem, pose)
     scene = Scene(problem.movable, problem.static, Sizes(whole))
     lines = scene.lines(scene.pose(transform))
     extremes = scene.extremes(lines)
     all_sizes = Scene(problem.movable, problem.static, Sizes(_around(pairs)))
     gaps, _ = all_sizes.lines(lines.pose).gaps(pairs)
+    ends = (EndOfRange.of(scene, lines, extremes.least), EndOfRange.of(scene, lines, extremes.most))
+    return _told(problem, transform, whole, ends, extremes.doubt, pairs, source, gaps)
+
+
+def _of_sizes(problem: Problem, transform: Array, count: int, seed: int) -> Clearances:
+    """Return range and distribution of the gap over the problem's own sizes."""
+    bodies = problem.request["movable"], problem.request["static"]
+    touching = TouchingSizes.of(*bodies, problem.sizes, transform=transform, least=False)
+    ends = [EndOfRange.of_sizes(touching, *extreme) for extreme in (touching.least(), touching.largest())]
+    drawn = draws(problem.sizes, count, seed)
+    source = f"{count} pairs drawn as the sizes are distributed"
+    return _told(problem, transform, touching.box, (ends[0], ends[1]), 0.0, drawn, source, touching.gap(drawn))
+
+
+def _told(
+    problem: Problem,
+    transform: Array,
+    box: Array,
+    ends: tuple[EndOfRange, EndOfRange],
+    doubt: float,
+    pairs: Array,
+    source: str,
+    gaps: Array,
+) -> Clearances:
     inside = int((gaps < -problem.contact_slack).sum())
     shares = np.array(QUANTILES)
     counts, edges = np.histogram(gaps, bins=BINS)
     return Clearances(
         transform=frozen(transform),
-        box=whole,
-        least=EndOfRange.of(scene, lines, extremes.least),
-        most=EndOfRange.of(scene, lines, extremes.most),
-        doubt=extremes.doubt,
+        box=box,
+        least=ends[0],
+        most=ends[1],
+        doubt=doubt,
         sizes=frozen(pairs),
         source=source,
         gaps=frozen(gaps),

@@ -29,7 +29,7 @@ def found_at(worst: Worst, q: Array) -> Found:
     return Found(q, worst.off(q), worst.amount(q))
 
 
-class _Linear(NamedTuple):
+class Linear(NamedTuple):
     """Functions whose largest is how far the worst gap is off: values (f,) and slopes (f, k)."""
 
     values: Array
@@ -81,7 +81,7 @@ def smaller(worst: Worst, limits: Array, start: Found, slack: float) -> Found:
         box = _trusted(limits, best.q, natural, trust)
         tighter, made = 0.0, None
         for _ in range(CORRECTIONS):
-            q = _nearest(model, best.q, weights, box, tighter)
+            q = nearest(model, best.q, weights, box, tighter)
             if q is None:
                 break
             tried = found_at(worst, np.clip(q, *limits.T))
@@ -174,7 +174,7 @@ def _trusted(limits: Array, q: Array, natural: Array, trust: float) -> Array:
     )
 
 
-def _linear(worst: Worst, limits: Array, q: Array, natural: Array) -> _Linear:
+def _linear(worst: Worst, limits: Array, q: Array, natural: Array) -> Linear:
     """Return the part pairs' gaps at the active sizes by central differences; one-sided at a limit."""
     scene, sizes = worst.scene, worst.active
     lines = scene.lines(worst.pose(q), START * scene.size)
@@ -203,10 +203,10 @@ def _linear(worst: Worst, limits: Array, q: Array, natural: Array) -> _Linear:
         owners, columns = centre.argmin(axis=0), np.arange(len(sizes))
         made.append(centre[owners, columns] - worst.high)
         rates.append(slopes[owners, columns])
-    return _Linear(np.concatenate(made), np.concatenate(rates))
+    return Linear(np.concatenate(made), np.concatenate(rates))
 
 
-def _nearest(model: _Linear, q: Array, weights: Array, box: Array, tighter: float) -> Array | None:
+def nearest(model: Linear, q: Array, weights: Array, box: Array, tighter: float) -> Array | None:
     """Return the motion of the least amount at which no linear function exceeds 0; None if there is none.
 
     A least distance problem, solved through non-negative least squares (Lawson and Hanson).

@@ -164,6 +164,13 @@ def drawn_gaps(
     )  # fmt: skip
 
 
+def draws(sizes: Sequence[Size], count: int, seed: int) -> Array:
+    """Return deviations as sizes are distributed, independently, (count, k)."""
+    found = np.empty((len(sizes), count))
+    _draw(np.random.Generator(np.random.SFC64(seed)), spreads(sizes), None, found)
+    return found.T
+
+
 def _whole(source: Normal) -> bool:
     """Tell whether a normal distribution is cut off nowhere that counts."""
     return min(source.mean - source.low, source.high - source.mean) >= (ALL - 1e-9) * source.deviation
