@@ -29,6 +29,7 @@ from fcdm_opt.tolerances import DEFAULT
 BEST, INSIDE, NONE, UNDECIDED = "least worst gap", "inside the window", "no pose", "undecided"
 EFFORT = 20_000  # cells: a second or two for two parameters
 MADE = 20  # sizes by name at which parts are made anew for that
+DEARER = 8  # times: a cell's work with sizes by name, which takes linear programs
 ASKED = 200  # size pairs at which the collision library confirms the range of the gap
 
 
@@ -192,7 +193,7 @@ def best_pose(
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
     if by_name(problem, sizes, box):
-        return _of_sizes(problem, low, high, clearance is not None, accuracy, effort if certify else 0, start)
+        return _of_sizes(problem, low, high, clearance is not None, accuracy, effort // DEARER if certify else 0, start)
     asked = worst_sizes(problem, sizes, box)
     worst = Worst(problem, Scene(problem.movable, problem.static, asked), low, high)
     slack, effort = problem.contact_slack, effort if certify else 0
@@ -250,7 +251,7 @@ def _of_sizes(
     )
 
 
-def _confirmed(problem: Problem, transform: Array, ends: named.Range, slack: float) -> tuple[Check, ...]:
+def _confirmed(problem: Problem, transform: Array, ends: named.GapRange, slack: float) -> tuple[Check, ...]:
     """Return the collision library's checks of a range of the gap, on parts made anew at sizes of it.
 
     A gap along a face is no more than the distance, and as deep as parts overlap.

@@ -26,10 +26,12 @@ from fcdm_opt.tolerances import DEFAULT
 ROUNDS = 30  # of linear programs about a pose, and of cuts that bring one into the window
 TURNS = 400  # poses that a search over turns looks at
 MOST_SEEN = 24  # sizes at which cells are looked at: the latest extremes
+TINY = float(np.finfo(float).tiny)
+WIDE = 1.0  # share that a cell's width has in the choice of what to halve, where the least amount is looked for
 RAW = 1e-3  # of a cell's width, besides what it costs the bound, in the choice of what to halve
 
 
-class Range(NamedTuple):
+class GapRange(NamedTuple):
     """The least and the largest gap over all sizes, each with sizes at which it is taken, and how far they are off."""
 
     least: tuple[float, Array]
@@ -37,11 +39,11 @@ class Range(NamedTuple):
     off: float
 
 
-class Outcome(NamedTuple):
+class NamedPose(NamedTuple):
     """A pose, the range of its gaps, what no pose has less of, and how many cells were looked at for that."""
 
     q: Array
-    range: Range
+    range: GapRange
     touching: TouchingSizes
     bound: float
     cells: int
@@ -74,7 +76,7 @@ class Shifts:
         """Of the shifts, (s, 2)."""
         return self.touching.ranges
 
-    def at(self, q: Array) -> Range:
+    def at(self, q: Array) -> GapRange:
         """Return the range of the gap at shifts q."""
         there = self.touching.shifted(q)
         least, most = there.least(), there.largest()
@@ -82,7 +84,7 @@ class Shifts:
         place = [pair.parts for pair in self.touching.pairs].index(parts)
         self.seen[place, least[1].tobytes()] = least[1]
         self.seen[-1, most[1].tobytes()] = most[1]
-        return Range(least, most, max(most[0] - self.high, self.low - least[0]))
+        return GapRange(least, most, max(most[0] - self.high, self.low - least[0]))
 
     def bound(self, cell: Array) -> tuple[float, Array]:
         """Return what `off` is not less than in a cell (s, 2) of shifts, and what each shift adds to what is lost."""
@@ -134,7 +136,7 @@ class Shifts:
         made, rates = np.concatenate(values), np.vstack(slopes)
         return made[np.isfinite(made)], rates[np.isfinite(made)]
 
-    def better(self, q: Array) -> tuple[Array, Range]:
+    def better(self, q: Array) -> tuple[Array, GapRange]:
         """Return shifts that are off by less than q, or q itself: linear programs."""
         from scipy.optimize import linprog
 
@@ -153,7 +155,7 @@ class Shifts:
             q, here = step, there
         return q, here
 
-    def smaller(self, q: Array, here: Range, weights: Array) -> tuple[Array, Range]:
+    def smaller(self, q: Array, here: GapRange, weights: Array) -> tuple[Array, GapRange]:
         """Return shifts in the window of a smaller weighted amount than q, or q itself."""
         for _ in range(ROUNDS):
             values, slopes = self.rows(q)
@@ -168,8 +170,8 @@ class Shifts:
         return q, here
 
     def searched(
-        self, q: Array, here: Range, weights: Array, *, amounts: bool, accuracy: float, effort: int, stop: bool
-    ) -> tuple[Array, Range, float, int]:
+        self, q: Array, here: GapRange, weights: Array, *, amounts: bool, accuracy: float, effort: int, stop: bool
+    ) -> tuple[Array, GapRange, float, int]:
         """Return the best shifts, what no shifts have less of, and the number of cells: branch and bound.
 
         With `amounts` the least amount in the window is looked for, else what is off least; with `stop` only until
@@ -184,7 +186,9 @@ class Shifts:
             if not amounts:
                 return bound, scores
             least = np.linalg.norm(weights * np.maximum(np.maximum(cell[:, 0], -cell[:, 1]), 0.0))
-            return (np.inf if bound > 2.0 * self.near else float(least)), weights * np.ptp(cell, axis=1)
+            wide = weights * np.ptp(cell, axis=1)
+            mixed = scores / max(float(scores.max()), TINY) + WIDE * wide / max(float(wide.max()), TINY)
+            return (np.inf if bound > 2.0 * self.near else float(least)), mixed
 
         numbers, cells = count(), 0
         heap = [(of(self.limits)[0], next(numbers), self.limits)]
@@ -217,7 +221,7 @@ class Shifts:
 
 def found(
     problem: Problem, low: float, high: float, *, windowed: bool, accuracy: float, effort: int
-) -> tuple[Outcome, bool]:
+) -> tuple[NamedPose, bool]:
     """Return the best pose for all of a problem's sizes, and whether it is inside the window.
 
     Without a window the pose whose largest |gap| is least; else the smallest motion into the window, or the pose that
@@ -228,7 +232,7 @@ def found(
     weights, limits = problem.weights, np.array(problem.limits)
     scale = problem.motion.weights(problem.movable.size / 2.0)
 
-    def posed(q: Array, thorough: int) -> tuple[Outcome, bool]:
+    def posed(q: Array, thorough: int) -> tuple[NamedPose, bool]:
         shifts = _shifts(problem, q, straight, low, high)
         rest = np.clip(np.zeros(int(straight.sum())), *shifts.limits.T)
         here = shifts.at(rest)
@@ -247,7 +251,7 @@ def found(
             cells += more
         made = q.copy()
         made[straight] = place
-        return Outcome(made, here, shifts.touching.shifted(place), bound, cells), inside
+        return NamedPose(made, here, shifts.touching.shifted(place), bound, cells), inside
 
     start = np.clip(np.zeros(len(limits)), *limits.T)
     if not turns.any():
@@ -274,7 +278,7 @@ def found(
     return outcome._replace(bound=0.0 if inside or windowed else (low - high) / 2.0, cells=0), inside
 
 
-def _value(outcome: Outcome, inside: bool, weights: Array, size: float) -> float:
+def _value(outcome: NamedPose, inside: bool, weights: Array, size: float) -> float:
     """Return what a pose is compared by: its amount in the window, which beats all that are outside."""
     return float(np.linalg.norm(weights * outcome.q)) if inside else outcome.range.off + 1e3 * size
 
