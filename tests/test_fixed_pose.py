@@ -13,6 +13,7 @@ from solids import box
 from strategies import random_pose
 
 import fcdm_opt as fo
+from fcdm_opt.curve.games import game
 from fcdm_opt.design.distributions import Measured, Normal, Uniform
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.fixed_pose.best_pose import best_pose
@@ -168,7 +169,7 @@ def test_games_have_the_value_of_linear_programming():
     for _ in range(40):
         m, n = rng.integers(1, 7, 2)
         W = rng.normal(size=(m, n)) * 10.0 ** rng.integers(-3, 4)
-        shares = kernels.game(W)
+        shares = game(W)
         best = linprog(
             np.append(np.zeros(m), -1.0),
             A_ub=np.column_stack([-W.T, np.ones(n)]),

@@ -12,6 +12,7 @@ import pytest
 import trimesh
 
 import fcdm_opt as fo
+from fcdm_opt.curve.touching_sizes import _least_of
 from fcdm_opt.geometry.resizing import Resizing, resized
 from fcdm_opt_benchmarks.references import sizes as exact
 
@@ -192,6 +193,24 @@ def test_signs_of_gaps_are_those_of_rationals() -> None:
     assert wrong == 0
     assert unproved <= 4
     assert 80 < together < 320
+
+
+def test_the_least_of_the_largest_row_is_that_of_a_linear_program() -> None:
+    from scipy.optimize import linprog
+
+    rng = np.random.default_rng(12)
+    for count, size in product((1, 2, 5, 20, 40), (1, 2, 5, 24)):
+        for scale in (1e-6, 1.0, 1e6):
+            rows = rng.normal(size=(count, 1 + size)) * np.array([0.1 * scale, *[1.0] * size])
+            middle = scale * rng.normal(size=size)
+            box = np.column_stack([middle - scale * rng.random(size), middle + scale * rng.random(size)])
+            value, place = _least_of(rows, box)
+            left = np.column_stack([rows[:, 1:], -np.ones(count)])
+            bounds = [*(box / scale).tolist(), (None, None)]
+            known = linprog([*[0.0] * size, 1.0], left, -rows[:, 0] / scale, bounds=bounds).fun * scale
+            assert value == pytest.approx(known, abs=1e-7 * scale)
+            assert (rows[:, 0] + rows[:, 1:] @ place).max() == pytest.approx(value, abs=1e-11 * scale)
+            assert (_least_of(rows, box, sign=True)[0] < 0.0) == (value < 0.0)
 
 
 def test_the_gap_of_parts_made_is_that_of_the_rows() -> None:

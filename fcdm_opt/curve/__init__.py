@@ -12,6 +12,8 @@ envelope         the boundary of the union of all pairs' regions
 segments         what a curve is listed as: segments, switching points, branches, inside a box
 decision_curve   the curve as users see it, and its queries
 batch            many poses of one pair at once, in arrays
+touching_sizes   at which sizes of faces two bodies touch at a pose
+games            compiled: matrix games, by which mixtures of rows prove bounds
 flush            faces and edges that lie on one another, and what keeps them so
 coherence        whether a claimed contact is the real one
 """

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.games import game
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
@@ -29,6 +30,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_TRIPLES = 40  # facets of a part that changes its shape within the box: all its triples are corners then
+ANSWERS = 200  # of a game over sizes, after which a linear program is asked
 SAMPLES = 64  # sizes at which rows are seen to bind before any linear program is asked
 
 
@@ -482,7 +484,7 @@ def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
 
 
 def _binding(pair: PairRows, box: Array) -> PairRows:
-    """Return the rows that are the largest somewhere in the box: seen at some sizes, else by a linear program."""
+    """Return the rows that are the largest somewhere in the box: seen at some sizes, else by a game over sizes."""
     values, count = pair.values, len(box)
     if len(values) < 2:
         return pair
@@ -496,39 +498,58 @@ def _binding(pair: PairRows, box: Array) -> PairRows:
     seen[heights.argmax(axis=1)] = True
     for k in np.flatnonzero(~seen).tolist():
         others = np.delete(np.arange(len(values)), k)
-        lead, _ = _most_of(values[k] - values[others], box, np.inf)
-        seen[k] = lead > 0.0
+        seen[k] = _least_of(values[others] - values[k], box, sign=True)[0] < 0.0
     kept = np.flatnonzero(seen)
     return PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept.tolist()])
 
 
 def _most_of(rows: Array, box: Array, bound: float) -> tuple[float, Array]:
     """Return the largest t such that some p of the box has t <= every row, t <= bound, and that p."""
-    return _program(np.column_stack([-rows[:, 1:], np.ones(len(rows))]), rows[:, 0], box, (None, bound), -1.0)
+    if not len(rows):
+        return bound, box.mean(axis=1)
+    value, place = _least_of(-rows, box)
+    return min(-value, bound), place
 
 
-def _least_of(rows: Array, box: Array) -> tuple[float, Array]:
-    """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides."""
-    middle, _ = _centred(box)
+def _least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Array]:
+    """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides.
+
+    A game: one side mixes rows, the other answers with the corner that makes the mixture least; what it answers last
+    proves the value. With `sign` only so far as to tell which side of zero it is on.
+    """
+    middle, half = _centred(box)
     ends = np.where(rows[:, 1:] > 0.0, box[:, 0], np.where(rows[:, 1:] < 0.0, box[:, 1], middle))
     heights = rows[:, 0] + (ends * rows[:, 1:]).sum(axis=1)
     top = int(heights.argmax())  # no row goes lower than this; where no other is higher at its corner, that is all
-    if (rows[:, 0] + rows[:, 1:] @ ends[top] <= heights[top]).all():
+    if (sign and heights[top] >= 0.0) or (rows[:, 0] + rows[:, 1:] @ ends[top] <= heights[top]).all():
         return float(heights[top]), ends[top]
-    return _program(np.column_stack([rows[:, 1:], -np.ones(len(rows))]), -rows[:, 0], box, (None, None), 1.0)
+    corners = ends
+    near = DEFAULT.planarity * float(
+        np.abs(rows[:, 0] + rows[:, 1:] @ middle).max() + (np.abs(rows[:, 1:]) @ half).max()
+    )
+    for _ in range(ANSWERS):
+        table = rows[:, :1] + rows[:, 1:] @ corners.T
+        mixture = game(table) @ rows
+        answer = np.where(mixture[1:] > 0.0, box[:, 0], np.where(mixture[1:] < 0.0, box[:, 1], middle))
+        lower = float(mixture[0] + mixture[1:] @ answer)
+        place = game(-table.T) @ corners
+        upper = float((rows[:, 0] + rows[:, 1:] @ place).max())
+        if upper - lower <= near or (sign and (upper < 0.0 or lower >= 0.0)):
+            return upper, np.clip(place, box[:, 0], box[:, 1])
+        if (corners == answer).all(axis=1).any():
+            break
+        corners = np.vstack([corners, answer])
+    return _program(rows, box)
 
 
-def _program(left: Array, right: Array, box: Array, free: tuple[Any, Any], sign: float) -> tuple[float, Array]:
+def _program(rows: Array, box: Array) -> tuple[float, Array]:
+    """Return the same by a linear program, which has fewer digits."""
     from scipy.optimize import linprog
 
-    cost = np.zeros(left.shape[1])
-    cost[-1] = sign
-    free = (free[0], None if free[1] == np.inf else free[1])
-    scale = max(float(np.abs(right).max(initial=0.0)), float(np.abs(box).max(initial=0.0)), np.finfo(float).tiny)
-    ends = [(low / scale, high / scale) for low, high in box.tolist()]
-    first, last = (None if end is None else end / scale for end in free)
-    ends.append((first, last))
-    answer = linprog(cost, left, right / scale, bounds=ends)
+    scale = max(float(np.abs(rows[:, 0]).max()), float(np.abs(box).max()), float(np.finfo(float).tiny))
+    left = np.column_stack([rows[:, 1:], -np.ones(len(rows))])
+    ends = [*(box / scale).tolist(), (None, None)]
+    answer = linprog([*[0.0] * len(box), 1.0], left, -rows[:, 0] / scale, bounds=ends)
     if answer.status:
-        return -sign * np.inf, box.mean(axis=1)
+        return np.inf, box.mean(axis=1)
     return float(answer.x[-1] * scale), np.clip(answer.x[:-1] * scale, box[:, 0], box[:, 1])

@@ -9,5 +9,5 @@ local_search  a pose that is as good as those about it
 cells         what is known of all poses of a cell, and branch and bound over cells
 proof         the cells as evidence, and their independent checker
 named         the same for sizes by name: shifts by the rows of a stack-up, with proof, turns by a local search
-gaps          compiled: signed distances from contact lines, bounds over cells, matrix games
+gaps          compiled: signed distances from contact lines, bounds over cells
 """

@@ -3,7 +3,7 @@
 A shift of the movable body is one size more: the gap is affine in it along each row. So over cells of shifts bounds
 follow from the rows alone. At given sizes p the gap of a part pair is a convex function of the shift, and no less than
 each of its rows; so by how much it falls short of the window is at least a concave function, and so is by how much the
-least of one row a pair is beyond it. Any mixture of such functions is least in a corner of the cell, see `gaps.game`.
+least of one row a pair is beyond it. Any mixture of such functions is least in a corner of the cell, see `games.game`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes
-from fcdm_opt.design.fixed_pose.gaps import game
 from fcdm_opt.design.fixed_pose.local_search import Linear, nearest
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.motion.motions import Free, Translation

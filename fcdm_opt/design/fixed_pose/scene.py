@@ -18,6 +18,7 @@ import numpy as np
 from fcdm_opt.curve import kernels as curve_kernels
 from fcdm_opt.curve.contact import located, supporting_contact
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.games import game
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
@@ -172,7 +173,7 @@ class Scene:
     @staticmethod
     def _no_more(values: Array) -> float:
         """Return what no mixture of corners (columns) exceeds against all part pairs (rows)."""
-        shares = kernels.game(np.ascontiguousarray(-values))
+        shares = game(np.ascontiguousarray(-values))
         return float((shares @ values).max())
 
     # -------------------------------------------------------------------------------------------------- the least gap
