@@ -152,6 +152,13 @@ REFUSED = {
     "both": ({"faces": "F1", "scale": "x"}, "faces or a scale"),
     "empty": ({"faces": "F1", "tolerance": (0.1, -0.1)}, "low <= high"),
     "across": ({"faces": "F2", "along": "x"}, "no face is moved"),
+    "same": ({"faces": ["F2", "F2"], "each": 0.5}, "F2 is meant twice"),
+    "no list": ({"faces": 3}, "no faces"),
+    "truth": ({"faces": "F1", "tolerance": True}, "unusable numbers"),
+    "nothing": ({"faces": "F1", "each": 0.0}, "each: no face is moved"),
+    "radius": ({"faces": {"around": (0, 0, 0), "axis": "z", "radius": -1.0}}, "no radius"),
+    "nowhere": ({"faces": {"through": (90, 0, 0)}}, "no face of body 'slot' goes through"),
+    "spread": ({"faces": "F1", "distribution": {"normal": 3}}, "unusable distribution"),
     "coplanar": ({"faces": "F2", "distribution": {"weibull": {}}, "tolerance": 0.1}, "unusable distribution"),
 }
 

@@ -312,6 +312,30 @@ def test_faces_are_listed_by_name() -> None:
     assert "x = 5.0625" in text
 
 
+def test_beyond_the_tolerances_gaps_are_found_anew() -> None:
+    """A peg that grows through a wall of 1 x 2 x 1 leaves it along z sooner than along x."""
+    size = fo.Size("w", "movable", faces="+x", tolerance=0.1)
+    stack = stacked(box((0, 0, 0), (4, 2, 1)), box((5, 0, 0), (6, 2, 1)), size)
+    assert stack.gap({"w": 3.0}) == pytest.approx(-1.0)
+    assert stack.gap([[0.05], [3.0]]) == pytest.approx([0.95, -1.0])
+    only_smaller = stacked(box((0, 0, 0), (4, 2, 1)), box((5, 0, 0), (6, 2, 1)), replace(size, tolerance=(-0.3, -0.1)))
+    assert only_smaller.gap({}) == pytest.approx(1.0)
+    with pytest.raises(fo.InputError, match="nothing may be left"):
+        stack.gap({"w": -5.0})
+    for wrong in ({"w": float("nan")}, {"w": "x"}, [1.0, 2.0], 1.0, {"v": 1.0}):
+        with pytest.raises(fo.InputError, match="sizes"):
+            stack.gap(wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"seed": -1}, {"confidence": 2.0}, {"confidence": "x"}, {"correlation": "x"}, {"n": 1e6}, {"n": 0}]
+)
+def test_draws_of_no_such_kind_are_refused(wrong: dict[str, Any]) -> None:
+    size = fo.Size("w", "movable", faces="+x", tolerance=0.1)
+    with pytest.raises(fo.InputError, match=next(iter(wrong))):
+        stacked(box((0, 0, 0), (4, 2, 1)), box((5, 0, 0), (6, 2, 1)), size).yield_(**{"n": 10, **wrong})
+
+
 def test_sizes_that_do_not_matter_are_as_drawn_in_the_worst_case() -> None:
     """And no size is -0; faces across the gap do not matter."""
     sizes = [fo.Size(f"s{k}", "movable", faces=face, tolerance=0.1) for k, face in enumerate(("+x", "-x", "+y"))]

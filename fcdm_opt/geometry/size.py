@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
@@ -74,6 +74,8 @@ class Size(Plain):
             raise InputError("a size needs a name", key="size", found=self.name, allowed="a text")
         if self.body not in ("movable", "static"):
             raise self._refused("no such body", "body", self.body, '"movable" or "static"')
+        if not isinstance(self.faces, str | Mapping | Sequence) and self.faces is not None:
+            raise self._refused("no faces", "faces", self.faces, SELECTORS)
         one = isinstance(self.faces, str | Mapping)
         faces = tuple(self._selector(item) for item in ([self.faces] if one else self.faces or ()))
         if bool(faces) == (self.scale is not None):
@@ -126,13 +128,18 @@ class Size(Plain):
             For a selector that no face, or that faces in several planes meet, with the faces that there are.
         """
         normals, points = body.face_planes
-        moved = np.zeros(len(normals))
+        moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
         each = self.each if self.along is None else [None] * len(self.faces)
         for k, selector in enumerate(self.faces):
             rows = self._selected(selector, body, normals, points, f"faces[{k + 1}]")
+            if taken[rows].any():
+                names = ", ".join(f"F{row + 1}" for row in rows[taken[rows]].tolist())
+                raise self._refused(f"face {names} is meant twice", f"faces[{k + 1}]", selector, "each face once")
+            taken[rows] = True
             moved[rows] = each[k] if self.along is None else normals[rows] @ np.array(self.along)
         if self.faces and not moved.any():
-            raise self._refused("no face is moved by this size", "along", self.along, "a direction across a face")
+            key, allowed = ("each", "not all 0") if self.along is None else ("along", "a direction across a face")
+            raise self._refused("no face is moved by this size", key, getattr(self, key), allowed)
         return moved
 
     # --------------------------------------------------------------------------------------------------------- checks
@@ -149,7 +156,8 @@ class Size(Plain):
             found = numbers(value, key).ravel()
         except InputError:
             found = np.empty(0)
-        if isinstance(value, str) or found.size != count or not np.isfinite(found).all():
+        flags = any(isinstance(item, bool | np.bool_) for item in (value, *(value if np.ndim(value) == 1 else ())))
+        if flags or isinstance(value, str) or found.size != count or not np.isfinite(found).all():
             raise self._refused("unusable numbers", key, value, allowed)
         return tuple(found.tolist())
 
@@ -172,6 +180,8 @@ class Size(Plain):
             return {"through": self._numbers(value["through"], "faces.through", 3, "a point (x, y, z)")}
         if isinstance(value, Mapping) and set(value) == {"around", "axis", "radius"}:
             (radius,) = self._numbers(value["radius"], "faces.radius", 1, "a length > 0")
+            if not radius > 0.0:
+                raise self._refused("no radius", "faces.radius", radius, "a length > 0")
             around = self._numbers(value["around"], "faces.around", 3, "a point (x, y, z)")
             return {"around": around, "axis": self._axis(value["axis"], "faces.axis"), "radius": radius}
         raise self._refused("no face is named like this", "faces", value, SELECTORS)

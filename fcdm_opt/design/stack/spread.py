@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.distributions import Distribution, Measured, Normal, Uniform
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.arrays import Array, frozen, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.arguments import positive, real
@@ -70,6 +70,8 @@ def spreads(sizes: Sequence[Size]) -> list[Distribution | float]:
             raise InputError("unusable distribution", key=key, found=told, allowed=allowed)
         if kind == "measured":
             found.append(Measured(np.asarray(told[kind])))
+        elif told[kind] and not isinstance(told[kind], Mapping):
+            raise InputError("unusable distribution", key=f"{key}.{kind}", found=told[kind], allowed="a table")
         elif not size.half > 0.0:
             found.append(size.middle)
         elif kind == "uniform" and told[kind]:
@@ -123,6 +125,9 @@ def drawn_gaps(
     """Return what share of gaps is within limits, see `StackUp.yield_`."""
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
         raise InputError("unusable number of draws", key="n", found=count, allowed=f"a whole number from 1 to {MOST}")
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError("unusable seed", key="seed", found=seed, allowed="a whole number >= 0")
+    real(confidence, "confidence", "a number between 0 and 1", lambda x: 0.0 < x < 1.0)
     sources = spreads(touching.sizes)
     mixed = _mixed(correlation, len(sources))
     rows, starts = touching.stacked
@@ -180,7 +185,7 @@ def _mixed(correlation: Any, count: int) -> Array | None:
     """Return the root of a correlation, None for independent sizes."""
     if correlation is None:
         return None
-    given = np.asarray(correlation, float)
+    given = numbers(correlation, "correlation")
     if given.shape != (count, count) or not np.allclose(given, given.T) or not np.allclose(np.diag(given), 1.0):
         allowed = f"a symmetric ({count}, {count}) array with ones on its diagonal"
         raise InputError("unusable correlation", key="correlation", found=correlation, allowed=allowed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.problem import Problem
@@ -145,12 +145,27 @@ class StackUp:
         """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
 
         Its sign is exact: > 0 apart, 0 touching, < 0 overlapping. It is the largest separation over the rows, which
-        never exceeds the distance.
+        never exceeds the distance. Beyond the tolerances other rows may count: they are found anew.
+
+        Raises
+        ------
+        InputError
+            For names that no size has, what is no number, and sizes at which a body changes its shape.
         """
-        if not isinstance(p, Mapping):
-            return self.touching.gap(p)
-        known_sizes(p, "sizes", self.names)
-        return float(self.touching.gap([p.get(name, 0.0) for name in self.names]))
+        if isinstance(p, Mapping):
+            known_sizes(p, "sizes", self.names)
+            return float(self.gap([p.get(name, 0.0) for name in self.names]))
+        values = numbers(p, "sizes")
+        if values.ndim == 0 or values.shape[-1] != len(self.names) or not np.isfinite(values).all():
+            allowed = f"finite numbers, (..., {len(self.names)}): {', '.join(self.names)}"
+            raise InputError("not a deviation for each size", key="sizes", found=p, allowed=allowed)
+        each, (low, high) = values.reshape(-1, len(self.names)), self.touching.box.T
+        if not ((each >= low) & (each <= high)).all():
+            ends = np.minimum(each.min(axis=0), low).tolist(), np.maximum(each.max(axis=0), high).tolist()
+            wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.sizes, *ends, strict=True)]
+            bodies, pose = self.touching.bodies, self.touching.transform
+            return TouchingSizes.of(*bodies, wider, transform=pose, least=False).gap(values)
+        return self.touching.gap(values)
 
     @cached_property
     def _worst(self) -> WorstCase:
