@@ -396,6 +396,10 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
     """Return the bodies of the sizes made, and these by name."""
     sizes, made = request["sizes"], request["made"]
     names = [size.name for size in sizes]
+    for size in sizes:
+        if size.body not in ("movable", "static"):
+            allowed = '"movable" or "static"'
+            raise InputError("no such body", key=f"size '{size.name}'.body", found=size.body, allowed=allowed)
     for name in names:
         if names.count(name) > 1:
             raise InputError(
