@@ -53,6 +53,7 @@ from fcdm_opt.motion.motions import Translation as Translation
 from fcdm_opt.motion.own_motion import OwnMotion as OwnMotion
 from fcdm_opt.problem.assembled import AssemblySolution as AssemblySolution
 from fcdm_opt.problem.assembly import Assembly as Assembly
+from fcdm_opt.problem.assembly_file import load_assemblies as load_assemblies
 from fcdm_opt.problem.keep_out import KeepOut as KeepOut
 from fcdm_opt.problem.problem import Problem as Problem
 from fcdm_opt.problem.problem import load_problems as load_problems

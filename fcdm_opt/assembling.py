@@ -32,7 +32,12 @@ CLEAR = {"goal": "clear"}
 
 
 def solve_assembly(
-    assembly: Assembly, *, certify: bool = False, effort: str = "proved", throw: bool = False
+    assembly: Assembly,
+    *,
+    certify: bool = False,
+    effort: str = "proved",
+    seconds: float | None = None,
+    throw: bool = False,
 ) -> AssemblySolution:
     """Find the smallest motions together that restore all contacts of an assembly, and have them judged.
 
@@ -43,6 +48,8 @@ def solve_assembly(
         Prove each contact of a part with the one that it follows to 1e-4 of its amount, as `solve` does.
     effort : "proved" or "quick"
         As of `solve`; "quick": without bounds.
+    seconds : float, optional
+        Wall time of the proof of each contact that is a problem of its own, as of `solve`.
     throw : bool
         Raise `UnsolvedError` where the solution is not usable.
 
@@ -59,7 +66,7 @@ def solve_assembly(
         raise InputError("unknown effort", key="effort", found=effort, allowed=", ".join(EFFORTS))
     if not isinstance(certify, bool) or (certify and effort == "quick"):
         raise InputError("not to be had", key="certify", found=certify, allowed='True with effort "proved", or False')
-    solution = _Solving(assembly, certify, effort).solution()
+    solution = _Solving(assembly, certify, effort, seconds).solution()
     if throw and not solution.usable:
         raise UnsolvedError(solution)
     return solution
@@ -82,8 +89,8 @@ class _Met(NamedTuple):
 class _Solving:
     """One assembly under way."""
 
-    def __init__(self, assembly: Assembly, certify: bool, effort: str) -> None:
-        self._assembly, self._how = assembly, {"certify": certify, "effort": effort}
+    def __init__(self, assembly: Assembly, certify: bool, effort: str, seconds: float | None) -> None:
+        self._assembly, self._how = assembly, {"certify": certify, "effort": effort, "seconds": seconds}
         self._proving = effort == "proved"
         self._known: dict[tuple[str, str], Solution] = {}
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from itertools import pairwise, product
 from math import atan, atan2, cos, hypot, sin, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as Turn
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt.cli import app
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Status
@@ -30,6 +34,10 @@ def drawn(outline: list[tuple[float, float]], low: float, high: float) -> Array:
 
 def found(solution: fo.AssemblySolution) -> dict[str, list[float]]:
     return {part: list(own.values()) for part, own in solution.parameters.items()}
+
+
+def flat(solution: fo.AssemblySolution) -> list[float]:
+    return [x for own in found(solution).values() for x in own]
 
 
 # ------------------------------------------------------------------------------------------------------------- chains
@@ -167,7 +175,7 @@ def test_a_loop_of_four_parts_in_closed_form() -> None:
     rows, gaps = levels()
     kept = [1, 3, 4, 5]
     assert solution.usable
-    assert [*sum(found(solution).values(), [])] == pytest.approx(np.linalg.solve(rows[:, kept], gaps), abs=1e-12)
+    assert flat(solution) == pytest.approx(np.linalg.solve(rows[:, kept], gaps), abs=1e-12)
     assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
     assert len(solution.stages) == 1
 
@@ -179,7 +187,7 @@ def test_a_loop_with_freedom_left_takes_the_least_total() -> None:
         solution = fo.solve_assembly(wedges(X >> Z, X >> Z, scales=MADE, weights=weights))
         least = np.linalg.pinv(rows / w) @ gaps / w
         assert solution.usable
-        assert [*sum(found(solution).values(), [])] == pytest.approx(least, abs=1e-12)
+        assert flat(solution) == pytest.approx(least, abs=1e-12)
         assert solution.amount == pytest.approx(np.linalg.norm(w * least), rel=1e-12)
         assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
 
@@ -385,3 +393,64 @@ def test_a_solution_is_plain_data() -> None:
     assert told["parameters"]["plate 1"]["TZ"] == pytest.approx(lifts(2, SCALES)[0], abs=1e-12)
     assert told["contacts"][0]["parts"] == ["plate 1", "base"]
     assert set(told["gaps"]) == {"base - plate 1", "base - plate 2", "plate 1 - plate 2"}
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+
+FILE = Path(__file__).parent.parent / "problems" / "assemblies" / "loop_of_four.toml"
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def test_the_file_asks_what_python_asks() -> None:
+    assembly = fo.load_assemblies(FILE)[0]
+    names = {"base": "base", "left": "left wedge", "right": "right wedge", "key": "key"}
+    assert assembly.scales == {names[part]: scale for part, scale in MADE.items()}
+    assert assembly.unit == "mm"
+    rows, gaps = levels()
+    assert flat(fo.solve_assembly(assembly)) == pytest.approx(np.linalg.pinv(rows) @ gaps, abs=1e-12)
+
+
+def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path) -> None:
+    told = run("solve", FILE, "--case", "made unlike", "--json", "--out", tmp_path)
+    (document,) = json.loads(told.stdout)
+    rows, gaps = levels()
+    assert told.exit_code == 0
+    assert document["cases"][0]["amount"] == pytest.approx(np.linalg.norm(np.linalg.pinv(rows) @ gaps), rel=1e-12)
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".png", ".svg"]
+    table = run("solve", FILE, "--case", "made unlike")
+    for words in ("left wedge", "TX -0.0125", "0.069821", "exact", "yes"):
+        assert words in table.stdout
+    for command in ("curve", "whatif", "pose", "range"):
+        refused = run(command, FILE)
+        assert refused.exit_code == 2
+        assert "assembly" in refused.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ('parts = ["key", "left wedge"]', 'parts = ["kex", "left wedge"]', "contact[3].parts"),
+        ('name = "key"', 'name = "base"', "part[4] 'base'.name"),
+        ('name = "made unlike"', 'name = "made unlike"\nmade = { width = 0.1 }', "case[1] 'made unlike'.made.width"),
+        ('scales = { key = 1.02 }', 'scales = { kex = 1.02 }', "case[2] 'key 2 % too large'.scales.kex"),
+        ('scales = { key = 1.02 }', 'scales = { key = "2 %" }', "case[2] 'key 2 % too large'.scales.key"),
+        ('motion = [{ translation = "x" }', 'motion = [{ translation = "w" }', "part[2].motion[1].translation"),
+        ('name = "right wedge"', 'name = "right wedge"\nlimits = { RX_deg = [0, 1] }', "part[3].limits.RX_deg"),
+        ('name = "right wedge"', 'name = "right wedge"\nfollows = "kez"', "follows.right wedge"),
+        ('name = "right wedge"\nunit = "mm"', 'name = "right wedge"\nunit = "cm"', "part[3].unit"),
+        ('body = "key"', 'body = "movable"', "size 'key width'.body"),
+        ("[[case]]", "[[cases]]", "cases"),
+    ],
+)  # fmt: skip
+def test_what_a_file_cannot_ask_is_refused_with_its_place(tmp_path, old, new, key) -> None:
+    path, text = tmp_path / "loop.toml", FILE.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), "utf-8")
+    with pytest.raises(InputError) as refused:
+        fo.load_assemblies(path)
+    assert refused.value.key == key
+    assert refused.value.file == path
+    assert run("solve", path).exit_code == 2

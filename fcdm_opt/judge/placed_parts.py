@@ -12,7 +12,6 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.judge.certificate import judged_gaps, verify
 from fcdm_opt.problem.assembled import AssemblySolution, kept_apart
-from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.solution import Certificate, Check
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 

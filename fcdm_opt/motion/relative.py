@@ -76,7 +76,7 @@ class Relative(Step):
         return self._shifting
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
-        """Sums of what each motion displaces."""
+        """Add up what each motion displaces; nothing is known where one turns."""
         reaches = np.full(len(self.names), np.inf)
         if self._shifting:
             reaches[:] = 0.0

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict
 
 from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.errors import InputError, placed
@@ -34,6 +35,8 @@ CORNERS = ("low", "high", "middle")
 class JoinedEntry(Entry):
     """Two parts of an assembly, and what is asked of them."""
 
+    model_config = ConfigDict(title="Contacts of an assembly")
+
     parts: tuple[str, str] = declared(
         ..., "names of two parts: in labels the first is body 1, the second body 2", ["slide", "frame"]
     )
@@ -44,7 +47,10 @@ class JoinedEntry(Entry):
         "touch",
     )
     contacts: Literal["all"] | list[str] | None = declared(
-        None, '"all", or labels of contacts as drawn; without it "all", with goal "touch" or "clear" none', "all"
+        None,
+        '"all", or labels of contacts as drawn; without it "all", with goal "touch" or "clear" none',
+        "all",
+        ["V1F2(P1V6; P2V2,V3,V5)"],
     )
     clearance: Length = declared(0.0, 'least gap >= 0, length units, for goal "clear"', 0.1)
 
@@ -158,9 +164,9 @@ class Assembly:
             "sizes": tuple(sizes),
             "motions": {part: moved[part] for part in bodies if part in moved},
             "follows": leaders,
-            "scales": {part: 1.0 for part in bodies} | _numbers(scales, "scales", bodies),
+            "scales": dict.fromkeys(bodies, 1.0) | _numbers(scales, "scales", bodies),
             "made": deviations,
-            "weights": {part: 1.0 for part in moved} | _numbers(weights, "weights", moved),
+            "weights": dict.fromkeys(moved, 1.0) | _numbers(weights, "weights", moved),
             "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
             "limits": _limits(limits, moved),
             "name": name,
@@ -272,7 +278,7 @@ class Assembly:
         return Carrying(self.motions[part], start, (one, two))
 
 
-# ---------------------------------------------------------------------------------------------------------------- checks
+# --------------------------------------------------------------------------------------------------------------- checks
 
 
 def _bodies(parts: Any) -> dict[str, Body]:

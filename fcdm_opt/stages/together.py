@@ -2,8 +2,8 @@
 
 The gap of each contact is one equation, and flush contacts of motions that turn have those of their alignment besides.
 In weighted coordinates z the least motion of the linearised equations is a least distance problem in their null space,
-with alternatives where part pairs would overlap. While nothing turns, that is exact; else it is Newton's method. Several
-tasks with the same parameters, one for each two parts of an assembly, are met at once in the same way.
+with alternatives where part pairs would overlap. While nothing turns, that is exact; else it is Newton's method. So are
+several tasks with the same parameters, one for each two parts of an assembly, met at once.
 """
 
 from __future__ import annotations
