@@ -22,6 +22,7 @@ from fcdm_opt.proof.intervals import Interval
 from fcdm_opt.proof.mean_value import Boxes, Expression, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
+ROUNDS, SHRINKS = 60, 0.99  # in which a ball is made smaller, and by what at least
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
 Equation = tuple[str, list[Interval]]
@@ -99,6 +100,50 @@ def least_amount(problems: Problems, way: Array, half: Array) -> float:
     steep = np.sqrt((slope * slope).sum(axis=1)) * (1.0 + 2.0**-40)
     bounds = np.minimum(half, short / np.where(steep > 0.0, steep, np.inf)) * (1.0 - 2.0**-40)
     return float(np.nan_to_num(np.where(steep > 0.0, bounds, half if short > 0.0 else 0.0)).max())
+
+
+@np.errstate(all="ignore")
+def least_about(problems: Problems, q: Array) -> float:
+    """Return an amount below which no motion restores the contacts, by what holds of all that are no larger than this.
+
+    With multipliers l such that l . J = y* at the motion's weighted parameters y*, of length A, every y that meets the
+    equations F has y* . (y - y*) = -l . F(y*) - (w - y*) . (y - y*), w = l . J somewhere between y and y*. So those of
+    length A at most have |y| >= A - d / A and |y - y*|^2 <= 2 d, d a bound of the right side; over this smaller ball w
+    is nearer to y*, and so on. Limits that hold a parameter help: there y - y* has one sign.
+    """
+    weights, (low, high) = problems[0].weights, problems[0].limits.T
+    moving, y = low < high, weights * q
+    equations, amount = _Equations(problems), float(np.linalg.norm(y)) * (1.0 + 2.0**-40)
+    if not amount > 0.0 or not equations.count or y[~moving].any():
+        return 0.0
+    at_low, at_high = (q <= low) & moving, (q >= high) & moving
+    free, step = moving & ~at_low & ~at_high, 1e-9 * _size(problems)
+    slopes = equations.slopes(_boxes((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
+    ways = np.linalg.lstsq(slopes[:, free].T, y[free], rcond=DEFAULT.nominal)[0]
+    left = sum((float(w) * x for w, x in zip(ways, equations.values(y), strict=True)), Interval(0.0))
+    rest, reach = float(np.max(left.size)), 2.0 * amount
+    fixed, bound = Interval(ways[None, None], np.zeros((1, 1, len(ways)))), 0.0
+    for _ in range(ROUNDS):
+        ends = np.maximum(y - reach, -amount), np.minimum(y + reach, amount)  # both balls
+        box = _boxes(
+            *(
+                np.where(moving, end + side * 2.0**-40 * amount, 0.0)[None]
+                for end, side in zip(ends, (-1.0, 1.0), strict=True)
+            )
+        )
+        wide = np.where(moving, box.half[0], 1.0)
+        own = fixed.contracted(equations.slopes(box))
+        slack = own.size[0, 0] / wide * 2.0**-38
+        below, above = own.low[0, 0] / wide - y - slack, own.high[0, 0] / wide - y + slack
+        both = np.maximum(-below, above)
+        off = np.where(at_low, np.maximum(above, 0.0), np.where(at_high, np.maximum(-below, 0.0), both))
+        short = (float(np.linalg.norm(np.where(moving, off, 0.0))) * reach + rest) * (1.0 + 2.0**-40)
+        found = (amount - short / amount) * (1.0 - 2.0**-40)
+        bound, before = max(bound, found), reach
+        reach = float(np.sqrt(2.0 * short)) * (1.0 + 2.0**-40)
+        if not reach < SHRINKS * before:
+            break
+    return max(bound, 0.0)
 
 
 def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ from fcdm_opt.model.task import Answer, Parts, Task, lines_of
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.proof.uniqueness import equations_at, least_amount, unique, widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, least_about, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
 
@@ -33,6 +33,7 @@ CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met wil
 MOST_NODES, FARTHEST = 2000, 1e6
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
+ENOUGH = 1e-6  # relative gap with which a bound is left
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: several contacts, linear in the motion", "2: several contacts, by Newton's method"
 
@@ -98,7 +99,7 @@ def all_at_once(problems: Sequence[Problem], tasks: Sequence[Task], *, known: fl
     if prove and bound < amount and joined:
         bound = max(bound, min(widest_unique(joined, q), amount))
         if bound < amount:
-            bound = max(bound, _by_multipliers(joined, tasks[0].weights * q))
+            bound = max(bound, _by_multipliers(joined, q))
     count = sum(len(task.joints) for task in tasks)
     active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
     status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED
@@ -149,16 +150,20 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
             return widest_unique((problem,), y / task.weights)  # the one motion that closes all is no answer
         half = max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES)
         return least_amount((problem,), values, half)
-    return _by_multipliers((problem,), y)
+    return _by_multipliers((problem,), answer.q)
 
 
-def _by_multipliers(problems: Sequence[Problem], y: Array) -> float:
-    """Return a bound by the multipliers that balance weighted parameters."""
+def _by_multipliers(problems: Sequence[Problem], q: Array) -> float:
+    """Return a bound by the multipliers that balance a motion: near it, or as far as they hold all around."""
+    bound, y = least_about(problems, q), problems[0].weights * q
+    amount = float(np.linalg.norm(y))
+    if bound >= (1.0 - ENOUGH) * amount:
+        return bound
     values, slopes = equations_at(problems, y)
     if not len(values):
         return 0.0
-    way = np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0]
-    return least_amount(problems, np.asarray(way, dtype=np.float64), np.array([float(np.linalg.norm(y))]))
+    way = np.asarray(np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0])
+    return max(bound, least_amount(problems, way, np.array([amount])))
 
 
 @dataclass(frozen=True, eq=False)
