@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as Turn
+from scripts import loaded
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
@@ -454,3 +455,17 @@ def test_what_a_file_cannot_ask_is_refused_with_its_place(tmp_path, old, new, ke
     assert refused.value.key == key
     assert refused.value.file == path
     assert run("solve", path).exit_code == 2
+
+
+def test_slsqp_from_many_starts_finds_nothing_smaller(capsys) -> None:
+    """The quick form of the comparison, whose full form is benchmarks/compare_assemblies.py."""
+    rival = loaded(Path(__file__).parent.parent / "benchmarks" / "compare_assemblies.py")
+    assert rival.main(["1", "--quick"]) == 0
+    summary = capsys.readouterr().out.splitlines()[-1]
+    assert "beaten 0, missed 0; equal to 1e-6 in 6" in summary
+    case = rival.scene(1, 4)
+    real = rival.Rival(case)
+    ours = fo.solve_assembly(case.assembly)
+    q = np.array([x for own in ours.parameters.values() for x in own.values()])
+    assert real.feasible(q)  # by formulas of its own
+    assert not real.feasible(q + 1e-4)
