@@ -172,6 +172,12 @@ class Rival:
             part: self.seeds[part] + assembly.scales[part] * (body.vertices - self.seeds[part])
             for part, body in assembly.parts.items()
         }
+        self.planes = []
+        for lower, face, upper, corner in scene.touching:
+            a, b, c = self.made[lower][face]
+            normal = np.cross(b - a, c - a)
+            plane = a, normal / np.linalg.norm(normal)
+            self.planes.append((lower, plane, upper, self.made[upper][corner]))
         weights = []
         for part, own in scene.steps.items():
             drawn = assembly.parts[part].vertices
@@ -180,34 +186,36 @@ class Rival:
         self.weights = np.array(weights)
         self.size = max(float(np.linalg.norm(np.ptp(body.vertices, axis=0))) for body in assembly.parts.values())
 
-    def placed(self, q: Any) -> dict[str, Any]:
-        """Return the corners of all parts as made and moved."""
-        own, start = {}, 0
+    def poses(self, q: Any) -> dict[str, Any]:
+        """Return the pose of each part in the world, (4, 4)."""
+        found, start = {"base": np.eye(4)}, 0
+        own = {}
         for part, names in self.scene.steps.items():
-            R, t = np.eye(3), np.zeros(3)
+            T, seed = np.eye(4), self.seeds[part]
             for name, x in zip(names, q[start : start + len(names)], strict=True):
                 if name[0] == "T":
-                    t["xyz".index(name[1].lower())] += x
+                    T["xyz".index(name[1].lower()), 3] += x
                 else:
-                    R = np.array([[np.cos(x), 0, np.sin(x)], [0, 1, 0], [-np.sin(x), 0, np.cos(x)]])
-            own[part] = R, self.seeds[part] + t - R @ self.seeds[part]
+                    c, s = np.cos(x), np.sin(x)
+                    T[0, 0], T[0, 2], T[2, 0], T[2, 2] = c, s, -s, c
+                    T[:3, 3] += seed - T[:3, :3] @ seed
+            own[part] = T
             start += len(names)
-        found = {}
-        for part, points in self.made.items():
-            moved, name = points, part
-            while name in own:
-                moved = moved @ own[name][0].T + own[name][1]
-                name = self.scene.assembly.follows[name]
-            found[part] = moved
+        for part in own:  # leaders stand before those that follow them
+            found[part] = found[self.scene.assembly.follows[part]] @ own[part]
         return found
+
+    def placed(self, q: Any) -> dict[str, Any]:
+        """Return the corners of all parts as made and moved."""
+        return {part: self.made[part] @ T[:3, :3].T + T[:3, 3] for part, T in self.poses(q).items()}
 
     def gaps(self, q: Any) -> Any:
         """Return how far each corner is from its plane."""
-        points, found = self.placed(q), []
-        for lower, face, upper, corner in self.scene.touching:
-            a, b, c = points[lower][face]
-            n = np.cross(b - a, c - a)
-            found.append(n @ (points[upper][corner] - a) / np.linalg.norm(n))
+        poses, found = self.poses(q), []
+        for lower, (point, normal), upper, corner in self.planes:
+            T, U = poses[lower], poses[upper]
+            away = U[:3, :3] @ corner + U[:3, 3] - T[:3, :3] @ point - T[:3, 3]
+            found.append((T[:3, :3] @ normal) @ away)
         return np.array(found)
 
     def feasible(self, q: Any) -> bool:

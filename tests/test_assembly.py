@@ -285,6 +285,25 @@ def test_parts_that_would_overlap_make_way_for_each_other() -> None:
     assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-9)
 
 
+def test_sizes_of_parts_are_made_and_their_contacts_restored() -> None:
+    """Plates whose upper or lower face came out elsewhere: each rises by what is thicker between them."""
+    sizes = [
+        fo.Size("floor", body="base", faces="+z", tolerance=0.05),
+        fo.Size("thickness 1", body="plate 1", faces=["+z", "-z"], each=0.5, tolerance=0.05),
+        fo.Size("sole 2", body="plate 2", faces="-z", tolerance=0.02),
+    ]
+    made = {"floor": -0.03, "thickness 1": 0.04, "sole 2": -0.01}
+    solution = fo.solve_assembly(stack(2, [1.0] * 3, sizes=sizes, made=made))
+    assert solution.usable
+    assert [own[0] for own in found(solution).values()] == pytest.approx([-0.03 + 0.02, 0.02 - 0.01], abs=1e-12)
+    high = fo.solve_assembly(stack(2, [1.0] * 3, sizes=sizes, made="high"))
+    assert [own[0] for own in found(high).values()] == pytest.approx([0.05 + 0.025, 0.025 + 0.02], abs=1e-12)
+    both = fo.solve_assembly(stack(2, SCALES, sizes=sizes, made=made))
+    one, two = lifts(2, SCALES)
+    shares = -0.03 * SCALES[0] + 0.02 * SCALES[1], 0.02 * SCALES[1] - 0.01 * SCALES[2]
+    assert [own[0] for own in found(both).values()] == pytest.approx([one + shares[0], two + shares[1]], abs=1e-12)
+
+
 def test_nothing_to_do_is_said() -> None:
     solution = fo.solve_assembly(stack(2, [1.0] * 3))
     assert solution.status is Status.ALREADY_SATISFIED
