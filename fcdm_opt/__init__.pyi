@@ -4,6 +4,7 @@ from fcdm_opt.along.coherent_range import CoherentRange as CoherentRange
 from fcdm_opt.along.coherent_range import coherent_range as coherent_range
 from fcdm_opt.along.contact_times import ContactTimes as ContactTimes
 from fcdm_opt.along.contact_times import contact_times as contact_times
+from fcdm_opt.assembling import solve_assembly as solve_assembly
 from fcdm_opt.curve.batch import DecisionCurves as DecisionCurves
 from fcdm_opt.curve.batch import decision_curves as decision_curves
 from fcdm_opt.curve.decision_curve import DecisionCurve as DecisionCurve
@@ -40,6 +41,7 @@ from fcdm_opt.geometry.bodies import Body as Body
 from fcdm_opt.geometry.bodies import as_body as as_body
 from fcdm_opt.geometry.size import Size as Size
 from fcdm_opt.judge.certificate import verify as verify
+from fcdm_opt.judge.placed_parts import verify_assembly as verify_assembly
 from fcdm_opt.model.contact_rows import ContactRow as ContactRow
 from fcdm_opt.model.contact_rows import ContactRows as ContactRows
 from fcdm_opt.model.contact_rows import contact_rows as contact_rows
@@ -49,6 +51,9 @@ from fcdm_opt.motion.motions import Rotation as Rotation
 from fcdm_opt.motion.motions import Screw as Screw
 from fcdm_opt.motion.motions import Translation as Translation
 from fcdm_opt.motion.own_motion import OwnMotion as OwnMotion
+from fcdm_opt.problem.assembled import AssemblySolution as AssemblySolution
+from fcdm_opt.problem.assembly import Assembly as Assembly
+from fcdm_opt.problem.assembly_file import load_assemblies as load_assemblies
 from fcdm_opt.problem.keep_out import KeepOut as KeepOut
 from fcdm_opt.problem.problem import Problem as Problem
 from fcdm_opt.problem.problem import load_problems as load_problems

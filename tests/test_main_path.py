@@ -25,10 +25,11 @@ PACKAGES = {
     "along": {"stages", "model", "problem", "motion", "curve", "geometry"},
     "judge": {"proof", "problem", "curve", "geometry"},
     "solver": {"judge", "stages", "model", "problem"},
+    "assembling": {"solver", "judge", "stages", "model", "problem", "geometry"},
     "drafting": {"solver", "problem", "motion", "curve", "geometry"},
     "design": {"solver", "judge", "along", "stages", "proof", "model", "problem", "motion", "curve", "geometry"},
-    "show": {"design", "solver", "judge", "along", "model", "problem", "curve", "geometry"},
-    "cli": {"show", "design", "drafting", "solver", "along", "problem"},
+    "show": {"design", "assembling", "solver", "judge", "along", "model", "problem", "curve", "geometry"},
+    "cli": {"show", "design", "drafting", "assembling", "solver", "along", "problem"},
     "__main__": {"cli"},
 }
 """What each package may import, from the ground up: a package stands on those above it in this table."""

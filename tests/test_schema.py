@@ -17,13 +17,15 @@ import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.study.schema import StudyFile, json_schema
 from fcdm_opt.errors import InputError
+from fcdm_opt.problem.assembly_file import AssemblyFile
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.schema import checked
 
 HOME = Path(__file__).parent.parent
 PROBLEMS = sorted((HOME / "problems").glob("*.toml"))
 STUDIES = sorted((HOME / "problems" / "studies").glob("*.toml"))
-MODELS: dict[str, Any] = {"problem": ProblemFile, "study": StudyFile}
+ASSEMBLIES = sorted((HOME / "problems" / "assemblies").glob("*.toml"))
+MODELS: dict[str, Any] = {"problem": ProblemFile, "study": StudyFile, "assembly": AssemblyFile}
 DRAFTS = (Draft7Validator, Draft202012Validator)  # editors read one or the other
 UNITS = r"length|degree|radian|relative|scale|second|whole number|label|amount|unit|vector|_deg|its own"
 CASE = {"name": "A", "target": [1.0, 1.0], "motion": [{"translation": "z"}]}
@@ -101,6 +103,11 @@ def test_every_problem_file_is_accepted(path):
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_every_study_file_is_accepted(path):
     assert accepted("study", tomllib.loads(path.read_text("utf-8"))) == [True, True]
+
+
+@pytest.mark.parametrize("path", ASSEMBLIES, ids=lambda path: path.stem)
+def test_every_file_of_an_assembly_is_accepted(path):
+    assert accepted("assembly", tomllib.loads(path.read_text("utf-8"))) == [True, True]
 
 
 def problem(**keys: Any) -> dict[str, Any]:
@@ -195,7 +202,9 @@ def test_what_the_command_prints_is_what_the_pages_are_written_from(kind):
 # ---------------------------------------------------------------------------------------------------------------- pages
 
 
-@pytest.mark.parametrize(("kind", "page"), [("problem", "problem-file.md"), ("study", "studies.md")])
+@pytest.mark.parametrize(
+    ("kind", "page"), [("problem", "problem-file.md"), ("study", "studies.md"), ("assembly", "assemblies.md")]
+)
 def test_the_page_of_a_file_names_every_table_and_key(kind, page):
     text = (HOME / "docs" / page).read_text("utf-8")
     written = hook("problem_file").on_page_markdown(text)

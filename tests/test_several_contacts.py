@@ -418,3 +418,84 @@ def test_the_judge_refuses_planted_errors(ball, corner, lid) -> None:
     lower = {**fit.parameters, "TZ": fit.parameters["TZ"] - 1e-3}
     deeper = replace(fit, transform=T, parameters=lower, amount=fit.amount - 1e-3)
     assert "contacts not overlapping" in {check.name for check in fo.verify(deeper).failed}
+
+
+# ------------------------------------------------------------------------------------------------------- sizes of faces
+
+
+SIZES = [
+    fo.Size("bottom", body="movable", faces="-z", tolerance=0.05),
+    fo.Size("height", body="movable", faces=["+z", "-z"], each=0.5, tolerance=0.05),
+    fo.Size("length", body="movable", scale="x", tolerance=0.03),
+    fo.Size("tips", body="static", scale="z", tolerance=0.03),
+]
+
+
+@pytest.mark.parametrize(
+    ("made", "expected"),
+    [
+        ({}, (0.0, 0.0, 0.0)),
+        ({"bottom": 0.01}, (0.0, 0.0, 0.01)),  # made deeper, it had to be lifted
+        ({"bottom": -0.01}, (0.0, 0.0, -0.01)),
+        ({"height": 0.02}, (0.0, 0.0, 0.01)),
+        ({"length": 0.02}, (0.06, 0.0, 0.0)),  # about the seed at x = 3
+        ({"tips": 0.01}, (0.0, 0.0, 0.02)),  # about the seed at z = -2
+        ({"bottom": 0.02, "length": -0.01, "tips": -0.005}, (-0.03, 0.0, 0.01)),
+        ("high", (0.09, 0.0, 0.05 + 0.025 + 0.06)),
+    ],
+)
+def test_contacts_as_drawn_are_restored_at_the_sizes_made(made, expected) -> None:
+    problem = fo.load_problems("problems/locating.toml")[0].changed(
+        requirement=None, tolerance=None, sizes=SIZES, made=made, published=None
+    )
+    solution = fo.solve(problem)
+    assert solution.usable
+    assert len(problem.contacts) == 6
+    assert list(solution.parameters.values()) == pytest.approx([*expected, 0.0, 0.0, 0.0], abs=1e-12)
+    assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-12)
+    again = fo.Solution.from_dict(solution.to_dict())
+    assert fo.verify(again).passed
+
+
+def test_sizes_and_scales_of_flush_contacts_go_together() -> None:
+    """The hook on its bar: its upper face thicker, its side farther in, and all of it 2 % larger."""
+    hook = fo.Body.from_parts([block((-8, -6, 4), (8, 6, 8)), block((-8, -6, -20), (-4, 6, 4))], seed=(-3, 0, -10))
+    bar = fo.Body.convex(block((-4, -40, -4), (4, 40, 4)), seed=(0, 0, 0))
+    sizes = [
+        fo.Size("bar height", body="static", faces=["+z", "-z"], each=0.5),
+        fo.Size("inner side", body="movable", faces={"through": (-4, 0, -10)}),
+        fo.Size("bar width", body="static", scale="x"),
+    ]
+    made = {"bar height": 0.06, "inner side": -0.02, "bar width": 0.01}
+    for motion in (SHIFTS, fo.Free()):
+        asked = fo.Problem(hook, bar, target=(1.02, 1.0), sizes=sizes, made=made, motion=motion, contacts="all")
+        solution = fo.solve(asked)
+        side = -3.0 + 1.02 * (-4.0 - 0.02 + 3.0)
+        top = -10.0 + 1.02 * 14.0
+        assert solution.usable
+        assert list(solution.parameters.values())[:3] == pytest.approx([-4.04 - side, 0.0, 4.03 - top], abs=1e-9)
+        assert list(solution.parameters.values())[3:] == pytest.approx([0.0] * (len(solution.parameters) - 3), abs=1e-9)
+
+
+def test_contacts_with_sizes_are_of_the_parts_as_drawn() -> None:
+    """A size that opens one contact leaves it among those to restore; a switching point of the parts made is none."""
+    problem = fo.load_problems("problems/locating.toml")[0].changed(
+        requirement=None, tolerance=None, sizes=SIZES, made={"bottom": -0.01}, published=None
+    )
+    assert [str(feature) for feature in problem.contacts] == [
+        str(feature) for feature in problem.changed(made={}).contacts
+    ]
+    with pytest.raises(InputError) as refused:
+        problem.changed(nominal=1)
+    assert refused.value.key == "nominal"
+
+
+def test_a_corner_that_a_size_splits_is_refused_with_contacts() -> None:
+    pyramid = fo.Body.convex([(0, 0, -2), (1, 1, 0), (1, -1, 0), (-1, 1, 0), (-1, -1, 0)], seed=(0, 0, -1))
+    table = fo.Body.convex(block((-3, -3, -3), (3, 3, -2)), seed=(0, 0, -2.5))
+    size = fo.Size("one side", body="movable", faces={"through": (0.5, 0.0, -1.0)})
+    asked = {"motion": fo.Translation("z"), "contacts": "all", "sizes": [size]}
+    with pytest.raises(InputError) as refused:
+        fo.Problem(pyramid, table, made={"one side": 0.05}, **asked)
+    assert "its contacts as drawn" in str(refused.value)
+    assert fo.solve(fo.Problem(pyramid, table, made={"one side": 0.0}, **asked)).usable

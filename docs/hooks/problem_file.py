@@ -1,4 +1,4 @@
-"""Writes the reference of problem files and study files, from the models that read them.
+"""Writes the reference of problem files, study files and files of assemblies, from the models that read them.
 
 A page holds a marker, `<!-- keys: problem file -->`; a section for each kind of table takes its place.
 """
@@ -10,9 +10,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fcdm_opt.design.study.schema import StudyFile
+from fcdm_opt.problem.assembly_file import AssemblyFile
 from fcdm_opt.problem.keys import ProblemFile
 
-SCHEMAS = {"problem file": ProblemFile, "study file": StudyFile}
+SCHEMAS = {"problem file": ProblemFile, "study file": StudyFile, "assembly file": AssemblyFile}
 MARKER = "<!-- keys: {} -->"
 SHARED = 3  # keys: a table with as many of another's refers to it, fewer are said again
 WORDS = {"number": "number", "string": "text", "boolean": "true or false"}

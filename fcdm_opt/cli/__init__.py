@@ -50,6 +50,7 @@ fcdm-opt curve problems/example1.toml --out out
 fcdm-opt solve problems/example1.toml problems/example2.toml
 fcdm-opt solve problems/example1.toml --case B --certify --out out
 fcdm-opt solve problems/peg_square.toml --case "A at the wall" --json
+fcdm-opt solve problems/assemblies/loop_of_four.toml --out out
 fcdm-opt range problems/example1.toml --case A
 fcdm-opt range problems/example1.toml --case B --direction TZ=1,RZ_deg=2
 fcdm-opt report problems/example1.toml --out report.html

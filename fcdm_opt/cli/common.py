@@ -16,7 +16,6 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
-    from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.album import Album
 
 SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
@@ -89,7 +88,7 @@ class OpenedFile:
     path: Path
     title: str = ""
     note: str = ""
-    problems: tuple[Problem, ...] = ()
+    problems: tuple[Any, ...] = ()  # a Problem a case, or an Assembly
     error: str | None = None
 
     @property
@@ -103,20 +102,30 @@ class OpenedFile:
         return {**head, "error": self.error} if self.error else head
 
 
-def opened_files(paths: Sequence[Path], wanted: Sequence[str]) -> list[OpenedFile]:
+def opened_files(paths: Sequence[Path], wanted: Sequence[str], *, assemblies: bool = False) -> list[OpenedFile]:
     """Read all files; says on stderr what is wrong with one, and goes on with the others.
+
+    Files of assemblies are refused unless `assemblies` says that they are known what to do with.
 
     Raises
     ------
     InputError
         For a wanted case that no file has.
     """
+    from fcdm_opt.problem.assembly_file import AssemblyFile, is_assembly
     from fcdm_opt.problem.keys import ProblemFile
     from fcdm_opt.problem.problem import Problem
 
     files = []
     for path in paths:
         try:
+            if is_assembly(path):
+                if not assemblies:
+                    what = "a file of an assembly, and this command is about two parts"
+                    raise InputError(what, allowed="a problem file; fcdm-opt solve and fcdm-opt report take assemblies")
+                several = AssemblyFile.read(path)
+                files.append(OpenedFile(path, several.title, several.note, several.assemblies(path)))
+                continue
             contents = ProblemFile.read(path)
             files.append(OpenedFile(path, contents.title, contents.note, contents.problems(Problem, path)))
         except InputError as reason:
@@ -150,9 +159,15 @@ class Inquiry:
     """
 
     def __init__(
-        self, paths: Sequence[Path], cases: Sequence[str] | None, *, as_json: bool, out: Path | None = None
+        self,
+        paths: Sequence[Path],
+        cases: Sequence[str] | None,
+        *,
+        as_json: bool,
+        out: Path | None = None,
+        assemblies: bool = False,
     ) -> None:
-        self._opened = opened_files(paths, cases or ())
+        self._opened = opened_files(paths, cases or (), assemblies=assemblies)
         self._document: list[dict[str, Any]] = []
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
@@ -183,7 +198,7 @@ class Inquiry:
 
     def ask(
         self,
-        answered: Callable[[OpenedFile, Problem, dict[str, Any]], Any],
+        answered: Callable[[OpenedFile, Any, dict[str, Any]], Any],
         print_all: Callable[[Sequence[Any]], None] | None = None,
     ) -> None:
         """Ask about every case of every file; bad input met meanwhile is said, and ends nothing else; then `finish`.

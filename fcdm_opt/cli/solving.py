@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fcdm_opt import pacing
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
+    from fcdm_opt.problem.assembled import AssemblySolution
+    from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.problem import Problem
 
 DIRECTION = (
@@ -60,13 +63,33 @@ def solve_command(
     out: Out = None,
     case: Cases = None,
 ) -> None:
-    """Find the smallest motion of each case, verify it, and print one table a file."""
+    """Find the smallest motion of each case, verify it, and print one table a file.
+
+    Of a file of an assembly the smallest motions of all its parts together.
+    """
+    from fcdm_opt.problem.assembly import Assembly
+    from fcdm_opt.show.assemblies import print_assemblies
     from fcdm_opt.show.solved import SolvedCase, solved_case
     from fcdm_opt.show.tables import print_solutions
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
 
-    def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> SolvedCase:
+    def assembled(file: OpenedFile, assembly: Assembly, entry: dict[str, Any]) -> AssemblySolution:
+        from fcdm_opt.assembling import solve_assembly
+        from fcdm_opt.show.assemblies import assembly_figure
+
+        solution = solve_assembly(assembly, certify=certify, effort=effort, seconds=seconds)
+        entry |= solution.to_dict()
+        inquiry.codes.append(code_of(solution.usable, solution.status.name))
+        if inquiry.pictures:
+            with pacing.unlimited():
+                figure = assembly_figure(solution, title=f"{file.name}: case {assembly.name}")
+                inquiry.pictures.add(f"{file.path.stem}-{assembly.name}", figure, ending="-scene")
+        return solution
+
+    def answered(file: OpenedFile, problem: Problem | Assembly, entry: dict[str, Any]) -> SolvedCase | AssemblySolution:
+        if isinstance(problem, Assembly):
+            return assembled(file, problem, entry)
         row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
         beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
         entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
@@ -76,7 +99,10 @@ def solve_command(
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         return row
 
-    inquiry.ask(answered, print_solutions)
+    def print_all(rows: Sequence[Any]) -> None:
+        (print_solutions if isinstance(rows[0], SolvedCase) else print_assemblies)(rows)
+
+    inquiry.ask(answered, print_all)
 
 
 def range_command(

@@ -49,9 +49,9 @@ def init_command(
 
 
 def schema_command(
-    what: Annotated[str, option("--what", "KIND", 'Kind of file: "problem" or "study".')] = "problem",
+    what: Annotated[str, option("--what", "KIND", 'Kind of file: "problem", "study" or "assembly".')] = "problem",
 ) -> None:
-    """Print the JSON Schema of problem files or study files, by which editors complete and check them.
+    """Print the JSON Schema of a kind of file, by which editors complete and check such files.
 
     Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
     TOML (taplo) then complete keys, show what they mean, and mark what is wrong.

@@ -35,6 +35,7 @@ class Size(Plain):
     name : str
         Once in a problem.
     body : "movable" or "static"
+        Of an `Assembly` the name of a part.
     faces : selector or sequence of selectors, optional
         Outward normal ("+x"), a label that `fcdm-opt faces` lists ("F3"), {"through": (x, y, z)}, a point of the face,
         or {"around": (x, y, z), "axis": "z", "radius": r}, all facets of a cylinder. A normal that faces in several
@@ -72,8 +73,8 @@ class Size(Plain):
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip() or not self.name.isprintable():
             raise InputError("a size needs a name", key="size", found=self.name, allowed="a text")
-        if self.body not in ("movable", "static"):
-            raise self._refused("no such body", "body", self.body, '"movable" or "static"')
+        if not isinstance(self.body, str) or not self.body:
+            raise self._refused("no such body", "body", self.body, '"movable" or "static", or a part of an assembly')
         if not isinstance(self.faces, str | Mapping | Sequence) and self.faces is not None:
             raise self._refused("no faces", "faces", self.faces, SELECTORS)
         one = isinstance(self.faces, str | Mapping)

@@ -163,6 +163,21 @@ def _swept(keep_out: KeepOut) -> Body:
 _SWEPT: WeakKeyDictionary[KeepOut, Body] = WeakKeyDictionary()
 
 
+def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float) -> list[float]:
+    """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree.
+
+    At several scale pairs, (k, 2), after one motion.
+    """
+    poses = np.repeat(transform[None], len(pairs), axis=0)
+    found, separations = (own.tolist() for own in scaled.both_ways(pairs, poses))
+    for k, (gap, separation) in enumerate(zip(found, separations, strict=True)):
+        if isnan(gap):
+            found[k] = separation
+        elif separation > gap + limit or (gap > separation + limit and not separation > 0.0):
+            found[k] = scaled.exact_separation(pairs[k], transform)
+    return list(found)
+
+
 @cache
 def _positions(count: int) -> Array:
     """Return positions on the motion, 0 to 1: between those at which the solver looks, and both ends."""
@@ -304,7 +319,7 @@ class _Judge:
         # equations of motions that turn nothing are linear: what holds for one box holds for all
         whole = claimed == float("inf") and self.problem.motion.shifts
         half = self.problem.size if whole else claimed
-        proved = bool(self.problem.contacts) and bool(unique(self.problem, self.q, np.array([half]))[0])
+        proved = bool(self.problem.contacts) and bool(unique((self.problem,), self.q, np.array([half]))[0])
         return [Check("only motion", proved, claimed, claimed, "half width of the box of weighted parameters")]
 
     def contact(self) -> list[Check]:
@@ -587,19 +602,8 @@ class _Judge:
         return np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
 
     def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> list[float]:
-        """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree.
-
-        At several scale pairs after the motion, (k,), of the problem's two bodies or of another pair.
-        """
-        scaled = scaled or self.scaled
-        poses = np.repeat(self.transform[None], len(pairs), axis=0)
-        found, separations = (own.tolist() for own in scaled.both_ways(pairs, poses))
-        for k, (gap, separation) in enumerate(zip(found, separations, strict=True)):
-            if isnan(gap):
-                found[k] = separation
-            elif separation > gap + self.limit or (gap > separation + self.limit and not separation > 0.0):
-                found[k] = scaled.exact_separation(pairs[k], self.transform)
-        return found
+        """Return `judged_gaps` after the motion, of the problem's two bodies or of another pair."""
+        return judged_gaps(scaled or self.scaled, pairs, self.transform, self.limit)
 
     def _state(self, gap: float) -> str:
         if np.isnan(gap):

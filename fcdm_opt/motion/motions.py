@@ -152,7 +152,7 @@ class Motion:
         for step in self.steps:
             count = len(step.parameters)
             after = step.own_transform(q[start : start + count], _applied(before, movable_seed), tuple(static_seed))
-            before = _product(after, before) if start else after
+            before = product(after, before) if start else after
             start += count
         return before
 
@@ -247,6 +247,11 @@ class Step(Motion):
     @property
     def bounded(self) -> bool:
         """Whether `own_reaches` are finite: what the step displaces is known without trying."""
+        return True
+
+    @property
+    def smooth(self) -> bool:
+        """Whether it has derivatives everywhere."""
         return True
 
     def own_shifts(self, first: bool) -> bool:
@@ -621,7 +626,7 @@ def _applied(T: Matrix, p: Any) -> tuple[Any, ...]:
     return tuple(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3] for row in T[:3])
 
 
-def _product(A: Matrix, B: Matrix) -> Matrix:
+def product(A: Matrix, B: Matrix) -> Matrix:
     """Return the product of two rigid transforms."""
     b0, b1, b2, _ = B
     rows = tuple(

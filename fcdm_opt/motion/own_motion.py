@@ -109,6 +109,11 @@ class OwnMotion(Step):
         """No bound of its displacements is known."""
         return False
 
+    @property
+    def smooth(self) -> bool:
+        """Not known: the function may jump."""
+        return False
+
     @cached_property
     def _values(self) -> Compiled:
         return Compiled(self._function)

@@ -231,7 +231,7 @@ class Case(Defaults):
         given = {key: getattr(entry, key) for entry in (defaults, self) for key in entry.model_fields_set}
         if "motion" not in given:
             raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
-        steps = _each("motion", [entry.step for entry in given["motion"]])
+        steps = each("motion", [entry.step for entry in given["motion"]])
         motion = given["motion"] = reduce(rshift, steps)
         if isinstance(given.get("amount"), AmountEntry):
             given["amount"] = OwnAmount.from_text(given["amount"].casadi, [name for name, _ in motion.parameters])
@@ -243,7 +243,7 @@ class Case(Defaults):
                 raise InputError(what, key="resolution", found=given["resolution"], allowed=allowed)
         for key in BY_PARAMETER:
             if isinstance(given.get(key), Mapping):
-                given[key] = _by_name(key, given[key], motion)
+                given[key] = by_name(key, given[key], motion)
         if given.get("published") is not None:
             given["published"] = _published_values(given["published"], steps)
         return given
@@ -358,7 +358,7 @@ def _chosen(names: list[str] | None, keep_out: Mapping[str, KeepOut]) -> tuple[K
     return tuple(keep_out[name] for name in (keep_out if names is None else names))
 
 
-def _each(key: str, makers: Sequence[Any]) -> list[Any]:
+def each(key: str, makers: Sequence[Any]) -> list[Any]:
     """Return what the makers make; an error says which one it was."""
     made = []
     for k, maker in enumerate(makers, 1):
@@ -367,7 +367,7 @@ def _each(key: str, makers: Sequence[Any]) -> list[Any]:
     return made
 
 
-def _by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
+def by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
     """Return values by parameter name, in radians; the keys of angles say their unit."""
     angle = BY_PARAMETER[key]
     meaning: dict[str, tuple[str, Any]] = {}
@@ -393,7 +393,7 @@ def _published_values(entries: list[PublishedEntry], steps: list[Step]) -> list[
             "not one table for each step of the motion", key="published", found=len(entries), allowed=f"{len(steps)}"
         )
     pairs = zip(entries, steps, strict=True)
-    values = _each("published", [lambda entry=entry, step=step: entry.values(step) for entry, step in pairs])
+    values = each("published", [lambda entry=entry, step=step: entry.values(step) for entry, step in pairs])
     return [value for own in values for value in own]
 
 
@@ -454,23 +454,8 @@ class ProblemFile(Entry):
         """Return the cases by their places in the file; raises where there is none, or two have one name."""
         if not self.case:
             raise InputError("there is no case", file=file, key="case", allowed="one [[case]] table or more")
-        cases: dict[str, Case] = {}
-        names: dict[str, int] = {}
-        for k, case in enumerate(self.case, 1):
-            key = f"case[{k}] {case.name!r}"
-            if not case.name.isprintable():
-                allowed = "letters, digits and signs that can be printed"
-                raise InputError("a name with control characters", file=file, key=key, allowed=allowed)
-            if names.setdefault(case.name, k) != k:
-                raise InputError(
-                    f"the name is that of case[{names[case.name]}]",
-                    file=file,
-                    key=f"{key}.name",
-                    found=case.name,
-                    allowed="a name that no other case has",
-                )
-            cases[key] = case
-        return cases
+        with placed(file=file):
+            return unlike_names("case", self.case)
 
     def _parts(self, file: Path | None) -> Parts:
         """Return the bodies; a mesh file's path starts where the entry stands that names it."""
@@ -484,7 +469,7 @@ class ProblemFile(Entry):
             for k, entry in enumerate(self.keep_out, 1):
                 with placed(key=f"keep_out[{k}]"):
                     others.append(entry.keep_out(f"keep-out {k}", file and file.parent))
-            sizes = _each("size", [entry.size for entry in self.size])
+            sizes = each("size", [entry.size for entry in self.size])
             kept = {keep_out.name: keep_out for keep_out in keep_outs(others)}
             return Parts(both[0], both[1], kept, unit, tuple(sizes))
 
@@ -514,6 +499,22 @@ class ProblemFile(Entry):
         entries = {"bodies.movable": bodies.movable, "bodies.static": bodies.static}
         entries |= {f"keep_out[{k}]": entry for k, entry in enumerate(self.keep_out, 1)}
         return same_unit({place: entry.unit for place, entry in entries.items()}, file)
+
+
+def unlike_names(table: str, entries: Sequence[Any]) -> dict[str, Any]:
+    """Return tables by their places in the file; refuses two of one name, and names that cannot be printed."""
+    found: dict[str, Any] = {}
+    names: dict[str, int] = {}
+    for k, entry in enumerate(entries, 1):
+        key = f"{table}[{k}] {entry.name!r}"
+        if not entry.name.isprintable():
+            allowed = "letters, digits and signs that can be printed"
+            raise InputError("a name with control characters", key=key, allowed=allowed)
+        if names.setdefault(entry.name, k) != k:
+            what = f"the name is that of {table}[{names[entry.name]}]"
+            raise InputError(what, key=f"{key}.name", found=entry.name, allowed=f"a name that no other {table} has")
+        found[key] = entry
+    return found
 
 
 def same_unit(given: Mapping[str, str | None], file: Path | None) -> str:

@@ -15,6 +15,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.segments import Box
 from fcdm_opt.curve.touching_sizes import made_at
 from fcdm_opt.doors import Shown
@@ -335,6 +336,8 @@ def _resolved(given: Mapping[str, Any]) -> dict[str, Any]:
         "keep_out": keep_outs(asked.keep_out),
     }
     parts = _parts_made(request)
+    if parts and asked.contacts is not None:
+        parts |= _contacts_made(request, parts)
     contact = NominalContact(**{**request, **parts})
     contact.check_number()
     if asked.goal is None:
@@ -396,6 +399,10 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
     """Return the bodies of the sizes made, and these by name."""
     sizes, made = request["sizes"], request["made"]
     names = [size.name for size in sizes]
+    for size in sizes:
+        if size.body not in ("movable", "static"):
+            allowed = '"movable" or "static"'
+            raise InputError("no such body", key=f"size '{size.name}'.body", found=size.body, allowed=allowed)
     for name in names:
         if names.count(name) > 1:
             raise InputError(
@@ -410,6 +417,21 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
         for role in ("movable", "static")
     }
     return {**parts, "made": values}
+
+
+def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the contacts of the bodies as drawn, on the bodies as made: those are to be restored."""
+    if isinstance(request["nominal"], int):
+        what = "with sizes the contacts to restore are those of the parts as drawn"
+        raise InputError(what, key="nominal", found=request["nominal"], allowed='"drawn", or a pair of scales')
+    drawn = NominalContact(**{**request, "goal": request["goal"] or "at"})
+    over = CarriedOver((drawn.movable, drawn.static), (parts["movable"], parts["static"]))
+    known = {name: getattr(drawn, name) for name in ("nominal_contact", "nominal_pair", "_closed")}
+    return {
+        **known,
+        "nominal_joints": tuple(map(over.joint, drawn.nominal_joints)),
+        "nominal_seats": tuple(map(over.seat, drawn.nominal_seats)),
+    }
 
 
 def _check_motion(asked: Arguments) -> None:

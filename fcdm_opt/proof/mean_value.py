@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.motion.own_motion import OwnMotion
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 
@@ -230,7 +229,7 @@ class PosesOfPieces:
         exact = [Interval(seed) - origin for seed in (problem.movable.seed, problem.static.seed)]
         self._seeds = [own[k] for own in exact for k in range(3)]
         # the package's own motions are smooth; where a series takes over, they jump by less than 1e-20
-        self._smooth = not any(isinstance(step, OwnMotion) for step in problem.motion.steps)
+        self._smooth = all(step.smooth for step in problem.motion.steps)
 
     def poses(self, pieces: Pieces) -> Poses:
         """Return the poses of pieces."""

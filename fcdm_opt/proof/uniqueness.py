@@ -2,7 +2,8 @@
 
 Each contact gives equations between the pose and the elements that touch: a vertex in the plane of a face, an edge that
 meets an edge; a face or edge on a face several of the first kind. Where as many of them as there are parameters have
-derivatives over a box that are regular whichever they are there, no two motions of the box meet the equations.
+derivatives over a box that are regular whichever they are there, no two motions of the box meet the equations. Several
+problems with the same parameters, as the contacts of an assembly are, give theirs together.
 """
 
 from __future__ import annotations
@@ -21,49 +22,49 @@ from fcdm_opt.proof.intervals import Interval
 from fcdm_opt.proof.mean_value import Boxes, Expression, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
+ROUNDS, SHRINKS = 60, 0.99  # in which a ball is made smaller, and by what at least
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
 Equation = tuple[str, list[Interval]]
+Problems = Sequence[Problem]
 
 
-def widest_unique(problem: Problem, q: Array) -> float:
+def widest_unique(problems: Problems, q: Array) -> float:
     """Return the half width of the widest box tried about no motion in which no other motion restores the contacts.
 
     Parameters
     ----------
-    problem : Problem
-        With `contacts`.
+    problems : sequence of Problem
+        With `contacts`, and the same parameters, weights and limits.
     q : (k,) array
         A motion that restores them. Boxes are of weights * q, and all hold it; 0 where none is proved.
     """
-    largest = float(np.abs(problem.weights * q).max())
-    tried = max(largest, DEFAULT.least_unit * problem.size) * np.array(TRIED)
-    return float(tried[unique(problem, q, tried)].max(initial=0.0))
+    largest = float(np.abs(problems[0].weights * q).max())
+    tried = max(largest, DEFAULT.least_unit * _size(problems)) * np.array(TRIED)
+    return float(tried[unique(problems, q, tried)].max(initial=0.0))
 
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
-def unique(problem: Problem, q: Array, half: Array) -> Array:
+def unique(problems: Problems, q: Array, half: Array) -> Array:
     """Tell for boxes |weights * q| <= half, (n,), whether at most one motion within restores the contacts.
 
     Limits narrow them only where they hold a parameter.
     """
-    weights, (low, high) = problem.weights, problem.limits.T
+    weights, (low, high) = problems[0].weights, problems[0].limits.T
     moving = low < high
     count, still = int(moving.sum()), np.where(moving, 0.0, low * weights)
-    equations = list(_equations(problem))
-    if len(equations) < count or not count:
+    equations, step = _Equations(problems), 1e-9 * _size(problems)
+    if equations.count < count or not count:
         return np.zeros(len(half), dtype=np.bool_)
     wide = half[:, None] * moving
-    motion = _motion(problem)
     here = np.where(moving, weights * q, still)[None]
     # derivatives at the motion, by the coordinates of the unit box: which equations are independent, and their inverse
-    tight = _slopes(motion, _boxes(here - 1e-9 * problem.size * moving, here + 1e-9 * problem.size * moving), equations)
-    slopes = tight.middle[0][:, moving] / (1e-9 * problem.size)
+    slopes = equations.slopes(_boxes(here - step * moving, here + step * moving)).middle[0][:, moving] / step
     chosen = _independent(slopes, count)
     if len(chosen) < count:
         return np.zeros(len(half), dtype=np.bool_)
     inverse = np.linalg.inv(slopes[chosen])
-    over = _slopes(motion, _boxes(still - wide, still + wide), [equations[k] for k in chosen])
+    over = equations.slopes(_boxes(still - wide, still + wide), chosen)
     places = np.broadcast_to(np.flatnonzero(moving), (len(half), count, count))
     scaled = inverse / half[:, None, None]
     product = Interval(scaled, np.zeros_like(scaled)).contracted(over.taken(np.ascontiguousarray(places)))
@@ -72,7 +73,7 @@ def unique(problem: Problem, q: Array, half: Array) -> Array:
 
 
 @np.errstate(all="ignore")
-def least_amount(problem: Problem, way: Array, half: Array) -> float:
+def least_amount(problems: Problems, way: Array, half: Array) -> float:
     """Return an amount below which no motion restores the contacts, weighted; 0 where nothing is proved.
 
     Of multipliers l of the equations F, way = J' l in weighted parameters y: F(y) = 0 asks for l . F(0) = -l . J y, J
@@ -85,17 +86,15 @@ def least_amount(problem: Problem, way: Array, half: Array) -> float:
     half : (n,) array
         Half widths of boxes of weighted parameters, of which the best is taken.
     """
-    moving = problem.limits[:, 0] < problem.limits[:, 1]
-    equations, motion = list(_equations(problem)), _motion(problem)
-    if problem.limits[~moving].any() or not len(half):
+    limits = problems[0].limits
+    moving = limits[:, 0] < limits[:, 1]
+    equations = _Equations(problems)
+    if limits[~moving].any() or not len(half):
         return 0.0
-    rest = np.zeros((1, len(moving)))
-    wide = half[:, None] * moving
-    poses = motion.poses(_boxes(rest, rest))
-    at_rest = [_expression(kind).values(poses.centre, given)[0][0][0] for kind, given in equations]
+    wide, at_rest = half[:, None] * moving, equations.values(np.zeros(len(moving)))
     value = sum((float(w) * x for w, x in zip(way, at_rest, strict=True)), Interval(0.0))
     short = max(float(np.max(value.low)), -float(np.max(value.high)), 0.0)
-    over = _slopes(motion, _boxes(-wide, wide), equations)
+    over = equations.slopes(_boxes(-wide, wide))
     fixed = np.broadcast_to(way, (len(half), 1, len(way)))
     slope = Interval(fixed, np.zeros_like(fixed)).contracted(over).size[:, 0] / half[:, None]
     steep = np.sqrt((slope * slope).sum(axis=1)) * (1.0 + 2.0**-40)
@@ -103,22 +102,95 @@ def least_amount(problem: Problem, way: Array, half: Array) -> float:
     return float(np.nan_to_num(np.where(steep > 0.0, bounds, half if short > 0.0 else 0.0)).max())
 
 
-def equations_at(problem: Problem, y: Array) -> tuple[Array, Array]:
+@np.errstate(all="ignore")
+def least_about(problems: Problems, q: Array) -> float:
+    """Return an amount below which no motion restores the contacts, by what holds of all that are no larger than this.
+
+    With multipliers l such that l . J = y* at the motion's weighted parameters y*, of length A, every y that meets the
+    equations F has y* . (y - y*) = -l . F(y*) - (w - y*) . (y - y*), w = l . J somewhere between y and y*. So those of
+    length A at most have |y| >= A - d / A and |y - y*|^2 <= 2 d, d a bound of the right side; over this smaller ball w
+    is nearer to y*, and so on. Limits that hold a parameter help: there y - y* has one sign.
+    """
+    weights, (low, high) = problems[0].weights, problems[0].limits.T
+    moving, y = low < high, weights * q
+    equations, amount = _Equations(problems), float(np.linalg.norm(y)) * (1.0 + 2.0**-40)
+    if not amount > 0.0 or not equations.count or y[~moving].any():
+        return 0.0
+    at_low, at_high = (q <= low) & moving, (q >= high) & moving
+    free, step = moving & ~at_low & ~at_high, 1e-9 * _size(problems)
+    slopes = equations.slopes(_boxes((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
+    ways = np.linalg.lstsq(slopes[:, free].T, y[free], rcond=DEFAULT.nominal)[0]
+    left = sum((float(w) * x for w, x in zip(ways, equations.values(y), strict=True)), Interval(0.0))
+    rest, reach = float(np.max(left.size)), 2.0 * amount
+    fixed, bound = Interval(ways[None, None], np.zeros((1, 1, len(ways)))), 0.0
+    for _ in range(ROUNDS):
+        ends = np.maximum(y - reach, -amount), np.minimum(y + reach, amount)  # both balls
+        box = _boxes(
+            *(
+                np.where(moving, end + side * 2.0**-40 * amount, 0.0)[None]
+                for end, side in zip(ends, (-1.0, 1.0), strict=True)
+            )
+        )
+        wide = np.where(moving, box.half[0], 1.0)
+        own = fixed.contracted(equations.slopes(box))
+        slack = own.size[0, 0] / wide * 2.0**-38
+        below, above = own.low[0, 0] / wide - y - slack, own.high[0, 0] / wide - y + slack
+        both = np.maximum(-below, above)
+        off = np.where(at_low, np.maximum(above, 0.0), np.where(at_high, np.maximum(-below, 0.0), both))
+        short = (float(np.linalg.norm(np.where(moving, off, 0.0))) * reach + rest) * (1.0 + 2.0**-40)
+        found = (amount - short / amount) * (1.0 - 2.0**-40)
+        bound, before = max(bound, found), reach
+        reach = float(np.sqrt(2.0 * short)) * (1.0 + 2.0**-40)
+        if not reach < SHRINKS * before:
+            break
+    return max(bound, 0.0)
+
+
+def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:
     """Return the values of the contacts' equations at weighted parameters, (m,), and their derivatives, (m, k).
 
     In floats, to choose by: neither is an enclosure.
     """
-    moving = problem.limits[:, 0] < problem.limits[:, 1]
-    equations, motion, step = list(_equations(problem)), _motion(problem), 1e-9 * problem.size
-    poses = motion.poses(_boxes(y[None], y[None]))
-    values = [_expression(kind).values(poses.centre, given)[0][0][0].middle for kind, given in equations]
-    slopes = _slopes(motion, _boxes((y - step * moving)[None], (y + step * moving)[None]), equations).middle[0] / step
+    limits = problems[0].limits
+    moving, equations, step = limits[:, 0] < limits[:, 1], _Equations(problems), 1e-9 * _size(problems)
+    values = [value.middle for value in equations.values(y)]
+    slopes = equations.slopes(_boxes((y - step * moving)[None], (y + step * moving)[None])).middle[0] / step
     return np.array(values).ravel(), slopes
 
 
-@lru_cache(maxsize=4)
+def _size(problems: Problems) -> float:
+    return max(problem.size for problem in problems)
+
+
+@lru_cache(maxsize=16)
 def _motion(problem: Problem) -> PosesOfPieces:
     return PosesOfPieces(problem)
+
+
+class _Equations:
+    """The equations of all contacts of some problems, in order."""
+
+    def __init__(self, problems: Problems) -> None:
+        self._own = [(_motion(problem), list(_equations(problem))) for problem in problems if problem.contacts]
+        self.count = sum(len(equations) for _, equations in self._own)
+
+    def values(self, y: Array) -> list[Interval]:
+        """Return their values at weighted parameters."""
+        found = []
+        for motion, equations in self._own:
+            centre = motion.poses(_boxes(y[None], y[None])).centre
+            found += [_expression(kind).values(centre, given)[0][0][0] for kind, given in equations]
+        return found
+
+    def slopes(self, boxes: Boxes, chosen: Sequence[int] | None = None) -> Interval:
+        """Return derivatives of all, or of those chosen, over boxes times their half widths, (n, equations, k)."""
+        found, first = [], 0
+        for motion, equations in self._own:
+            kept = [own for k, own in enumerate(equations, first) if chosen is None or k in chosen]
+            found += _slopes(motion, boxes, kept) if kept else []
+            first += len(equations)
+        both = (np.concatenate([getattr(own, side) for own in found], axis=1) for side in ("middle", "radius"))
+        return Interval(*both)
 
 
 def _boxes(low: Array, high: Array) -> Boxes:
@@ -126,8 +198,8 @@ def _boxes(low: Array, high: Array) -> Boxes:
     return Boxes(rows, np.zeros_like(rows), low, high)
 
 
-def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) -> Interval:
-    """Return derivatives of all equations over boxes times their half widths, (n, equations, k)."""
+def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) -> list[Interval]:
+    """Return derivatives of each equation over boxes times their half widths, (n, 1, k)."""
     poses = motion.poses(boxes)
     found = []
     for kind, given in equations:
@@ -139,8 +211,7 @@ def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) 
         )
         own = Interval(*sides).contracted(poses.change)
         found.append(Interval(own.middle, np.where(poses.jumps[:, :, None], np.inf, own.radius)))
-    both = (np.concatenate([getattr(own, side) for own in found], axis=1) for side in ("middle", "radius"))
-    return Interval(*both)
+    return found
 
 
 def _independent(slopes: Array, count: int) -> list[int]:

@@ -5,6 +5,7 @@ rendering        HTML from `templates`, for `cards` and `report`
 cards            what notebooks show
 solved           cases as tables and reports show them
 tables           what the command line prints, by `printing`
+assemblies       tables and pictures of several parts
 
 Pictures, and here what they share:
 

@@ -14,7 +14,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, Figure, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, ORANGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, literal
 from fcdm_opt.show.texts import shortened
 
@@ -27,6 +27,10 @@ ALONE, VIEW = 2.6, (27.0, -54.0)
 LEAST, MOST, FOOT, MARGIN = 1.6, 3.9, 0.55, 0.2
 """Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that corners
 keep from the edge of its area, for their numbers."""
+
+COLOURS: tuple[str, ...] = (VERMILLION, BLUE, GREEN, PURPLE, ORANGE, GREY)
+LINES: tuple[Any, ...] = ("solid", (0, (4, 2)), "dotted")
+"""Of parts of an assembly, one after the other."""
 
 MOST_NUMBERS, LONGEST_NAME = 80, 44
 """Corners that can be numbered legibly, and letters of a body's name in the legend."""
@@ -68,10 +72,7 @@ def scene_figure(
     sheet = Sheet.of(WIDTH, height + foot + 0.35, title=title, caption=caption)
     axes = draw_scene(sheet, (0.0, foot, WIDTH, height + 0.35), shown, features=features, contacts=contacts)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
-    handles, labels = axes.get_legend_handles_labels()
-    x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
-    labels = [*map(literal, labels)]
-    sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.6)
+    _add_legend(sheet, axes, foot)
     return sheet.figure
 
 
@@ -84,6 +85,32 @@ def body_figure(body: Body) -> Figure:
     sheet = Sheet.of(ALONE, height)
     _draw_body(_axes_for(sheet, (0.0, 0.0, ALONE, height), shown), page, body, BLUE, "solid", 0.16, body.name)
     return sheet.figure
+
+
+@styled
+def parts_figure(
+    bodies: Sequence[Body], names: Sequence[str], *, unit: str = "", title: str = "", caption: str = ""
+) -> Figure:
+    """Draw several bodies where they are, each in its colour and kind of line, with its name in the legend."""
+    points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
+    shown = ShownPair((bodies[0], bodies[1]), (), points, VIEW)
+    foot = max(FOOT, 0.16 * (len(bodies) + 1))
+    height = float(np.clip(shown.slenderness * (WIDTH - 0.3), LEAST, MOST))
+    sheet = Sheet.of(WIDTH, height + foot + 0.35, title=title, caption=caption)
+    axes, page = _axes_for(sheet, (0.0, foot, WIDTH, height + 0.35), shown), page_directions(*shown.view)
+    for k, (body, name) in enumerate(zip(bodies, names, strict=True)):
+        colour, style = COLOURS[k % len(COLOURS)], LINES[k // len(COLOURS) % len(LINES)]
+        _draw_body(axes, page, body, colour, style, 0.12, shortened(name, LONGEST_NAME))
+    draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
+    _add_legend(sheet, axes, foot)
+    return sheet.figure
+
+
+def _add_legend(sheet: Sheet, axes: Any, foot: float) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
+    labels = [*map(literal, labels)]
+    sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.6)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from fcdm_opt.geometry.units import floored, measured
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
     from fcdm_opt.show.solved import SolvedCase
@@ -140,7 +141,7 @@ def amount_text(amount: float | None, unit: str = "") -> str:
     return "-" if amount is None or not math.isfinite(amount) else measured(f"{amount:.5g}", unit)
 
 
-def bound_text(solution: Solution) -> str:
+def bound_text(solution: Solution | AssemblySolution) -> str:
     """Return the lower bound, rounded down to five digits, and below it how near the amount it comes."""
     if not math.isfinite(solution.lower_bound):
         return "impossible"

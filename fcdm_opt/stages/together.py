@@ -2,7 +2,8 @@
 
 The gap of each contact is one equation, and flush contacts of motions that turn have those of their alignment besides.
 In weighted coordinates z the least motion of the linearised equations is a least distance problem in their null space,
-with alternatives where part pairs would overlap. While nothing turns, that is exact; else it is Newton's method.
+with alternatives where part pairs would overlap. While nothing turns, that is exact; else it is Newton's method. So are
+several tasks with the same parameters, one for each two parts of an assembly, met at once.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from fcdm_opt.model.task import Answer, Parts, Task, lines_of
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.proof.uniqueness import equations_at, least_amount, unique, widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, least_about, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
 
@@ -32,6 +33,7 @@ CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met wil
 MOST_NODES, FARTHEST = 2000, 1e6
 EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
 BOXES = (64.0, 16.0, 4.0, 2.0, 1.0)  # half widths in which no motion is sought, in amounts
+ENOUGH = 1e-6  # relative gap with which a bound is left
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: several contacts, linear in the motion", "2: several contacts, by Newton's method"
 
@@ -47,7 +49,7 @@ def together(task: Task) -> Answer | None:
     if task.goal == FIT:
         return _fitted(task)
     own = System.of(task)
-    z, none = own.least()
+    z, none = least([own])
     if z is not None:
         return _answered(own, z)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told(own).sentences()
@@ -68,6 +70,42 @@ def _answered(own: System, z: Array) -> Answer:
     return task.answer(q, LINEAR if exact else NEWTON, bound, active, counts)
 
 
+def all_at_once(problems: Sequence[Problem], tasks: Sequence[Task], *, known: float, prove: bool) -> Answer:
+    """Answer several tasks that share their parameters and their size: contacts of an assembly that share motions.
+
+    Exact where nothing turns; else with the best bound found: `known` beforehand, that no other motions restore the
+    contacts, or multipliers.
+
+    Parameters
+    ----------
+    problems, tasks : sequences of Problem and Task
+        Alike.
+    known : float
+        A lower bound of the amount.
+    prove : bool
+        Look for a bound where motions turn.
+    """
+    systems = [System.of(task) for task in tasks]
+    exact = all(task.motion.shifts for task in tasks)
+    stage = LINEAR if exact else NEWTON
+    z, none = least(systems)
+    if z is None:
+        status = Status.INFEASIBLE if none else Status.NOT_FOUND
+        return Answer(status, None, stage, np.inf if none else known, ("no motions close all contacts together",))
+    q = systems[0].q(z)
+    amount = float(np.linalg.norm(tasks[0].weights * q))
+    bound = amount if exact else known
+    joined = [problem for problem in problems if problem.contacts]
+    if prove and bound < amount and joined:
+        bound = max(bound, min(widest_unique(joined, q), amount))
+        if bound < amount:
+            bound = max(bound, _by_multipliers(joined, q))
+    count = sum(len(task.joints) for task in tasks)
+    active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
+    status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED
+    return Answer(status, q, stage, min(bound, amount), active, amount=amount)
+
+
 def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
     """Return an answer about several contacts and a motion that turns with what interval arithmetic proves of it.
 
@@ -77,10 +115,10 @@ def alone(problem: Problem, task: Task, answer: Answer) -> Answer:
     if problem.goal == FIT or (answer.q is None and problem.motion.shifts):
         return answer
     if problem.motion.shifts:  # what holds in one box holds in all
-        only = bool(unique(problem, answer.motion, np.array([problem.size]))[0])
+        only = bool(unique((problem,), answer.motion, np.array([problem.size]))[0])
         return replace(answer, unique=np.inf if only else 0.0)
     if answer.q is not None:
-        answer = replace(answer, unique=widest_unique(problem, answer.q))
+        answer = replace(answer, unique=widest_unique((problem,), answer.q))
     if answer.q is not None and not answer.q.any():
         return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
@@ -101,7 +139,7 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
     y = task.weights * (answer.q if answer.q is not None else task.start)
     if answer.q is None:
         for _ in range(FEW_STEPS):  # to the least squares of the equations
-            values, slopes = equations_at(problem, y)
+            values, slopes = equations_at((problem,), y)
             step = np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
             y = y - step
             if not np.abs(step).max(initial=0.0) > CONTRACTED * task.size:
@@ -109,14 +147,23 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
         if not len(values):
             return 0.0
         if np.abs(task.line_gaps(y / task.weights)[1]).max() <= DEFAULT.touch * task.size:
-            return widest_unique(problem, y / task.weights)  # the one motion that closes all is no answer
+            return widest_unique((problem,), y / task.weights)  # the one motion that closes all is no answer
         half = max(float(np.linalg.norm(y)), task.unit) * np.array(BOXES)
-        return least_amount(problem, values, half)
-    values, slopes = equations_at(problem, y)
+        return least_amount((problem,), values, half)
+    return _by_multipliers((problem,), answer.q)
+
+
+def _by_multipliers(problems: Sequence[Problem], q: Array) -> float:
+    """Return a bound by the multipliers that balance a motion: near it, or as far as they hold all around."""
+    bound, y = least_about(problems, q), problems[0].weights * q
+    amount = float(np.linalg.norm(y))
+    if bound >= (1.0 - ENOUGH) * amount:
+        return bound
+    values, slopes = equations_at(problems, y)
     if not len(values):
         return 0.0
-    way = np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0]
-    return least_amount(problem, np.asarray(way, dtype=np.float64), np.array([answer.amount]))
+    way = np.asarray(np.linalg.lstsq(slopes.T, y, rcond=DEFAULT.nominal)[0])
+    return max(bound, least_amount(problems, way, np.array([amount])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +215,8 @@ class System:
     def linearised(self, q: Array) -> tuple[Array, Array]:
         """Return the gaps in sizes, then how far flush contacts are from aligned, and their derivatives by z."""
         task = self.task
+        if not self.count:
+            return np.empty(0), np.empty((0, len(task.weights)))
         T, rates = task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)
         gaps, slopes = replace(task, besides=self.features).line_gaps(q)[1], []
         normals = replace(task, besides=self.features).line_gaps(q)[0]
@@ -177,45 +226,8 @@ class System:
         slopes += [task.size * (rates[:, :3, :3] @ p) @ m for m, p in self.turns]
         return np.array(values), np.where(self.moving, np.array(slopes) / task.weights, 0.0)
 
-    def least(self) -> tuple[Array | None, bool]:
-        """Return the least z that solves the equations and lets nothing overlap; without one, whether none does.
-
-        Of motions that turn Newton's method may have missed one: it never tells that there is none.
-        """
-        task, exact = self.task, self.task.motion.shifts
-        z, blocked, closings = task.start * task.weights / task.size, set[Parts](), list[list[Rows]]()
-        for _ in range(STEPS):
-            q = self.q(z)
-            values, slopes = self.linearised(q)
-            groups = [*(self._ways_apart(parts, q) for parts in sorted(blocked)), *closings]
-            found, complete = _nearest(slopes, slopes @ z - values, self._limits(), groups)
-            if found is None:
-                return None, exact and complete
-            step, z = float(np.abs(found - z).max()), found
-            if step > CONTRACTED and not exact:
-                continue
-            q = self.q(z)
-            if np.abs(self.linearised(q)[0]).max() > DEFAULT.line:
-                if step <= LEAST_STEP or exact:
-                    return None, False
-                continue
-            if replace(task, besides=self.features).meets(q, DEFAULT.requirement):
-                return (z if exact or blocked else self._polished(z)), False
-            if exact and np.linalg.matrix_rank(slopes[:, self.moving], DEFAULT.nominal) == self.moving.sum():
-                return None, not replace(task, besides=self.features).meets(q, DEFAULT.line)
-            more = self._blocked(q) - blocked
-            if not more:
-                return None, False
-            blocked |= more
-            closings = self._closings() if exact else []
-        return None, False
-
-    def _polished(self, z: Array) -> Array:
-        """Return z after a last step of Newton's method."""
-        values, slopes = self.linearised(self.q(z))
-        return z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0]
-
-    def _limits(self) -> Rows:
+    def limits(self) -> Rows:
+        """Return the limits as rows over z."""
         task = self.task
         normals = np.vstack([np.eye(len(task.weights)), -np.eye(len(task.weights))])
         levels = np.concatenate([task.limits[:, 0], -task.limits[:, 1]]) * np.tile(task.weights, 2) / task.size
@@ -235,29 +247,92 @@ class System:
             slopes = System(task, tuple(features)).linearised(q)[1][: len(order)]
         return Rows(slopes, slopes @ (q * task.weights / task.size) - gaps[order] / task.size)
 
-    def _blocked(self, q: Array) -> set[Parts]:
-        """Return the pairs with the static body that overlap; while nothing turns all that may."""
+    def meets(self, q: Array, slack: float) -> bool:
+        """Tell whether a motion closes these contacts, and does what the task asks besides."""
+        return replace(self.task, besides=self.features).meets(q, slack)
+
+    def blocked(self, q: Array) -> set[Parts]:
+        """Return the pairs with the static body that are too near; while nothing turns all that may be."""
         task, own = self.task, {feature.parts for feature in self.features}
-        bad = task.pair_gaps(q)[:, : len(task.static.parts)] < -DEFAULT.cut * task.size
+        if not task.must_clear:
+            return set()
+        bad = task.pair_gaps(q)[:, : len(task.static.parts)] < task.need - DEFAULT.cut * task.size
         return {(i, j) for i, j in np.ndindex(bad.shape) if (bad[i, j] or task.motion.shifts) and (i, j) not in own}
 
-    def _ways_apart(self, parts: Parts, q: Array) -> list[Rows]:
-        """Return the ways in which a pair may come apart, the widest first."""
+    def ways_apart(self, parts: Parts, q: Array) -> list[Rows]:
+        """Return the ways in which a pair may come apart as far as is needed, the widest first."""
         rows = self._rows(parts, q, EVERY if self.task.motion.shifts else NEAREST_WAYS)
-        return [Rows(rows.normals[k : k + 1], rows.levels[k : k + 1]) for k in range(len(rows.levels))]
+        levels = rows.levels + self.task.need / self.task.size
+        return [Rows(rows.normals[k : k + 1], levels[k : k + 1]) for k in range(len(levels))]
 
-    def _closings(self) -> list[list[Rows]]:
-        """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other."""
-        task, rest = self.task, self.task.start
+    def closings(self, q: Array) -> list[list[Rows]]:
+        """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
+
+        Where no contact is listed and the pair is to touch, any pair may.
+        """
+        task = self.task
+        hosts = [joint.hosts for joint in task.joints] or [tuple(np.ndindex(task.pair_gaps(q).shape))] * task.must_touch
+        most = EVERY if task.motion.shifts else NEAREST_WAYS
         return [
-            [Rows(-rows.normals, -rows.levels) for parts in joint.hosts for rows in (self._rows(parts, rest, EVERY),)]
-            for joint in task.joints
+            [Rows(-rows.normals, -rows.levels) for parts in own for rows in (self._rows(parts, q, most),)]
+            for own in hosts
         ]
 
     def at_limits(self, q: Array) -> tuple[str, ...]:
         """Return "a limit" where a parameter is at one."""
         low, high = self.task.limits.T
         return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
+
+
+def least(systems: Sequence[System]) -> tuple[Array | None, bool]:
+    """Return the least z that meets the tasks of all systems, which share their parameters and their size.
+
+    Without one, whether none does: of motions that turn Newton's method may have missed one, and never tells.
+    """
+    first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
+    z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
+    touching = [own for own in systems if own.task.must_touch and not own.task.joints]
+    moving = systems[0].moving
+    for _ in range(STEPS):
+        q = systems[0].q(z)
+        values, slopes = _linearised(systems, q)
+        closing = systems if exact and blocked else touching
+        groups = [
+            *(systems[k].ways_apart(parts, q) for k, parts in sorted(blocked)),
+            *(group for own in closing for group in own.closings(first.start if exact else q)),
+        ]
+        found, complete = _nearest(slopes, slopes @ z - values, systems[0].limits(), groups)
+        if found is None:
+            return None, exact and complete
+        step, z = float(np.abs(found - z).max()), found
+        if step > CONTRACTED and not exact:
+            continue
+        q = systems[0].q(z)
+        if np.abs(_linearised(systems, q)[0]).max(initial=0.0) > DEFAULT.line:
+            if step <= LEAST_STEP or exact:
+                return None, False
+            continue
+        if all(own.meets(q, DEFAULT.requirement) for own in systems):
+            return (z if exact or blocked or touching else _polished(systems, z)), False
+        if exact and not touching and np.linalg.matrix_rank(slopes[:, moving], DEFAULT.nominal) == moving.sum():
+            return None, not all(own.meets(q, DEFAULT.line) for own in systems)
+        more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
+        if not more:
+            return None, False
+        blocked |= more
+    return None, False
+
+
+def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
+    """Return values and derivatives of all systems, see `System.linearised`."""
+    values, slopes = zip(*(own.linearised(q) for own in systems), strict=True)
+    return np.concatenate(values), np.concatenate(slopes)
+
+
+def _polished(systems: Sequence[System], z: Array) -> Array:
+    """Return z after a last step of Newton's method."""
+    values, slopes = _linearised(systems, systems[0].q(z))
+    return np.asarray(z - np.linalg.lstsq(slopes, values, rcond=DEFAULT.nominal)[0])
 
 
 def _touched(task: Task, feature: FeaturePoints, T: Array, n: Array, gap: float) -> Array:
@@ -371,7 +446,7 @@ class _Told:
                 if any(set(known) <= set(group) for known in self.conflicts):
                     continue
                 some = System.of(task, group)
-                z, _ = some.least()
+                z, _ = least([some])
                 if z is None:
                     continue
                 left = {
@@ -423,7 +498,7 @@ def _fitted(task: Task) -> Answer:
         if program.status != 0:
             return replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
         largest = max(float(program.fun), 0.0) + DEFAULT.tie
-        rows = own._limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
+        rows = own.limits().and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
         flat = np.linalg.norm(rows.normals, axis=1) > DEFAULT.tie
         rows = Rows(rows.normals[flat], rows.levels[flat])
         found, _ = _nearest(slopes[count:], slopes[count:] @ z - values[count:], rows, ())

@@ -7,12 +7,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.problem.assembly_file import AssemblyFile
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.schema import Entry, Label, Number, declared, one_of, refusal
 
 Key = Annotated[str, Field(min_length=1)]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"  # the name of the dialect: nothing is asked there
-KINDS = ("problem", "study")
+KINDS = ("problem", "study", "assembly")
 WAYS = ("values", "grid", "uniform", "normal", "csv")
 
 # "from" and "yield" are words of Python, so that no class body can name such a field
@@ -198,7 +199,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
 
     Parameters
     ----------
-    kind : "problem" or "study"
+    kind : "problem", "study" or "assembly"
 
     Raises
     ------
@@ -207,7 +208,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
     """
     if kind not in KINDS:
         raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
-    model = ProblemFile if kind == "problem" else StudyFile
+    model = {"problem": ProblemFile, "study": StudyFile, "assembly": AssemblyFile}[kind]
     document = model.model_json_schema()
     document.pop("title", None)
     head = {"$schema": DIALECT, "$id": f"urn:fcdm-opt:{kind}", "title": f"{kind.capitalize()} file of fcdm-opt (TOML)"}

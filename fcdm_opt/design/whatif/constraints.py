@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fcdm_opt.along.sensitivity import Sensitivity
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Certificate, Solution, kept_clear
 from fcdm_opt.tolerances import DEFAULT
@@ -144,6 +146,20 @@ def _clearance(
     )
 
 
+def _contact(problem: Problem, feature: Feature) -> Constraint:
+    """Return one of several contacts that are restored together; without it, it may stay open."""
+
+    def changed(problem: Problem, by: float) -> Problem:
+        left = [own.label for own in problem.contacts if own != feature]
+        return problem.changed(contacts=left) if left else problem.changed(contacts=None, goal="clear")
+
+    def excess(solution: Solution, certificate: Certificate) -> float:
+        gap = replace(solution, problem=problem).contact_gaps.get(feature.label, math.inf)
+        return abs(gap) if problem.goal != FIT else max(-gap, 0.0)
+
+    return Constraint(name=f"contact {feature.label}", changed=changed, excess=excess, slack=problem.contact_slack)
+
+
 def _passed(name: str, check: str, instead: dict[str, Any], unit: str = "") -> Constraint:
     """Return that the judge's checks whose names start so pass; without it, the problem has other arguments."""
 
@@ -166,8 +182,8 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
     Returns
     -------
     tuple of Constraint
-        Limits by parameter, keep-outs, pair state, clearance, coherence, whole steps; a weaker one stands before the
-        one that includes it.
+        Limits by parameter, keep-outs, contacts that are restored together, pair state, clearance, coherence, whole
+        steps; a weaker one stands before the one that includes it.
     """
     listed: list[Constraint] = []
     for k, (parameter, ends) in enumerate(zip(problem.motion.parameters, problem.limits.tolist(), strict=True)):
@@ -181,7 +197,9 @@ def constraints(problem: Problem) -> tuple[Constraint, ...]:
         listed.append(_clearance(problem, label, kept=kept))
         if kept.clearance > 0:
             listed.append(_clearance(problem, kept_clear(kept.name), kept.clearance, label, kept))
-    state = "" if problem.pair in ("any", problem.goal) else f"pair {problem.pair!r}"
+    if len(problem.contacts) > 1:
+        listed += [_contact(problem, feature) for feature in problem.contacts]
+    state = "" if problem.contacts or problem.pair in ("any", problem.goal) else f"pair {problem.pair!r}"
     if problem.pair == "touch" and state:
         listed.append(_passed(state, "pair touches", {"pair": "any"}))
     elif state:

@@ -1,0 +1,121 @@
+"""The judge of assemblies: every contact as that of two parts, every two parts for overlaps, and the total."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import hypot, isfinite
+
+import numpy as np
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.collision import scaled_pair
+from fcdm_opt.judge.certificate import judged_gaps, verify
+from fcdm_opt.problem.assembled import AssemblySolution, kept_apart
+from fcdm_opt.problem.solution import Certificate, Check
+from fcdm_opt.tolerances import DEFAULT, Tolerances
+
+
+def verify_assembly(solution: AssemblySolution, tolerances: Tolerances = DEFAULT) -> Certificate:
+    """Judge the motions of an assembly, from the assembly and the claimed numbers alone.
+
+    Parameters
+    ----------
+    solution : AssemblySolution
+        Taken at its word in nothing.
+    tolerances : Tolerances
+        Limits of the checks.
+
+    Returns
+    -------
+    Certificate
+        All checks with value and limit; without motions the one check that says so.
+    """
+    assembly = solution.assembly
+    if not solution.status.found or not solution.parameters:
+        return Certificate((Check("motions found", False, float("nan"), 0.0, solution.status.name),))
+    asked = {part: [own.name for own in motion.parameters] for part, motion in assembly.motions.items()}
+    known = {part: list(own) for part, own in solution.parameters.items()} == asked
+    q = {part: list(own.values()) for part, own in solution.parameters.items()}
+    numbers = [solution.amount, solution.lower_bound, *(x for own in q.values() for x in own)]
+    if not known or not all(map(isfinite, numbers)) or set(solution.transforms) != set(assembly.parts):
+        what = f"a finite number for each of {asked}, and a pose for each part"
+        return Certificate((Check("parameters", False, float("nan"), 0.0, what),))
+    try:
+        poses = assembly.poses(q)
+    except InputError as reason:  # a screw whose axis has vanished on the way
+        return Certificate((Check("parameters", False, float("nan"), 0.0, str(reason)),))
+    smallest = min(body.size for body in assembly.parts.values())
+    limit = max(tolerances.touch * smallest, tolerances.tie * assembly.size)
+    checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
+    made, scales = assembly.bodies_made, assembly.scales
+    for one, two in combinations(assembly.parts, 2):
+        rho = np.array([[scales[one], scales[two]]])
+        gap = judged_gaps(scaled_pair(made[one], made[two]), rho, _seen(poses, one, two), limit)[0]
+        checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))
+    return Certificate(tuple(checks))
+
+
+def _seen(poses: dict[str, Array], one: str, two: str) -> Array:
+    """Return the pose change of one part as another sees it."""
+    T = np.eye(4)
+    R, shift = poses[two][:3, :3], poses[two][:3, 3]
+    T[:3, :3], T[:3, 3] = R.T @ poses[one][:3, :3], R.T @ (poses[one][:3, 3] - shift)
+    return T
+
+
+def _motions(
+    solution: AssemblySolution, q: dict[str, list[float]], poses: dict[str, Array], limit: float, tolerances: Tolerances
+) -> list[Check]:
+    """Check that poses, amounts, the total and limits agree with the parameters."""
+    assembly, off, excess, amounts = solution.assembly, 0.0, 0.0, dict[str, float]()
+    for part, body in assembly.parts.items():
+        between = np.asarray(solution.transforms[part], dtype=np.float64) - poses[part]
+        moved = body.vertices @ between[:3, :3].T + between[:3, 3]
+        off = max(off, float(np.linalg.norm(moved, axis=1).max()))
+        off = off if np.isfinite(moved).all() else float("nan")
+    for part, motion in assembly.motions.items():
+        weights = motion.weights(assembly.lengths[part]).tolist()
+        amounts[part] = hypot(*(w * x for w, x in zip(weights, q[part], strict=True)))
+        for w, x, own in zip(weights, q[part], motion.parameters, strict=True):
+            low, high = assembly.limits[part].get(own.name, (-np.inf, np.inf))
+            excess = max(excess, w * (low - x), w * (x - high))
+    total = hypot(*(assembly.weights[part] * amount for part, amount in amounts.items()))
+    told = max(abs(amount - solution.amounts.get(part, np.inf)) for part, amount in amounts.items())
+    slack = tolerances.requirement * total + tolerances.line * assembly.size
+    named: list[tuple[str, float, float, str]] = [
+        ("poses of parameters", off, limit, "largest displacement of a vertex between the two"),
+        ("amounts", told, slack, "of the parts"),
+        ("amount", abs(total - solution.amount), slack, "of all parts, weighted"),
+        ("lower bound", solution.lower_bound - total, slack, "the bound must not exceed the amount"),
+        ("limits", excess, tolerances.requirement * assembly.size, ""),
+    ]
+    return [Check(name, value <= most, value, most, note) for name, value, most, note in named]
+
+
+def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float, tolerances: Tolerances) -> list[Check]:
+    """Check each contact as that of two parts, that it is the one asked for, and that it is where the parts are."""
+    assembly, checks = solution.assembly, list[Check]()
+    told = len(solution.contacts)
+    checks.append(Check("contacts", told == len(assembly.contacts), told, len(assembly.contacts), "all that are asked"))
+    for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
+        asked, problem = assembly.problem(pair), own.problem
+        same = all(
+            np.array_equal(getattr(asked, key), getattr(problem, key))
+            for key in ("goal", "contacts", "target", "clearance")
+        ) and all(
+            np.array_equal(getattr(asked, role).vertices, getattr(problem, role).vertices)
+            for role in ("movable", "static")
+        )
+        checks.append(Check(f"asked: {pair}", same, float(same), 1.0, "the question is the assembly's"))
+        if own.transform is None:
+            checks.append(Check(f"contact: {pair}", False, float("nan"), 0.0, own.status.name))
+            continue
+        between = np.asarray(own.transform) - _seen(poses, pair.one, pair.two)
+        moved = assembly.parts[pair.one].vertices @ between[:3, :3].T + between[:3, 3]
+        off = float(np.linalg.norm(moved, axis=1).max())
+        checks.append(Check(f"where: {pair}", off <= limit, off, limit, "largest displacement of a vertex"))
+        verdict = verify(own, tolerances)
+        names = ", ".join(check.name for check in verdict.failed)
+        checks.append(Check(f"contact: {pair}", verdict.passed, len(verdict.failed), 0.0, names or "all checks passed"))
+    return checks

@@ -1,0 +1,104 @@
+"""How one part of an assembly moves as another sees it: both are carried by motions, one following the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.motion.motions import IDENTITY, Matrix, Motion, Parameter, Step, product
+
+
+@dataclass(frozen=True)
+class Carrying:
+    """The motion of one part relative to the part that it follows.
+
+    Attributes
+    ----------
+    motion : Motion
+    start : int
+        Place of its first parameter among those of all.
+    seeds : two points
+        Of the part and of what it follows, as drawn.
+    """
+
+    motion: Motion
+    start: int
+    seeds: tuple[tuple[float, ...], tuple[float, ...]]
+
+    def transform(self, q: Sequence[Any]) -> Matrix:
+        """Return its 4x4 transform at the parameters of all, of any kind of scalars."""
+        own = list(q[self.start : self.start + len(self.motion.parameters)])
+        return self.motion.composed(own, *self.seeds)
+
+
+@dataclass(frozen=True)
+class Relative(Step):
+    """A part as another sees it, in the parameters of all motions: T_2^-1 T_1, T the product of what carries each.
+
+    Attributes
+    ----------
+    names : tuple of Parameter
+        The parameters of all.
+    one, two : tuples of Carrying
+        What carries the part that is seen and the part that sees, from the fixed part on; what they share is left out.
+    """
+
+    names: tuple[Parameter, ...]
+    one: tuple[Carrying, ...]
+    two: tuple[Carrying, ...]
+
+    @property
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Those of all motions."""
+        return self.names
+
+    def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
+        """Carry, and look back; seeds are those of the motions."""
+        return product(_inverse(_carried(self.two, q)), _carried(self.one, q))
+
+    @property
+    def bounded(self) -> bool:
+        """Of motions that turn no bound is known: what one carries may be anywhere."""
+        return self._shifting
+
+    @property
+    def smooth(self) -> bool:
+        """As smooth as what it is made of."""
+        return all(step.smooth for own in (*self.one, *self.two) for step in own.motion.steps)
+
+    def own_shifts(self, first: bool) -> bool:
+        """Where every motion shifts."""
+        return self._shifting
+
+    def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
+        """Add up what each motion displaces; nothing is known where one turns."""
+        reaches = np.full(len(self.names), np.inf)
+        if self._shifting:
+            reaches[:] = 0.0
+            for own in (*self.one, *self.two):
+                reaches[own.start : own.start + len(own.motion.parameters)] = own.motion.reaches(points, own.seeds[0])
+        return tuple(reaches.tolist())
+
+    @cached_property
+    def _shifting(self) -> bool:
+        return all(own.motion.shifts for own in (*self.one, *self.two))
+
+
+def _carried(chain: Sequence[Carrying], q: Sequence[Any]) -> Matrix:
+    T = IDENTITY
+    for own in chain:
+        T = product(T, own.transform(q))
+    return T
+
+
+def _inverse(T: Matrix) -> Matrix:
+    """Return the inverse of a rigid transform."""
+    rows = tuple(
+        (T[0][i], T[1][i], T[2][i], -(T[0][i] * T[0][3] + T[1][i] * T[1][3] + T[2][i] * T[2][3])) for i in range(3)
+    )
+    return (*rows, IDENTITY[3])

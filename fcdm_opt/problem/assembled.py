@@ -1,0 +1,123 @@
+"""What solving an assembly returns: plain data, with everything needed to refute it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
+
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.plain import Plain, plain
+from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.solution import LOOSE, Certificate, Solution, Status
+
+
+def kept_apart(one: str, two: str) -> str:
+    """Return the name of the check that two parts do not overlap."""
+    return f"no overlap: {one} - {two}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AssemblySolution(Plain):
+    """Answer to an `Assembly`.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    status : Status
+        Its value is advice.
+    parameters : dict
+        Of each part's motion by name (length units, radians), by part; empty where no motion was found.
+    transforms : dict
+        Pose change of each part in the world, (4, 4), by part; empty likewise.
+    amounts : dict
+        Amount of each part's motion, length units, not weighted.
+    amount : float
+        Root of the sum of (weight times amount)^2 (nan where no motion was found).
+    lower_bound : float
+        No motions smaller than this together can do; 0 where nothing is proved.
+    contacts : tuple of Solution
+        Of each contact, with a problem in the parameters that it depends on.
+    stages : tuple of str
+        How each group of contacts that share parameters was settled.
+    active : tuple of str
+        What stops the motions from being smaller, or what excludes what.
+    certificate : Certificate or None
+    seconds : dict
+        Wall time of "solve" and "verify".
+    """
+
+    plain_names = (
+        "name", "unit", "status", "advice", "usable", "parameters", "motions", "transforms", "amounts", "amount",
+        "lower_bound", "gap", "contacts", "gaps", "stages", "active", "certificate", "seconds",
+    )  # fmt: skip
+
+    assembly: Assembly = field(repr=False)
+    status: Status
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    transforms: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    amounts: Mapping[str, float] = field(default_factory=dict)
+    amount: float = float("nan")
+    lower_bound: float = 0.0
+    contacts: tuple[Solution, ...] = field(default=(), repr=False)
+    stages: tuple[str, ...] = ()
+    active: tuple[str, ...] = ()
+    certificate: Certificate | None = field(default=None, repr=False)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def usable(self) -> bool:
+        """Whether motions were found, and the judge passed them."""
+        return self.status.found and self.certificate is not None and self.certificate.passed
+
+    @property
+    def advice(self) -> str:
+        """What to do, in words."""
+        return self.status.value
+
+    @property
+    def gap(self) -> float:
+        """Relative gap between the amount and its lower bound; nan where there is no motion."""
+        return 0.0 if self.amount == 0.0 else 1.0 - self.lower_bound / self.amount
+
+    @property
+    def doubt(self) -> str:
+        """What is to be said beside the amount where its bound is far below it."""
+        if not self.status.found or not self.amount > 0.0 or self.gap <= LOOSE:
+            return ""
+        return "not proved least" if self.lower_bound <= 0.0 else f"up to {100.0 * self.gap:.0f} % less not excluded"
+
+    @property
+    def gaps(self) -> dict[tuple[str, str], float]:
+        """Signed distance of each two parts after the motion, by their names, as judged; length units."""
+        found = {check.name: check.value for check in (self.certificate.checks if self.certificate else ())}
+        pairs = combinations(self.assembly.parts, 2)
+        return {pair: found[kept_apart(*pair)] for pair in pairs if kept_apart(*pair) in found}
+
+    @property
+    def motions(self) -> dict[str, str]:
+        """The motions in words, by part."""
+        told, unit = self.assembly.motions, self.assembly.unit
+        return {part: told[part].describe([*own.values()], unit=unit) for part, own in self.parameters.items()}
+
+    def with_certificate(self, certificate: Certificate) -> AssemblySolution:
+        """Return the solution with the judge's verdict, and the status it implies."""
+        status = Status.NOT_VERIFIED if self.status.found and not certificate.passed else self.status
+        return replace(self, certificate=certificate, status=status)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data; nan becomes None, and pairs of parts "one - two"."""
+        pairs = self.assembly.contacts if self.contacts else ()
+        shown = ("status", "pair_gap", "pair_state", "features", "open_contacts", "stage", "certificate")
+        told = {
+            "name": self.assembly.name,
+            "unit": self.assembly.unit,
+            "contacts": [
+                {"parts": pair[:2], **{name: getattr(own, name) for name in shown}}
+                | {"features": [feature.label for feature in own.features]}
+                for pair, own in zip(pairs, self.contacts, strict=True)
+            ],
+            "gaps": {" - ".join(pair): gap for pair, gap in self.gaps.items()},
+        }
+        return {name: plain(told[name] if name in told else getattr(self, name)) for name in self.plain_names}

@@ -1,0 +1,418 @@
+"""Several parts, one at rest and each other with a motion of its own, and contacts between any two; plain data.
+
+A part's motion is relative to the part that it follows, and is taken along by it: the pose of a part is the product of
+the motions from the fixed part to it. So a contact of a part with the one that it follows depends on that part's
+motion alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import ConfigDict
+
+from fcdm_opt.curve.touching_sizes import made_at
+from fcdm_opt.errors import InputError, placed
+from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.resizing import resized
+from fcdm_opt.geometry.size import Size
+from fcdm_opt.motion.motions import Motion, Parameter
+from fcdm_opt.motion.relative import Carrying, Relative
+from fcdm_opt.problem.arguments import by_parameter, interval, items, positive
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.schema import Entry, Length, checked, closest, declared
+
+ROLES = ("movable", "static")
+CORNERS = ("low", "high", "middle")
+
+
+class JoinedEntry(Entry):
+    """Two parts of an assembly, and what is asked of them."""
+
+    model_config = ConfigDict(title="Contacts of an assembly")
+
+    parts: tuple[str, str] = declared(
+        ..., "names of two parts: in labels the first is body 1, the second body 2", ["slide", "frame"]
+    )
+    goal: Literal["at", "seat", "touch", "clear"] | None = declared(
+        None,
+        '"at" or "seat" (contacts are restored), "touch" (some contact) or "clear" (apart by clearance); without it '
+        '"at"',
+        "touch",
+    )
+    contacts: Literal["all"] | list[str] | None = declared(
+        None,
+        '"all", or labels of contacts as drawn; without it "all", with goal "touch" or "clear" none',
+        "all",
+        ["V1F2(P1V6; P2V2,V3,V5)"],
+    )
+    clearance: Length = declared(0.0, 'least gap >= 0, length units, for goal "clear"', 0.1)
+
+
+class JoinedPair(NamedTuple):
+    """Two parts, by name, and what is asked of them, as `Problem` has it."""
+
+    one: str
+    two: str
+    asked: dict[str, Any]
+
+    def __str__(self) -> str:
+        return f"{self.one} - {self.two}"
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Assembly:
+    """The question: which motions of several parts, as small as possible together, restore all their contacts.
+
+    Parameters
+    ----------
+    parts : mapping of name to Body, or sequence of Body
+        In one frame, as drawn; a sequence goes by the bodies' names.
+    contacts : sequence of (name, name) or mappings
+        Which parts are to meet, each two once. A pair asks for all contacts that they have as drawn; a mapping has
+        "parts" and "goal", "contacts" or "clearance" besides, with the meaning that these have for a `Problem` whose
+        body 1 is the first part.
+    sizes : sequence of Size, optional
+        Whose `body` is the name of a part.
+    motions : mapping of name to Motion
+        Of every part but the fixed one. World frame as drawn; relative to the part that it follows.
+    follows : mapping of name to name, optional
+        Which part takes another one along. By default the next one on the way of contacts to the fixed part; with the
+        fixed part's name for all, motions are those in the world.
+    scales : mapping of name to number > 0, optional
+        Of the parts made, 1 where none is given.
+    made : mapping of size name to deviation, or "low", "high", "middle", optional
+        Of the parts made, 0 where none is given.
+    weights : mapping of name to number > 0, optional
+        Of each part's amount in the total, 1 where none is given: the root of the sum of (weight times amount)^2.
+    lengths : mapping of name to number > 0, optional
+        Turn a part's radians into lengths, see `Problem`.
+    limits : mapping of name to mapping of parameter name to (lower, upper), optional
+        Length units or radians.
+    name, unit : str
+        As of a `Problem`.
+
+    Attributes
+    ----------
+    parts : dict
+        Bodies by name.
+    contacts : tuple of JoinedPair
+    fixed : str
+        The part without a motion.
+
+    Raises
+    ------
+    InputError
+        Names the argument, what was found and what is allowed.
+    """
+
+    parts: Mapping[str, Body] = field(repr=False)
+    contacts: tuple[JoinedPair, ...]
+    sizes: tuple[Size, ...]
+    motions: Mapping[str, Motion]
+    follows: Mapping[str, str]
+    scales: Mapping[str, float]
+    made: Mapping[str, float]
+    weights: Mapping[str, float]
+    lengths: Mapping[str, float]
+    limits: Mapping[str, Mapping[str, tuple[float, float]]]
+    name: str
+    unit: str
+    fixed: str
+    _problems: dict[tuple[Any, ...], Problem] = field(repr=False)
+
+    def __init__(
+        self,
+        parts: Mapping[str, Body] | Sequence[Body],
+        contacts: Sequence[Any],
+        sizes: Sequence[Size] = (),
+        motions: Mapping[str, Motion] | None = None,
+        *,
+        follows: Mapping[str, str] | None = None,
+        scales: Mapping[str, float] | None = None,
+        made: Mapping[str, float] | str | None = None,
+        weights: Mapping[str, float] | None = None,
+        lengths: Mapping[str, float] | None = None,
+        limits: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
+        name: str = "",
+        unit: str = "",
+    ) -> None:
+        bodies = _bodies(parts)
+        moved = _by_part(motions, "motions", bodies)
+        for part, motion in moved.items():
+            if not isinstance(motion, Motion) or not motion.parameters:
+                raise InputError(
+                    "not a motion", key=f"motions.{part}", found=motion, allowed="a Motion with parameters"
+                )
+        resting = [part for part in bodies if part not in moved]
+        if len(resting) != 1:
+            what = "exactly one part must be without a motion: the fixed one"
+            raise InputError(what, key="motions", found=", ".join(resting) or "none", allowed="one of the parts")
+        joined = _joined(contacts, bodies)
+        leaders = _followed(follows, bodies, joined, resting[0])
+        joined = tuple(_turned(pair, leaders) for pair in joined)
+        deviations = _made(bodies, tuple(sizes), made)
+        own = {
+            "parts": bodies,
+            "contacts": joined,
+            "sizes": tuple(sizes),
+            "motions": {part: moved[part] for part in bodies if part in moved},
+            "follows": leaders,
+            "scales": dict.fromkeys(bodies, 1.0) | _numbers(scales, "scales", bodies),
+            "made": deviations,
+            "weights": dict.fromkeys(moved, 1.0) | _numbers(weights, "weights", moved),
+            "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
+            "limits": _limits(limits, moved),
+            "name": name,
+            "unit": unit,
+            "fixed": resting[0],
+        }
+        for key, value in own.items():
+            object.__setattr__(self, key, value)
+        object.__setattr__(self, "_problems", {})
+        for k, pair in enumerate(joined, 1):
+            with placed(key=f"contacts[{k}] '{pair}'"):
+                self.problem(pair)  # what cannot be asked of two parts is refused here
+
+    @property
+    def size(self) -> float:
+        """Length that relative tolerances refer to: the largest box diagonal of a part as drawn."""
+        return max(body.size for body in self.parts.values())
+
+    @cached_property
+    def bodies_made(self) -> dict[str, Body]:
+        """The parts at the sizes made, unscaled."""
+        return {
+            part: resized(body, {size: self.made[size.name] for size in self.sizes if size.body == part})
+            for part, body in self.parts.items()
+        }
+
+    @cached_property
+    def parameters(self) -> tuple[tuple[str, Parameter], ...]:
+        """The part and the parameter of each motion, in order."""
+        return tuple((part, own) for part, motion in self.motions.items() for own in motion.parameters)
+
+    def chain(self, part: str) -> tuple[str, ...]:
+        """Return the parts that carry a part, from the first that moves on to itself; none for the fixed one."""
+        found: list[str] = []
+        while part != self.fixed:
+            found.append(part)
+            part = self.follows[part]
+        return tuple(reversed(found))
+
+    def involved(self, one: str, two: str) -> tuple[str, ...]:
+        """Return the parts on whose motions it depends how two parts meet."""
+        chains = self.chain(one), self.chain(two)
+        return tuple(part for own, other in (chains, chains[::-1]) for part in own if part not in other)
+
+    def poses(self, q: Mapping[str, Sequence[float] | Array]) -> dict[str, Array]:
+        """Return the pose change of each part in the world, (4, 4), of the parameters of each motion."""
+        found = {self.fixed: np.eye(4)}
+        for part in self.motions:
+            T = np.eye(4)
+            for own in self.chain(part):
+                T = T @ self.motions[own].transform(q[own], self.parts[own].seed, self.parts[self.follows[own]].seed)
+            found[part] = T
+        return {part: frozen(found[part]) for part in self.parts}
+
+    # ---------------------------------------------------------------------------------------------------- as problems
+
+    def is_own(self, pair: JoinedPair) -> bool:
+        """Tell whether a contact is of a part with the one that it follows: its motion alone restores it."""
+        return self.follows.get(pair.one) == pair.two
+
+    def problem(self, pair: JoinedPair, parts: Sequence[str] | None = None) -> Problem:
+        """Return the question about two parts: in the parameters of some parts' motions, which see each other move.
+
+        Parameters
+        ----------
+        pair : JoinedPair
+        parts : sequence of str, optional
+            Whose parameters the problem has, in order, all that are `involved` among them. By default those alone.
+        """
+        key = *pair[:2], tuple(parts or ()), pair.asked.get("goal")
+        if key not in self._problems:
+            self._problems[key] = self._asked(pair, parts)
+        return self._problems[key]
+
+    def _asked(self, pair: JoinedPair, parts: Sequence[str] | None) -> Problem:
+        shown = {"name": f"{self.name}: {pair}" if self.name else str(pair), "unit": self.unit}
+        bodies = {role: self.parts[part] for role, part in zip(ROLES, pair[:2], strict=True)}
+        target = (self.scales[pair.one], self.scales[pair.two])
+        named = {part: role for role, part in zip(ROLES, pair[:2], strict=True)}
+        sizes = [replace(size, body=named[size.body]) for size in self.sizes if size.body in named]
+        made = {"sizes": sizes, "made": {size.name: self.made[size.name] for size in sizes}} if sizes else {}
+        common: dict[str, Any] = {**bodies, **shown, **pair.asked, **made, "target": target}
+        if parts is None and self.is_own(pair):
+            part = pair.one
+            own = {"motion": self.motions[part], "limits": self.limits[part], "length": self.lengths[part]}
+            return Problem(**{**common, **own})
+        return Problem(**{**common, **self._shared(pair, self.involved(*pair[:2]) if parts is None else parts)})
+
+    def _shared(self, pair: JoinedPair, parts: Sequence[str]) -> dict[str, Any]:
+        """Return motion, weights and limits of a problem in the parameters of several parts."""
+        names, weights, limits, starts = list[Parameter](), dict[str, float](), dict[str, Any](), dict[str, int]()
+        for part in parts:
+            starts[part] = len(names)
+            motion = self.motions[part]
+            usual = self.weights[part] * motion.weights(self.lengths[part])
+            for own, weight in zip(motion.parameters, usual.tolist(), strict=True):
+                name = f"{part}.{own.name}"
+                names.append(Parameter(name, own.kind))
+                weights[name] = weight
+                if own.name in self.limits[part]:
+                    limits[name] = self.limits[part][own.name]
+        carried = {part: self._carrying(part, starts[part]) for part in parts}
+        one, two = self.chain(pair.one), self.chain(pair.two)
+        ways = (tuple(carried[part] for part in own if part not in other) for own, other in ((one, two), (two, one)))
+        return {"motion": Relative(tuple(names), *ways), "weights": weights, "limits": limits}
+
+    def _carrying(self, part: str, start: int) -> Carrying:
+        one, two = (tuple(self.parts[own].seed.tolist()) for own in (part, self.follows[part]))
+        return Carrying(self.motions[part], start, (one, two))
+
+
+# --------------------------------------------------------------------------------------------------------------- checks
+
+
+def _bodies(parts: Any) -> dict[str, Body]:
+    """Return the parts by name."""
+    named = list(parts.items()) if isinstance(parts, Mapping) else [(getattr(x, "name", None), x) for x in items(parts)]
+    found: dict[str, Body] = {}
+    for name, body in named:
+        if not isinstance(body, Body):
+            raise InputError("not a body", key="parts", found=type(body).__name__, allowed="bodies, by name")
+        if not isinstance(name, str) or not name.strip() or not name.isprintable():
+            raise InputError("a part needs a name", key="parts", found=name, allowed="a text")
+        if name in found:
+            raise InputError(
+                "two parts have one name", key="parts", found=name, allowed="a name that no other part has"
+            )
+        found[name] = body
+    if len(found) < 2:
+        raise InputError("an assembly has several parts", key="parts", found=len(found), allowed="two or more")
+    return found
+
+
+def _known(name: Any, key: str, known: Iterable[str]) -> str:
+    """Return the name of a part that there is."""
+    if not isinstance(name, str) or name not in known:
+        hint = closest(name, known) if isinstance(name, str) else ""
+        raise InputError(f"no such part{hint}", key=key, found=name, allowed=", ".join(known))
+    return name
+
+
+def _by_part(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping whose keys are names of parts."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise InputError("not a mapping", key=key, found=values, allowed=f"a mapping with names of {', '.join(known)}")
+    return {_known(part, f"{key}.{part}", known): value for part, value in values.items()}
+
+
+def _numbers(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, float]:
+    return {part: positive(value, f"{key}.{part}") for part, value in _by_part(values, key, known).items()}
+
+
+def _limits(values: Any, moved: Mapping[str, Motion]) -> dict[str, dict[str, tuple[float, float]]]:
+    found: dict[str, dict[str, tuple[float, float]]] = {part: {} for part in moved}
+    for part, own in _by_part(values, "limits", moved).items():
+        names = [parameter.name for parameter in moved[part].parameters]
+        listed = by_parameter(own, f"limits.{part}", names)
+        found[part] = {name: interval(ends, f"limits.{part}.{name}") for name, ends in listed.items()}
+    return found
+
+
+def _joined(contacts: Any, parts: Mapping[str, Body]) -> tuple[JoinedPair, ...]:
+    """Return the contacts, each two parts once."""
+    found: list[JoinedPair] = []
+    for k, given in enumerate(items(contacts), 1):
+        key = f"contacts[{k}]"
+        with placed(key=key):
+            table = dict(given) if isinstance(given, Mapping) else {"parts": given}
+            if "parts" in table:
+                table["parts"] = items(table["parts"])
+            entry = checked(JoinedEntry, table)
+        one, two = (_known(name, f"{key}.parts", parts) for name in entry.parts)
+        if one == two:
+            raise InputError("a part does not meet itself", key=f"{key}.parts", found=one, allowed="two parts")
+        if any({one, two} == {*other[:2]} for other in found):
+            what = "two contacts are of the same parts"
+            raise InputError(what, key=f"{key}.parts", found=f"{one}, {two}", allowed="one, which may list several")
+        asked = {name: getattr(entry, name) for name in entry.model_fields_set - {"parts"}}
+        if asked.get("goal") not in ("touch", "clear"):
+            asked.setdefault("contacts", "all")
+        found.append(JoinedPair(one, two, asked))
+    if not found:
+        raise InputError("there are no contacts", key="contacts", found=contacts, allowed="pairs of names of parts")
+    return tuple(found)
+
+
+def _followed(given: Any, parts: Mapping[str, Body], joined: Sequence[JoinedPair], fixed: str) -> dict[str, str]:
+    """Return which part each moving one follows: as given, or the next on the way of contacts to the fixed one."""
+    asked = _by_part(given, "follows", parts)
+    for part, leader in asked.items():
+        _known(leader, f"follows.{part}", parts)
+        if part == fixed:
+            raise InputError(
+                "the fixed part follows none", key=f"follows.{part}", found=leader, allowed="a part that moves"
+            )
+    found: dict[str, str] = {}
+    reached = [fixed]
+    for part in reached:  # grows meanwhile
+        for other in _neighbours(part, joined):
+            if other not in reached:
+                reached.append(other)
+                found[other] = part
+    lost = [part for part in parts if part not in reached]
+    if lost:
+        what = f"no contacts lead from the fixed part '{fixed}' to this one"
+        raise InputError(what, key="contacts", found=", ".join(lost), allowed="contacts that join all parts")
+    found |= asked
+    for part in found:
+        seen = {part}
+        while (part := found.get(part, fixed)) != fixed:
+            if part in seen:
+                raise InputError("parts follow each other in a circle", key="follows", found=part, allowed="a tree")
+            seen.add(part)
+    return found
+
+
+def _turned(pair: JoinedPair, follows: Mapping[str, str]) -> JoinedPair:
+    """Return a contact with the part first that follows the other, unless labels tell which is which."""
+    labelled = isinstance(pair.asked.get("contacts"), list)
+    return JoinedPair(pair.two, pair.one, pair.asked) if follows.get(pair.two) == pair.one and not labelled else pair
+
+
+def _neighbours(part: str, joined: Sequence[JoinedPair]) -> Iterator[str]:
+    for pair in joined:
+        if part in pair[:2]:
+            yield pair.two if pair.one == part else pair.one
+
+
+def _made(parts: Mapping[str, Body], sizes: tuple[Size, ...], made: Any) -> dict[str, float]:
+    """Return all deviations by name."""
+    names = [size.name for size in sizes if isinstance(size, Size)]
+    if len(names) < len(sizes):
+        raise InputError("not a size", key="sizes", found=sizes, allowed="Sizes")
+    for size in sizes:
+        _known(size.body, f"size '{size.name}'.body", parts)
+        if names.count(size.name) > 1:
+            raise InputError("two sizes have one name", key="sizes", found=size.name, allowed="a name of its own")
+    if isinstance(made, str) and made not in CORNERS:
+        allowed = f"deviations by name, or {', '.join(CORNERS)}"
+        raise InputError("no such corner of the sizes", key="made", found=made, allowed=allowed)
+    if made is not None and not isinstance(made, str | Mapping):
+        raise InputError("not deviations", key="made", found=made, allowed="deviations by name")
+    for name, value in made.items() if isinstance(made, Mapping) else ():
+        if not isinstance(value, int | float) or not math.isfinite(value):
+            raise InputError("unusable deviation", key=f"made.{name}", found=value, allowed="a finite number")
+    one = next(iter(parts.values()))
+    return made_at(one, one, sizes, {} if made is None else made)

@@ -1,0 +1,173 @@
+"""Files of assemblies (TOML): parts, contacts, sizes, and cases of what was made."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from functools import reduce
+from operator import rshift
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict
+
+from fcdm_opt.errors import InputError, placed
+from fcdm_opt.problem.assembly import Assembly, JoinedEntry
+from fcdm_opt.problem.entries import BodyEntry, SizeEntry, StepEntry
+from fcdm_opt.problem.keys import by_name, each, same_unit, unlike_names
+from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, one_of, read_entry
+from fcdm_opt.problem.syntax import parsed
+
+
+class PartEntry(BodyEntry):
+    """A part of the assembly, as drawn in the frame of all; the one without a motion is fixed."""
+
+    model_config = ConfigDict(title="Parts", json_schema_extra=one_of(("vertices",), ("file", "unit")))
+
+    name: str = declared(..., "name of the part (text), once in a file", "slide")
+    motion: list[StepEntry] | None = declared(
+        None,
+        "steps in order, relative to the part that it follows, as in a problem file: { translation = .. }, { rotation "
+        "= .., centre = .. }, { screw = .., pitch.. }, { free = true }; the fixed part has none",
+        [{"translation": "z"}],
+        min_length=1,
+    )
+    follows: str | None = declared(
+        None,
+        "name of the part that takes this one along; without it the next on the way of contacts to the fixed part",
+        "frame",
+    )
+    weight: Positive = declared(1.0, "a number > 0, relative: of its amount in the total", 2.0)
+    length: Positive | None = declared(
+        None, "length > 0 that turns radians into lengths; without it half the diagonal of the part's box", 20.0
+    )
+    limits: dict[str, tuple[Bound, Bound]] = declared(
+        {},
+        "{ TZ = [-1, 1], RZ_deg = [-10, 10] }: lower and upper, lengths, angles as _deg or _rad",
+        {"TZ": [-1.0, 1.0]},
+    )
+
+
+class PartSizeEntry(SizeEntry):
+    """One named way in which a part can come out different from drawn."""
+
+    model_config = ConfigDict(title="Sizes of parts", json_schema_extra=one_of(("faces",), ("scale",)))
+
+    body: str = declared(..., "name of the part (text)", "slide")  # type: ignore[assignment]
+
+
+class MadeEntry(Entry):
+    """What came out."""
+
+    model_config = ConfigDict(title="Cases of an assembly")
+
+    name: str = declared(..., "name of the case (text), once in a file", "slide too large")
+    scales: dict[str, Positive] = declared(
+        {}, "scales > 0 of parts about their seeds, by name, 1 without", {"slide": 1.02}
+    )
+    made: Literal["low", "high", "middle"] | dict[str, Number] | None = declared(
+        None,
+        "deviations of the [[size]] tables by name, lengths or shares in their own unit, 0 where none is given; or "
+        '"low", "high", "middle" (all sizes)',
+        {"slide width": 0.01},
+        "high",
+    )
+
+
+class AssemblyFile(Entry):
+    """A whole file of an assembly."""
+
+    model_config = ConfigDict(title="Assembly file")
+
+    title: str = declared("", "title (text)", "A key between two wedges")
+    note: str = declared("", "what the reader should know (text)", "Lengths in mm.")
+    part: list[PartEntry] = declared(
+        ..., "[[part]] tables, two or more", [{"name": "frame", "file": "frame.stl", "unit": "mm"}]
+    )
+    contact: list[JoinedEntry] = declared(
+        ..., "[[contact]] tables: which parts meet", [{"parts": ["slide", "frame"]}], min_length=1
+    )
+    size: list[PartSizeEntry] = declared(
+        [],
+        "[[size]] tables: ways in which a part can come out different from drawn",
+        [{"name": "slide width", "body": "slide", "faces": ["+x", "-x"], "each": 0.5, "tolerance": 0.05}],
+    )
+    case: list[MadeEntry] = declared(..., "[[case]] tables", [{"name": "as drawn"}], min_length=1)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> AssemblyFile:
+        """Return the checked contents of a file; raises `InputError` as `load_assemblies`."""
+        return read_entry(cls, path, "file of an assembly", "[[part]], [[contact]] and [[case]]")
+
+    def assemblies(self, file: Path | None = None) -> tuple[Assembly, ...]:
+        """Return the assembly of each case; `file` is where the contents come from."""
+        with placed(file=file):
+            unlike_names("part", self.part)
+            unlike_names("case", self.case)
+            asked = self._asked(file)
+            made = []
+            for k, case in enumerate(self.case, 1):
+                own: dict[str, Any] = {"name": case.name, "scales": case.scales, "made": case.made}
+                try:
+                    made.append(Assembly(**asked, **own))
+                except InputError as reason:
+                    head = (reason.key or "").replace("[", ".").split(".")[0]
+                    place = f"case[{k}] {case.name!r}"
+                    raise (reason.within(key=place) if head in own else _renamed(reason)) from reason
+        return tuple(made)
+
+    def _asked(self, file: Path | None) -> dict[str, Any]:
+        """Return what all cases share, as `Assembly` wants it."""
+        unit = same_unit({f"part[{k}]": entry.unit for k, entry in enumerate(self.part, 1)}, file)
+        bodies = each("part", [lambda own=own: own.body(own.name, file and file.parent) for own in self.part])
+        moving = [(k, own) for k, own in enumerate(self.part, 1) if own.motion]
+        motions, limits = {}, dict[str, Mapping[str, Any]]()
+        for k, own in moving:
+            with placed(key=f"part[{k}]"):
+                motions[own.name] = reduce(rshift, each("motion", [step.step for step in own.motion or ()]))
+                limits[own.name] = by_name("limits", own.limits, motions[own.name])
+        return {
+            "parts": dict(zip((own.name for own in self.part), bodies, strict=True)),
+            "contacts": [own.model_dump(exclude_unset=True) for own in self.contact],
+            "sizes": each("size", [own.size for own in self.size]),
+            "motions": motions,
+            "follows": {own.name: own.follows for own in self.part if own.follows is not None},
+            "weights": {own.name: own.weight for _, own in moving},
+            "lengths": {own.name: own.length for _, own in moving if own.length is not None},
+            "limits": limits,
+            "unit": unit,
+        }
+
+
+def is_assembly(path: Path) -> bool:
+    """Tell whether a file is that of an assembly; what cannot be read is none."""
+    try:
+        data = parsed(path.read_text(encoding="utf-8-sig")) if path.is_file() else {}
+    except (OSError, ValueError, RecursionError):
+        return False
+    return "part" in data and "bodies" not in data
+
+
+def _renamed(reason: InputError) -> InputError:
+    """Return a refusal with the key as a file has it."""
+    key = reason.key or ""
+    for argument, table in (("contacts", "contact"), ("parts", "part"), ("motions", "part motion")):
+        if key.split("[")[0].split(".")[0] == argument:
+            key = table + key.removeprefix(argument)
+    return InputError(reason.what, key=key, found=reason.found, allowed=reason.allowed)
+
+
+def load_assemblies(path: str | os.PathLike[str]) -> tuple[Assembly, ...]:
+    """Return the assemblies of a file, one for each case.
+
+    Parameters
+    ----------
+    path : path
+        A file of an assembly (TOML).
+
+    Raises
+    ------
+    InputError
+        Names the file, the key, what was found and what is allowed; the first thing that is wrong.
+    """
+    return AssemblyFile.read(path).assemblies(Path(path))

@@ -1,0 +1,83 @@
+"""Assemblies: the table of what moves how far, and the parts in space after their motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.problem.assembled import AssemblySolution
+from fcdm_opt.show import Figure
+from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
+from fcdm_opt.show.scene import parts_figure
+from fcdm_opt.show.texts import NOTHING, amount_text, bound_text
+
+NUMBERS = ("scale", "amount", "total", "proved\nat least")
+
+
+def print_assemblies(rows: Sequence[AssemblySolution]) -> None:
+    """Print one table for the cases of a file, a row a moving part, and what is to be said of each."""
+    print_rows([cells for solution in rows for cells in _cells(solution)], numbers=NUMBERS, optional=("weight",))
+    for solution in rows:
+        name = solution.assembly.name
+        if solution.status.name != "SOLVED":
+            failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
+            checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
+            print_text(f"{name}: {solution.advice}{checks}", indent="   ")
+        for told in (*solution.stages, *solution.active) if not solution.usable else solution.stages:
+            print_text(f"{name}: {told}", indent="   ")
+        if solution.doubt:
+            print_text(f"{name}: {solution.doubt}", indent="   ")
+    print_text()
+
+
+def motion_texts(solution: AssemblySolution) -> dict[str, str]:
+    """Return the motions in words, by part; rounding left out."""
+    assembly, told = solution.assembly, dict[str, str]()
+    for part, motion in assembly.motions.items():
+        weights = assembly.weights[part] * motion.weights(assembly.lengths[part])
+        q = np.array([*solution.parameters.get(part, {}).values()])
+        kept = [x if abs(w * x) > NOTHING * solution.amount else 0.0 for w, x in zip(weights, q, strict=False)]
+        told[part] = motion.describe(kept) if kept else "-"
+    return told
+
+
+def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
+    assembly, told = solution.assembly, motion_texts(solution)
+    verdict = "-" if not solution.status.found else "yes" if solution.usable else "no"
+    first = {
+        "case": wrapped(assembly.name, CELL_WIDTH),
+        "total": amount_text(solution.amount),
+        "proved\nat least": bound_text(solution),
+        "verified": verdict,
+    }
+    rows = list[dict[str, str]]()
+    for part, motion in told.items():
+        weight = assembly.weights[part]
+        own = {
+            "part": wrapped(part, CELL_WIDTH),
+            "follows": wrapped(assembly.follows[part], CELL_WIDTH),
+            "scale": f"{assembly.scales[part]:g}",
+            "weight": f"{weight:g}" if weight != 1.0 else "",
+            "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n"),
+            "amount": amount_text(solution.amounts.get(part)),
+        }
+        shown = first if not rows else dict.fromkeys(first, "")
+        rows.append(
+            {"case": shown["case"], **own, **{key: shown[key] for key in ("total", "proved\nat least", "verified")}}
+        )
+    return rows
+
+
+def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
+    """Draw the parts as made, after their motions; as drawn where none were found."""
+    assembly, bodies = solution.assembly, list[Body]()
+    for part, body in assembly.bodies_made.items():
+        made = body.scaled(assembly.scales[part])
+        pose: Any = solution.transforms.get(part)
+        bodies.append(made if pose is None else made.moved(pose))
+    names = [f"{part}, fixed" if part == assembly.fixed else part for part in assembly.parts]
+    found = f"amount {amount_text(solution.amount, assembly.unit)}" if solution.status.found else "no motions found"
+    return parts_figure(bodies, names, unit=assembly.unit, title=title, caption=found)
