@@ -63,6 +63,8 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "outside": False,
         "advice": f"advice {text}",
         "told": [f"advice {text}"],
+        "verdict": f"move it {text}",
+        "fit": f"clearance {text}",
         "unit": "",
         "amount_unit": "",
         "doubt": "",
@@ -269,7 +271,7 @@ def test_a_case_without_motion_says_so():
     none["files"] = none["files"][:1]
     none["files"][0]["cases"], none["matrices"] = [0], []
     words = visible(read(page(none)))
-    assert "No motion: infeasible" in words
+    assert "none: infeasible" in words
     assert "impossible" in words
     assert "proof checked" in words
     assert "advice plain" in words

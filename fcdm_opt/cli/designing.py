@@ -70,6 +70,8 @@ def study_command(
     from fcdm_opt.show.studies import study_figure
 
     result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
+    if not as_json:
+        console().print(f"{result}\n")
     result.to_csv(out / "study.csv")
     say(f"wrote {out / 'study.csv'}")
     if parquet:
@@ -77,8 +79,6 @@ def study_command(
         say(f"wrote {out / 'study.parquet'}")
     pictures = Album(out, say)
     pictures.add("study", study_figure(result))
-    if not as_json:
-        console().print(f"{result}\n")
     counts = result.counts
     wrong = any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING"))
     code = NOT_VERIFIED if wrong else BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
@@ -171,7 +171,7 @@ def map_command(
         stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, title=title), ending="-map")
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
-            say(f"wrote {out / f'{stem}.{ending}'}")
+            inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
         yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
@@ -268,7 +268,7 @@ def stack_command(
             title = f"{file.name}: case {problem.name}"
             stem = pictures.add(f"{file.path.stem}-{problem.name}-stack", stack_figure(found, drawn, title=title))
             write_stack(found, out / f"{stem}.csv")
-            say(f"wrote {out / f'{stem}.csv'}")
+            inquiry.wrote(f"wrote {out / f'{stem}.csv'}")
             most = [own.size for own in found.contributions[:2]]
             names = most if cut is None else [name.strip() for name in cut.split(",")]
             if len(names) == 2:

@@ -14,7 +14,8 @@ from fcdm_opt.show import Figure, save
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.scene import ShownPair, scene_figure
 from fcdm_opt.show.sensitivities import sensitivities_figure
-from fcdm_opt.show.texts import amount_text, asked_text, motion_text
+from fcdm_opt.show.texts import asked_text, motion_text
+from fcdm_opt.show.verdict import verdict_text
 
 LONGEST_NAME = 100
 """Characters of a picture's file name, before its number and ending."""
@@ -64,11 +65,7 @@ class Album:
         problem, found, motion = solution.problem, solution.status.found, motion_text(solution)
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
-        caption = f"{asked_text(problem)}, goal {problem.goal}: {motion if found else 'no motion'}"
-        if found:
-            amount = amount_text(solution.amount, problem.amount_unit)
-            outside = "outside the fit, not to be used: " * (solution.status.name == "OUTSIDE_FIT")
-            caption = f"{outside}{caption}; amount {amount}; pair made: {solution.pair_state}"
+        caption = f"{asked_text(problem)}, goal {problem.goal}: {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         rho = problem.nominal_pair if solution.rho is None else solution.rho

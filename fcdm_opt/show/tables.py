@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.texts import (
-    NOTHING,
+    DIGITS,
+    PLACES,
     advised,
     amount_text,
     asked_text,
@@ -20,6 +21,7 @@ from fcdm_opt.show.texts import (
     outcome_text,
     units_text,
 )
+from fcdm_opt.show.verdict import fit_text, verdict_text
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -97,16 +99,27 @@ def _point(values: Iterable[float]) -> str:
 
 
 def print_solutions(rows: Sequence[SolvedCase]) -> None:
-    """Print one table for the cases of a file, the advice where a case needs some, and where the time went."""
+    """Print the verdicts and one table for the cases of a file, what else is to be said, and where the time went."""
+    for row in rows:
+        print_text(f"{row.solution.problem.name}: {verdict_text(row.solution)}", indent="   ")
+    fits = dict.fromkeys(f"{told}." for row in rows if (told := fit_text(row.solution.problem)))
+    print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
+    said: dict[str, list[str]] = {}  # notes, and the cases that they are of
     for row in rows:
         solution = row.solution
-        if solution.status.name != "SOLVED":
+        notes = remarks(solution)
+        if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            print_text(f"{solution.problem.name}: {advised(row)}{checks}", indent="   ")
-        for remark in remarks(solution):
-            print_text(f"{solution.problem.name}: {remark}", indent="   ")
+            advice = advised(row)
+            if advice.startswith("Does not fit"):  # as the verdict says
+                advice = advice.partition(". ")[2]
+            notes = [f"{advice}{checks}", *notes]
+        for text in notes:
+            said.setdefault(text, []).append(solution.problem.name)
+    for text, names in said.items():
+        print_text(f"{', '.join(names)}: {text}", indent="   ")
     asked = [row.solution.problem for row in rows]
     bodies = [body for each in asked for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
@@ -121,8 +134,8 @@ def _cells(row: SolvedCase) -> dict[str, str]:
     """Return the table's cells for one case."""
     solution, problem = row.solution, row.solution.problem
     ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
-    gap = 0.0 if abs(solution.pair_gap) <= NOTHING * problem.size else solution.pair_gap  # rounding
-    off = f"\n{gap:+.3g}" if math.isfinite(gap) else ""
+    gap = solution.pair_gap
+    off = f"\n{gap:+.{DIGITS}g}" if math.isfinite(gap) and solution.pair_state != "touching" else ""
     judged = solution.status.found and solution.certificate is not None
     motion = motion_text(solution, unit=False)  # said once above the table
     return {
@@ -134,7 +147,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "found\namount": amount_text(solution.amount)
         + (f"\n{wrapped(solution.doubt, DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
-        "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
+        "new/old\npair": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": _verdict(solution) if judged else "-",
@@ -212,7 +225,7 @@ def print_budgets(budgets: Budgets) -> None:
     rows = [
         {
             "requirement": budget.requirement,
-            "tolerance": f"{100 * budget.tolerance:.7g} %",
+            "tolerance": f"{100 * budget.tolerance:.{DIGITS}g} %",
             "amount there": amount_text(budget.amount),
             "above it": budget.end.value,
             "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
@@ -275,7 +288,7 @@ def print_clearances(clearances: Clearances, *, where: str = "") -> None:
     print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
-        {"end": name, "gap": f"{end.gap:+.6g}", "at sizes": numbers(end.rho), "between": end.feature}
+        {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": numbers(end.rho), "between": end.feature}
         for name, end in ends
     ]
     print_rows(rows, numbers=("gap",))
@@ -297,8 +310,8 @@ def _dropped(word: str, row: Dropped) -> dict[str, str]:
     return {
         "change": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
         "least amount then": amount_text(row.amount),
-        "saved": "nothing" if nothing else f"{row.saving:.5g}" if math.isfinite(row.saving) else "",
-        "foretold": f"{row.estimate:.5g}" if math.isfinite(row.estimate) and not nothing else "",
+        "saved": "nothing" if nothing else f"{row.saving:.{DIGITS}g}" if math.isfinite(row.saving) else "",
+        "foretold": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
         "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
     }
 

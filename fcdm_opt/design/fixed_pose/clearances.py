@@ -11,7 +11,7 @@ import numpy as np
 from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
 from fcdm_opt.design.sizes import Sizes, box_of, drawn_pairs, proportion_interval
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
@@ -156,8 +156,7 @@ def clearances(
     InputError
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     whole = box_of(problem, sizes, box)
     pairs, source = drawn_pairs(sizes, whole, count, seed)
     transform = transform_of(problem, pose)

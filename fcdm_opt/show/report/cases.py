@@ -21,6 +21,7 @@ from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts, shown
+from fcdm_opt.show.verdict import fit_text, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
@@ -52,6 +53,7 @@ def answered(solution: Solution) -> dict[str, Any]:
         "status": solution.status.name,
         "outside": solution.status.name == "OUTSIDE_FIT",
         "motion": motion_text(solution),
+        "verdict": verdict_text(solution),
         "amount_unit": solution.problem.amount_unit,
         "least": {"text": shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
@@ -69,6 +71,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
         "advice": advice,
+        "fit": fit_text(problem),
         "told": [*([] if solution.status.name in UNREMARKABLE else [advice]), *remarks(solution)],
         **answered(solution),
         **{
