@@ -262,7 +262,7 @@ def _texts(figure: Figure) -> str:
 
 
 PICTURES: dict[str, tuple[Callable[[str, Path], Figure], str]] = {
-    "scene": (lambda unit, _: scene_figure(ShownPair.of(boxes(unit).movable, boxes(unit).static), unit=unit), "0.5 mm"),
+    "scene": (lambda unit, _: scene_figure(ShownPair.of(boxes(unit).movable, boxes(unit).static), unit=unit), "1 mm"),
     "sensitivities": (lambda unit, _: sensitivities_figure(solved(unit).solution), "amount (mm)"),
     "family": (lambda unit, _: family_figure(fo.coherent_range(example(unit), {"TZ": 1.0})), "TZ 1 mm"),
     "map": (lambda unit, _: map_figure(mapped(unit)), "motion (mm)"),

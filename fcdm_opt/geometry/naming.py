@@ -32,7 +32,7 @@ def names_of_faces(body: Body) -> dict[Label, str]:
     of their corners; "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis;
     "face 12", as they are counted, for others.
     """
-    normals = _normals(body)
+    normals = normals_of_faces(body)
     return {**_plane(body, normals, MANY), **_round(body, normals)}
 
 
@@ -57,7 +57,7 @@ def told_element(body: Body, element: Element) -> str:
 @lru_cache(maxsize=16)
 def _all_names(body: Body) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axis that it faces along, "" where it does so along none."""
-    normals = _normals(body)
+    normals = normals_of_faces(body)
     named = {}
     for face, name in {**_plane(body, normals, 0), **_round(body, normals)}.items():
         k = int(np.abs(normals[face]).argmax())
@@ -66,7 +66,7 @@ def _all_names(body: Body) -> dict[Label, tuple[str, str]]:
     return named
 
 
-def _normals(body: Body) -> dict[Label, Array]:
+def normals_of_faces(body: Body) -> dict[Label, Array]:
     """Return a normal of each face that a part carries."""
     normals: dict[Label, Array] = {}
     for part in body.parts:

@@ -12,10 +12,10 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import Figure, save
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scene import ShownPair, scene_figure
+from fcdm_opt.show.scene import ShownPair, contacts_of, scene_figure, view_of
 from fcdm_opt.show.sensitivities import sensitivities_figure
-from fcdm_opt.show.texts import asked_text, motion_text
-from fcdm_opt.show.verdict import verdict_text
+from fcdm_opt.show.texts import asked_text
+from fcdm_opt.show.verdict import motion_said, verdict_text
 
 LONGEST_NAME = 100
 """Characters of a picture's file name, before its number and ending."""
@@ -45,6 +45,7 @@ class Album:
     def __init__(self, directory: Path, say: Callable[[str], None]) -> None:
         self._directory, self._say = directory, say
         self._given: set[str] = set()
+        self._views: dict[str, tuple[float, float]] = {}  # of each file: all its cases are seen from one place
         self.failed = False
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -62,7 +63,7 @@ class Album:
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
-        problem, found, motion = solution.problem, solution.status.found, motion_text(solution)
+        problem, found = solution.problem, solution.status.found
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         caption = f"{asked_text(problem)}, goal {problem.goal}: {verdict_text(solution)}"
@@ -71,13 +72,18 @@ class Album:
         rho = problem.nominal_pair if solution.rho is None else solution.rho
         moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
         keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
+        view = self._views.setdefault(stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist())))
+        shown = ShownPair.of(
+            problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
+        )
         scene = scene_figure(
-            ShownPair.of(problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out),
-            features=solution.features,
-            contacts=moved.contact_points(rho),
+            shown,
+            contacts=contacts_of(moved, rho, shown),
+            moved=solution.transform,
+            said=motion_said(solution),
             unit=problem.unit,
             title=title,
-            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion}",
+            caption=f"{verdict_text(solution)} (sizes shown: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)",
         )
         self._write(f"{name}-scene", scene)
         if found and solution.amount > 0.0:

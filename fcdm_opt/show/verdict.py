@@ -94,6 +94,11 @@ def _done(solution: Solution) -> list[tuple[str, str]]:
     return kept
 
 
+def motion_said(solution: Solution) -> str:
+    """Return the motion in words, for an arrow: "0.25 mm along -z, then 2 deg about +x"; "" without one."""
+    return ", then ".join(manner for _, manner in _done(solution)) if solution.amount > 0.0 else ""
+
+
 def _deed(solution: Solution) -> str:
     name = name_of(solution.problem, 0)
     deeds = _done(solution)
