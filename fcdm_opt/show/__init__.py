@@ -1,6 +1,7 @@
 """What is shown: pictures for print and screen, tables on a terminal, cards of notebooks, and reports.
 
-texts            numbers, questions and answers in words, for all of these; `remarks` are sentences
+texts            numbers, questions and answers in words, for all of these; `verdict` and `remarks` are sentences
+glossary         words of this package, each in a line
 rendering        HTML from `templates`, for `cards` and `report`
 cards            what notebooks show
 solved           cases as tables and reports show them
@@ -9,7 +10,7 @@ tables           what the command line prints, by `printing`
 Pictures, and here what they share:
 
 plots            decision curves, before and after a motion; the plane of scales
-scene            the pair of bodies in space
+scene            the pair of bodies in space; `raster` hides and shades, `sections` cut contacts open
 family           the curves over a coherent range
 maps             compensation maps, and the yield of a fit
 studies          the amount over what a study varied

@@ -69,22 +69,8 @@ class Album:
         caption = f"{asked_text(problem)}, goal {problem.goal}: {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
-        rho = problem.nominal_pair if solution.rho is None else solution.rho
-        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
-        keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
         view = self._views.setdefault(stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist())))
-        shown = ShownPair.of(
-            problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
-        )
-        scene = scene_figure(
-            shown,
-            contacts=contacts_of(moved, rho, shown),
-            moved=solution.transform,
-            said=motion_said(solution),
-            unit=problem.unit,
-            title=title,
-            caption=f"{verdict_text(solution)} (sizes shown: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)",
-        )
+        scene = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
         self._write(f"{name}-scene", scene)
         if found and solution.amount > 0.0:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
@@ -111,3 +97,35 @@ class Album:
         except OSError as reason:
             self._say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
             self.failed = True
+
+
+def solution_figure(
+    solution: Solution, *, view: tuple[float, float] | None = None, title: str = "", caption: str = ""
+) -> Figure:
+    """Draw what an answer does: the bodies after it, their old place, the motion, and each contact magnified.
+
+    Parameters
+    ----------
+    solution : Solution
+    view : (elevation, azimuth), optional
+        Degrees; by default from where the nominal contact is seen best.
+    title, caption : str
+        Text above and below the picture; "{sizes}" stands for the sizes at which the bodies are shown.
+    """
+    problem = solution.problem
+    rho = problem.nominal_pair if solution.rho is None else solution.rho
+    moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+    keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
+    view = view or view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+    shown = ShownPair.of(
+        problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
+    )
+    return scene_figure(
+        shown,
+        contacts=contacts_of(moved, rho, shown),
+        moved=solution.transform,
+        said=motion_said(solution),
+        unit=problem.unit,
+        title=title,
+        caption=caption.replace("{sizes}", f" (sizes shown: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)"),
+    )
