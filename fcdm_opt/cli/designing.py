@@ -151,11 +151,15 @@ def map_command(
     as_json: AsJson = False,
     case: Cases = None,
 ) -> None:
-    """Map the smallest motion over all sizes in the tolerance box, a table for the shop floor, and tell the yield."""
+    """Map the smallest motion over all sizes in the tolerance box, with a grid for the shop floor; tell the yield.
+
+    The grid, size of one part by size of the other, is written as CSV and as a page to print.
+    """
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
     from fcdm_opt.show import tables
+    from fcdm_opt.show.grids import write_grids
     from fcdm_opt.show.maps import map_figure, yield_figure
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals)
@@ -172,6 +176,8 @@ def map_command(
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
             inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
+        for path in write_grids(found, problem.motion.parameters, out / stem, title=title):
+            inquiry.wrote(f"wrote {path}")
         yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, Time, code_of, option
+from fcdm_opt.cli.common import OUTPUT, AsJson, Cases, Files, Inquiry, OpenedFile, Out, Time, code_of, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
 
 DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
@@ -56,26 +58,36 @@ def solve_command(
         float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
     ] = None,
     time: Time = None,
+    table: Annotated[
+        Path | None, option("--table", "CSV", "Write one row a case there, for Excel and the like.", OUTPUT)
+    ] = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,
 ) -> None:
     """Find the smallest motion of each case, verify it, and print one table a file."""
+    from fcdm_opt.design.cases import write_cases
     from fcdm_opt.show.solved import SolvedCase, solved_case
     from fcdm_opt.show.tables import print_solutions
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out)
+    answers: list[tuple[str, Solution]] = []
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> SolvedCase:
         row = solved_case(problem, certify=certify, effort=effort, seconds=seconds)
         beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
         entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
+        answers.append((problem.name if len(files) == 1 else f"{file.path.stem}: {problem.name}", row.solution))
+        if table is not None:
+            write_cases(table, answers)
         if inquiry.pictures:
             with pacing.unlimited():  # drawn from what is known
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
         return row
 
+    if table is not None:
+        inquiry.wrote(f"wrote {table}")
     inquiry.ask(answered, print_solutions)
 
 
