@@ -218,7 +218,7 @@ def test_ranges_say_it(capsys: pytest.CaptureFixture[str]) -> None:
     _ranges("mm")
     text = capsys.readouterr().out
     assert LINE in text
-    assert "in multiples of TZ 1 mm + RZ 0 deg" in text
+    assert "along TZ 1 mm, its" in text
     _ranges("")
     assert not words(capsys.readouterr().out)
 

@@ -19,9 +19,10 @@ from fcdm_opt.show.texts import (
     motion_text,
     numbers,
     outcome_text,
+    steps_text,
     units_text,
 )
-from fcdm_opt.show.verdict import fit_text, verdict_text
+from fcdm_opt.show.verdict import fit_text, range_texts, verdict_text
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -159,37 +160,27 @@ def _verdict(solution: Solution) -> str:
 
 
 def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
-    """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
-    lines = []
-    for coherent, _ in rows:
-        problem = coherent.problem
-        for end, event in zip(("low", "high"), coherent.events, strict=True):
-            at = problem.motion.describe(event.x * coherent.direction) if math.isfinite(event.x) else "-"
-            lines.append(
-                {
-                    "case": wrapped(problem.name, CELL_WIDTH) if end == "low" else "",
-                    "end": end,
-                    "x": f"{event.x:.12g}",
-                    "motion there": at.replace(" + ", " +\n"),
-                    "event": event.kind + ("\n(grazing)" if event.grazing else ""),
-                    "off by\nat most": f"{event.error:.1g}" if event.error else "",
-                    "no longer the contact": "\n".join(_label(each, problem) for each in event.features),
-                    "takes over": "\n".join(_label(each, problem) for each in event.successors),
-                }
-            )
-    print_rows(lines, numbers=("x",))
+    """Print how long the contact of each case lasts, what ends it both ways, and when the pair made touches."""
     for coherent, times in rows:
         problem = coherent.problem
-        tracked = " & ".join(feature.label for feature in coherent.features)
-        along = problem.motion.describe(coherent.direction, unit=problem.unit)
-        print_text(f"{problem.name}: x in multiples of {along}; {tracked}")
-        for end, event in zip(("low", "high"), coherent.events, strict=True):
-            print_text(f"   {end}: {event.what}", indent="      ")
+        head, *ends = range_texts(coherent)
+        print_text(f"{problem.name}: {head}", indent="   ")
+        for text in ends:
+            print_text(f"- {text}", indent="  ")
         if not coherent.proved:
-            print_text("   a condition touches zero at rest: what is near there is not proved")
-        states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
-        print_text(f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
+            print_text("- a condition touches zero at rest: what is near there is not proved")
+        made = ", ".join(f"{x:.{PLACES}g}" for x in times.pair.tolist())
+        print_text(f"- parts made, sizes ({made}): {_spans(coherent, times)}", indent="  ")
     print_text()
+
+
+def _spans(coherent: CoherentRange, times: ContactTimes) -> str:
+    """Return how the parts made lie along a range: "overlapping, from TX -0.6975 apart, from TX 0.1975 overlapping"."""
+    problem, direction = coherent.problem, coherent.direction
+    far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
+    seen = [span for span in times.spans if span.high > -far and span.low < far] or list(times.spans)
+    starts = [steps_text(problem, (span.low * direction).tolist(), 0.0) for span in seen[1:]]
+    return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
 # -------------------------------------------------------------------------------------------------------------- what if

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.geometry.units import floored, measured
@@ -132,11 +132,15 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
 
 def motion_text(solution: Solution, *, unit: bool = True) -> str:
     """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
-    weighted = zip(solution.parameters.values(), solution.problem.weights, strict=False)
-    values = [q if abs(w * q) > NOTHING * solution.amount else 0.0 for q, w in weighted]
+    return steps_text(solution.problem, list(solution.parameters.values()), solution.amount, unit=unit)
+
+
+def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit: bool = True) -> str:
+    """Return a motion in words as `motion_text` does; what adds nothing to so large an amount is left out."""
+    weighted = zip(values, problem.weights, strict=False)
+    values = [q if abs(w * q) > NOTHING * amount else 0.0 for q, w in weighted]
     if not values:
         return "-"
-    problem = solution.problem
     steps = problem.motion.describe(values, unit=problem.unit if unit else "", digits=DIGITS).split(" + ")
     kept = [step for step in steps if not NO_STEP.fullmatch(step)] or steps[:1]
     return " + ".join(NO_PART.sub("", step).strip() or step for step in kept)

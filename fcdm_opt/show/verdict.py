@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING
@@ -23,9 +24,11 @@ from fcdm_opt.show.texts import (
     number,
     outcome_text,
     shortened,
+    steps_text,
 )
 
 if TYPE_CHECKING:
+    from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.solution import Solution
@@ -77,16 +80,13 @@ def answer_text(solution: Solution) -> str:
     return f"{head}{verdict_text(solution)}\n{row}"
 
 
-def _done(solution: Solution) -> list[tuple[str, str]]:
+def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tuple[str, str]]:
     """Return the steps that do something as (verb, manner)."""
-    problem = solution.problem
+    small = NOTHING * amount
+    weighted = zip(values, problem.weights.tolist(), strict=True)
+    values = [q if abs(w * q) > small else 0.0 for q, w in weighted]
     kept, start = [], 0
-    values = list(solution.parameters.values())
-    weights = problem.weights.tolist()
-    small = NOTHING * solution.amount
-    values = [q if abs(w * q) > small else 0.0 for q, w in zip(values, weights, strict=True)]
-    deeds = problem.motion.deeds(values, unit=problem.unit)
-    for step, deed in zip(problem.motion.steps, deeds, strict=True):
+    for step, deed in zip(problem.motion.steps, problem.motion.deeds(values, unit=problem.unit), strict=True):
         own = values[start : start + len(step.own_parameters)]
         start += len(own)
         if any(own):
@@ -94,14 +94,43 @@ def _done(solution: Solution) -> list[tuple[str, str]]:
     return kept
 
 
+def range_texts(coherent: CoherentRange) -> list[str]:
+    """Return from where to where the contact meant lasts, and what ends it on both sides, a sentence each.
+
+    An end at which a part would be of no size is none that matters to parts.
+    """
+    problem = coherent.problem
+    ends = []
+    for event in coherent.events:
+        values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
+        far = float(np.linalg.norm(problem.weights * values)) if values else 0.0
+        deeds = " and ".join(" ".join(deed) for deed in _done(problem, values, far)) if values else ""
+        ends.append((event, deeds or ("staying there" if values else "")))
+    along = steps_text(problem, coherent.direction.tolist(), 1.0)
+    told = [f"along {along}, {contact_text(problem, coherent.features)}, until"]
+    for side, (event, deeds) in zip(("backwards", "forwards"), ends, strict=True):
+        if not deeds or event.kind == "scale":
+            what = "nothing that matters to parts ends it" + (" (only a size of zero)" if deeds else "")
+        elif event.successors:
+            what = f"{deeds}; beyond, {contact_text(problem, event.successors)} instead"
+        else:
+            what = f"{deeds}; there, {event.what}"
+        told.append(f"{side}: {what}")
+    return told
+
+
+def _steps(solution: Solution) -> list[tuple[str, str]]:
+    return _done(solution.problem, list(solution.parameters.values()), solution.amount)
+
+
 def motion_said(solution: Solution) -> str:
     """Return the motion in words, for an arrow: "0.25 mm along -z, then 2 deg about +x"; "" without one."""
-    return ", then ".join(manner for _, manner in _done(solution)) if solution.amount > 0.0 else ""
+    return ", then ".join(manner for _, manner in _steps(solution)) if solution.amount > 0.0 else ""
 
 
 def _deed(solution: Solution) -> str:
     name = name_of(solution.problem, 0)
-    deeds = _done(solution)
+    deeds = _steps(solution)
     if not deeds:
         return f"leave {name} where it is"
     (verb, manner), *more = deeds
