@@ -40,6 +40,9 @@ LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
 world shorter than this on the page gets no name."""
 
+VEIL = 0.25
+"""How much of its colour a contact area has, which a body in front may hide."""
+
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
 
@@ -321,11 +324,13 @@ def _is_clear(raster: Raster, line: Array, room: float) -> bool:
 
 def _draw_contact(axes: Any, page: Array, contact: Touching, label: str) -> None:
     """Draw where two bodies touch, not all of the faces that do: an area, a line or a point."""
+    from matplotlib.colors import to_rgba
+
     flat = contact.corners @ page
     if len(flat) > 2:
         middle = flat.mean(axis=0)
         order = np.argsort(np.arctan2(*(flat - middle).T[::-1]))
-        look = {"facecolor": GREEN, "edgecolor": GREEN, "alpha": 0.45, "linewidth": 1.2, "zorder": 4}
+        look = {"facecolor": to_rgba(GREEN, VEIL), "edgecolor": GREEN, "linewidth": 1.2, "zorder": 4}
         axes.fill(*flat[order].T, **look, label=label or None)
     elif len(flat) == 2:
         axes.plot(*flat.T, color=GREEN, linewidth=2.6, zorder=4, label=label or None)
