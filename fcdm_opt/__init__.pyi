@@ -12,6 +12,8 @@ from fcdm_opt.curve.decision_curve import decision_curve as decision_curve
 from fcdm_opt.curve.features import Feature as Feature
 from fcdm_opt.curve.segments import Segment as Segment
 from fcdm_opt.curve.segments import SwitchingPoint as SwitchingPoint
+from fcdm_opt.design.cases import SolvedCases as SolvedCases
+from fcdm_opt.design.cases import solve_all as solve_all
 from fcdm_opt.design.compensation.assembly_yield import AssemblyYield as AssemblyYield
 from fcdm_opt.design.compensation.assembly_yield import assembly_yield as assembly_yield
 from fcdm_opt.design.compensation.compensation_map import CompensationMap as CompensationMap

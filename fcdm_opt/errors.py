@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,19 @@ def placed(*, file: str | Path | None = None, key: str | None = None) -> Iterato
         yield
     except InputError as reason:
         raise reason.within(file=file, key=key) from reason
+
+
+def expected(value: Any, kind: type, key: str) -> None:
+    """Refuse an argument that is not of a kind."""
+    if not isinstance(value, kind):
+        raise InputError(f"expected a {kind.__name__}", key=key, found=type(value).__name__)
+
+
+def checked_path(value: Any, key: str) -> Path:
+    """Return a path to a file or folder; raises `InputError` where the value is none."""
+    if not isinstance(value, str | PathLike):
+        raise InputError("not a path", key=key, found=value, allowed="text, or a path")
+    return Path(value)
 
 
 def _shown(found: Any) -> str:

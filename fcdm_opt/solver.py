@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, UnsolvedError
+from fcdm_opt.errors import InputError, UnsolvedError, expected
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.judge.engagement import inside_fit
 from fcdm_opt.model.reported import reported
@@ -173,8 +173,7 @@ def _least_of(solutions: list[Solution]) -> Solution:
 
 
 def _check(problem: Problem, how: _How) -> None:
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
         if value not in known:
             raise InputError(f"unknown {key}", key=key, found=value, allowed=", ".join(known))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ from fcdm_opt.show.plots import (
     reaching,
     window,
 )
-from fcdm_opt.show.scene import ShownPair, draw_directions, draw_scene
+from fcdm_opt.show.scene import ShownPair, contacts_of, draw_directions, draw_scene
 from fcdm_opt.show.texts import motion_text
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def figure_3() -> Figure:
     """Draw both examples in space, as drawn, apart."""
     sheet = Sheet.of(
         PAGE, 3.3, title="Fig. 3  The two examples",
-        caption=f"Polyhedron 1 (solid) is movable, polyhedron 2 (dashed) static; crosses: seeds. {NOTE_ON_BODIES}",
+        caption=f"Polyhedron 1 (blue) is movable, polyhedron 2 (brown) static. {NOTE_ON_BODIES}",
     )  # fmt: skip
     for k, left in ((1, 0.0), (2, PAGE / 2)):
         asked = cases(k)[0]
@@ -85,7 +85,7 @@ def figure_5() -> Figure:
     asked = cases(2)[0]
     sheet = Sheet.of(
         PAGE, 3.3, title="Fig. 5  Example 2 at its switching points",
-        caption=f"Green: features in contact; circles: contact points. {NOTE_ON_BODIES}",
+        caption=f"Green: what is in contact. {NOTE_ON_BODIES}",
     )  # fmt: skip
     for point, left in zip(asked.curve.switching_points, (0.0, PAGE / 2), strict=True):
         shown = ShownPair.of(asked.movable, asked.static, rho=point.rho)
@@ -93,7 +93,7 @@ def figure_5() -> Figure:
         title = f"({'ab'[point.index - 1]})  SW{point.index} at {rho}"
         labels = [feature.label for feature in point.contact_features]
         title = "\n".join([title, *labels])
-        _scene(sheet, left, title, shown, features=point.contact_features, contacts=point.contacts)
+        _scene(sheet, left, title, shown, contacts_of(asked.curve, point.rho, shown))
     return sheet.figure
 
 
@@ -112,9 +112,9 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }  # fmt: skip
 
 
-def _scene(sheet: Sheet, left: float, title: str, shown: ShownPair, **contact: Any) -> None:
+def _scene(sheet: Sheet, left: float, title: str, shown: ShownPair, contacts: Sequence[Any] = ()) -> None:
     """Draw a scene into half of the sheet, with its title above and directions below."""
-    axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, **contact)
+    axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, contacts=contacts, numbered=True)
     draw_directions(sheet, axes, shown, (left + 0.1, 0.0))
     x, y, *_ = sheet.place(left + PAGE / 4, 3.28, 0.0, 0.0)
     sheet.figure.text(x, y, title, ha="center", va="top")

@@ -108,7 +108,7 @@ def test_solution_shows_what_it_holds(solution: fo.Solution, example: fo.Solutio
     words = read(solution).words
     for text in (
         "SOLVED",
-        "apply the motion",
+        "Move probe 0.01 along +z: then its corner 1 touches the top (+z) face of probe; smallest possible (proved)",
         "0.01",
         "exact",
         "touching",
@@ -120,10 +120,10 @@ def test_solution_shows_what_it_holds(solution: fo.Solution, example: fo.Solutio
     expected = [
         "! PAIR_OVERLAPS",
         example.status.value,
-        f"{example.amount:.6g}",
-        f"{math.degrees(example.parameters['RZ']):.6g}",
+        f"{example.amount:.4g}",
+        f"{math.degrees(example.parameters['RZ']):.4g}",
         "overlapping",
-        f"{example.pair_gap:.6g}",
+        f"{example.pair_gap:.4g}",
         "relative gap 0.01",
         *(own.label for own in example.features),
     ]

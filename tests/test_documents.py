@@ -16,6 +16,7 @@ from typer.exceptions import TyperException
 from typer.testing import CliRunner
 
 from fcdm_opt.cli import app
+from fcdm_opt.show.glossary import WORDS
 
 PAGES = documents("README.md", "docs/**/*.md")
 ALL = [*PAGES, *documents("benchmarks/**/*.md", "problems/**/*.md", "CHANGELOG.md")]
@@ -248,3 +249,27 @@ def test_the_first_result_is_what_the_first_line_prints() -> None:
     lines = printed.stdout.splitlines()
     kept = [line.rstrip() for line in lines if not line.startswith("time of ")]
     assert "\n".join(kept).strip() == shown.strip()
+
+
+def test_the_first_screens_are_short() -> None:
+    """What it is, whether it is for one and how to start: read in under a minute and a half."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    head = re.sub(r"(?s)```.*?```|<img.*?>", "", text[: text.index("## Your own parts")])
+    assert len(head.split()) <= 350
+
+
+def test_the_glossary_is_what_reports_explain() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (.*?) \| (.*) \|$", text[text.index("## Words") :].split("\n## ")[0], flags=re.MULTILINE)
+    assert dict(rows[1:]) == WORDS
+    assert len(WORDS) == 12
+
+
+def test_the_first_verdicts_are_what_the_two_commands_print(tmp_path: Path) -> None:
+    meshes = [str(ROOT / "problems/meshes" / name) for name in ("square_peg.stl", "square_plate.stl")]
+    own = str(tmp_path / "mine.toml")
+    assert CliRunner().invoke(app, ["init", *meshes, "--unit", "mm", "--out", own]).exit_code == 0
+    printed = CliRunner().invoke(app, ["solve", "--certify", own]).stdout
+    page = next(page for page in PAGES if page.name == "README.md")
+    shown = next(block.text for block in page.blocks if block.text.startswith("A: move square_peg"))
+    assert shown.strip() in printed

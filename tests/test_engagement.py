@@ -293,7 +293,7 @@ def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> No
     found = CliRunner().invoke(app, ["solve", str(problem_file), "--case", "B"])
     assert found.exit_code == 1
     words = re.sub(r"\s+", " ", found.stdout)
-    assert "Does not fit: nut 19.79 in slot 19.60." in words
+    assert "does not fit: nut 19.79 in slot 19.60" in words
     assert "The parts fit up to ±1.52 %." in words
     assert "outside" in found.stdout
     assert " yes" not in found.stdout

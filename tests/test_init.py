@@ -102,7 +102,7 @@ def test_tilted_far_and_unlike_parts_are_told_and_solved(tmp_path: Path) -> None
     assert "WARNING: the parts are" not in text
     assert all(solve(problem).usable for problem in load_problems(path))
     far = box(tmp_path / "far.off", (1.0, 1.0, 1.0), (0.0, 0.0, 5000.0))
-    assert "sizes apart" in drafted(far, table, tmp_path)[0]
+    assert "are both drawn in one frame?" in drafted(far, table, tmp_path)[0]
 
 
 def test_a_block_in_a_corner_of_three_walls_is_to_touch_them_all(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import time
 from dataclasses import dataclass
@@ -335,7 +336,7 @@ def test_wide_screen_is_legible(wide):
 
 
 def test_planted_overlap_and_cut_are_seen(wide):
-    move = "margin => { document.querySelector('.answer.chosen .asked').style.margin = margin; }"
+    move = "margin => { document.querySelector('.answer.chosen .big').style.margin = margin; }"
     for margin, check in (("-30px 0 0", OVERLAPS), ("0 0 0 4000px", CUT_OFF)):
         wide.page.evaluate(move, margin)
         assert wide.page.evaluate(check) != []
@@ -350,6 +351,15 @@ def test_paper_shows_the_chosen_case_alone_unless_all_are_wanted(wide):
     wide.page.wait_for_selector("html:not(.printing)", state="attached")
 
 
+def test_one_case_fits_four_pages(wide):
+    wide.page.emulate_media(media="print")
+    wide.page.wait_for_selector("html.printing", state="attached")
+    pages = wide.page.pdf(format="A4", prefer_css_page_size=True)
+    assert 1 <= len(re.findall(rb"/Type\s*/Page[^s]", pages)) <= 4
+    wide.page.emulate_media(media="screen")
+    wide.page.wait_for_selector("html:not(.printing)", state="attached")
+
+
 def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
     wide.page.check("#print-all")
     wide.page.emulate_media(media="print", color_scheme="dark")
@@ -357,7 +367,7 @@ def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
     for number in range(len(payload["cases"])):
         assert wide.page.is_visible(f'.answer[data-case="{number}"]')
         assert wide.page.is_visible(f"#case-{number} >> text=Checks of the judge")
-    assert wide.page.is_visible("text=Relative tolerances and their reasons")
+    assert not wide.page.is_visible("text=Relative tolerances and their reasons")  # folded away: many, and no answer
     assert not wide.page.is_visible("#slider")
     assert wide.page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     wide.until("document.getElementById('curve').layout.font.color", "#16191d")

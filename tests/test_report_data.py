@@ -453,7 +453,7 @@ def test_two_cases_of_one_requirement_have_two_tables():
 
 def test_a_bound_that_is_the_amount_is_shown_as_it_is():
     told = answered(fo.solve(opened("boxes", "slanted").problems[0]))
-    assert told["least"] == {"text": f"{told['amount']:.6g}", "near": "exact"}
+    assert told["least"] == {"text": f"{told['amount']:.4g}", "near": "exact"}
 
 
 # ------------------------------------------------------------------------------------------------- grounds and limits

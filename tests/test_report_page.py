@@ -63,6 +63,9 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "outside": False,
         "advice": f"advice {text}",
         "told": [f"advice {text}"],
+        "verdict": f"move it {text}",
+        "fit": f"clearance {text}",
+        "picture": "",
         "unit": "",
         "amount_unit": "",
         "doubt": "",
@@ -105,7 +108,11 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
                 {"name": "none", "value": None, "unit": "+1 %", "note": ""},
             ],
         },
-        "scene": {"size": 1.0, "objects": [{"body": k, "name": f"b{k} {text}", **solid} for k in (0, 1)]},
+        "scene": {
+            "size": 1.0,
+            "view": [20.0, -60.0],
+            "objects": [{"body": k, "name": f"b{k} {text}", **solid} for k in (0, 1)],
+        },
         "feature_shapes": [],
         "labels": [f"label {text}"],
         "axes": {"box": [[0.8, 3.0], [0.8, 3.0]], "window": [[0.9, 1.1], [0.9, 1.1]]},
@@ -269,7 +276,7 @@ def test_a_case_without_motion_says_so():
     none["files"] = none["files"][:1]
     none["files"][0]["cases"], none["matrices"] = [0], []
     words = visible(read(page(none)))
-    assert "No motion: infeasible" in words
+    assert "none: infeasible" in words
     assert "impossible" in words
     assert "proof checked" in words
     assert "advice plain" in words

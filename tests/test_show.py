@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,22 @@ from picture_checks import check_texts, shown
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.show import save
+from fcdm_opt.show import GREY, save
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scene import ShownPair, scene_figure, true_edges
+from fcdm_opt.show.raster import Raster
+from fcdm_opt.show.scene import (
+    ShownPair,
+    contacts_of,
+    draw_scene,
+    own_polygons,
+    page_directions,
+    scene_figure,
+    sharp_edges,
+    true_edges,
+    view_of,
+)
+from fcdm_opt.show.sections import section
 
 TITLE = "Example (reconstruction)"
 
@@ -48,10 +61,12 @@ def draw(kind: str, example: int, name: str) -> Any:
     if kind == "before and after":
         return before_after_figure(asked, solution, title=TITLE, caption="a caption")
     moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
+    shown = ShownPair.of(asked.movable, asked.static, rho=solution.rho, transform=solution.transform)
     return scene_figure(
-        ShownPair.of(asked.movable, asked.static, rho=solution.rho, transform=solution.transform),
-        features=solution.features,
-        contacts=moved.contact_points(solution.rho),
+        shown,
+        contacts=contacts_of(moved, solution.rho, shown),
+        moved=solution.transform,
+        said=asked.published_text,
         title=TITLE,
         caption="a caption",
     )
@@ -83,7 +98,7 @@ def test_drawing_leaves_the_global_plotting_state_alone() -> None:
     code = """if True:
         import sys, tempfile, matplotlib
         from fcdm_opt.geometry.bodies import Body
-        from fcdm_opt.show import save
+        from fcdm_opt.show import GREY, save
         from fcdm_opt.show.scene import ShownPair, scene_figure
         state = lambda: {key: matplotlib.rcParams[key] for key in matplotlib.rcParams if key != "backend"}
         before = state()
@@ -232,14 +247,87 @@ def test_true_edges_leave_out_what_a_cut_makes_on_a_face() -> None:
     assert (4, 10) in ell  # the reflex edge
 
 
-def test_a_scene_numbers_every_vertex_at_one_scale() -> None:
-    figure = draw("scene", 2, "A")
-    numbers = [int(text) for text in texts(figure) if text.isdigit()]
-    assert [numbers.count(k) for k in range(1, 13)] == [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1]
-    (axes,) = figure.axes
+def test_a_scene_numbers_corners_at_one_scale() -> None:
+    """Of a cube seen from a corner seven corners are seen; the eighth is behind it."""
+    cube = box((0.0, 0.0, 0.0), 1.0)
+    sheet = Sheet.of(4.0, 3.0)
+    shown = ShownPair.of(cube, box((9.0, 0.0, 0.0), 1.0), view=(30.0, -50.0))
+    axes = draw_scene(sheet, (0.0, 0.0, 4.0, 3.0), shown, numbered=True)
+    numbers = [text for text in sheet.figure.findobj(Text) if text.get_text().isdigit()]
+    grey = [text.get_text() for text in numbers if text.get_color() == GREY]
+    assert sorted(text.get_text() for text in numbers) == sorted("12345678" * 2)
+    assert grey == ["3", "3"]  # (-1, 1, -1), farthest from where x > 0, y < 0, z > 0
     origin, *units = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
     rows = np.array(units) - origin  # of one scale: orthogonal, of equal length
     gram = rows @ rows.T
     np.testing.assert_allclose(gram, gram[0, 0] * np.eye(2), atol=1e-6 * gram[0, 0])
-    assert "contact points" in texts(figure)
-    assert "in contact" in texts(figure)
+
+
+def box(at: Sequence[float], size: float) -> Body:
+    corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    return Body.convex(np.array(corners) * size / 2.0 + at)
+
+
+def seen(body: Body, behind: Body | None = None) -> float:
+    """Length on the page of the edges that are seen, of all that are there."""
+    page = page_directions(30.0, -50.0)
+    raster = Raster(page, np.array([-3.0, -3.0]), np.array([3.0, 3.0]), 600)
+    for each in (body, behind) if behind is not None else (body,):
+        raster.fill(own_polygons(each), "#0072B2", 0)
+    pieces = raster.visible(sharp_edges(body))
+    whole = np.diff(sharp_edges(body) @ page, axis=1)
+    return sum(float(np.linalg.norm(b - a)) for a, b in pieces) / float(np.linalg.norm(whole, axis=2).sum())
+
+
+def test_hidden_edges_are_not_drawn() -> None:
+    """Edges along one axis have one length on the page, and of the four of each a convex cube hides one."""
+    cube = box((0.0, 0.0, 0.0), 1.0)
+    assert seen(cube) == pytest.approx(0.75, abs=0.02)
+    page = page_directions(30.0, -50.0)
+    toward = np.cross(page[:, 0], page[:, 1])
+    assert seen(cube, box(20.0 * toward, 5.0)) == pytest.approx(0.0, abs=0.02)  # a larger one stands before it
+    assert seen(cube, box(-20.0 * toward, 5.0)) == pytest.approx(0.75, abs=0.02)
+
+
+def test_round_surfaces_have_no_edges_but_at_their_ends() -> None:
+    angles = 2.0 * np.pi * np.arange(24) / 24
+    ends = [np.column_stack([np.cos(angles), np.sin(angles), np.full(24, z)]) for z in (0.0, 1.0)]
+    pin = Body.convex(np.vstack(ends))
+    edges = sharp_edges(pin)
+    assert len(true_edges(pin)) == 72
+    assert len(edges) == 48
+    assert (edges[:, 0, 2] == edges[:, 1, 2]).all()
+    assert len(sharp_edges(box((0.0, 0.0, 0.0), 1.0))) == 12
+
+
+def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> None:
+    one, two = box((0.0, 0.0, 0.0), 1.0), box((1.0, 0.0, 0.0), 1.0)
+    motion = np.eye(4)
+    motion[0, 3] = -0.001
+    shown = ShownPair.of(one, two, transform=motion, view=(20.0, -70.0))
+    old, times = shown.before(motion)
+    assert old is not None
+    np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
+    assert times > 10.0
+    figure = scene_figure(shown, moved=motion, said="0.001 along -x")
+    assert f"before the motion, drawn {times:g} times as far off" in texts(figure)
+    motion[0, 3] = -1.0
+    assert shown.before(motion)[1] == 1.0
+
+
+def test_a_section_is_what_a_plane_cuts_out() -> None:
+    plane = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    (square,) = section(box((0.0, 0.0, 0.0), 2.0), np.array([0.0, 0.0, 0.25]), np.array([0.0, 0.0, 1.0]), plane)
+    assert sorted(map(tuple, square.tolist())) == [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
+    assert section(box((0.0, 0.0, 9.0), 2.0), np.zeros(3), np.array([0.0, 0.0, 1.0]), plane) == []
+
+
+def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
+    """A cube on a plate, beside a tower that hides it from one side."""
+    plate = box((0.0, 0.0, -5.0), 10.0)
+    tower = Body.from_parts([plate.vertices, box((-3.0, 0.0, 4.0), 4.0).vertices * [1, 2, 2] - [0, 0, 4]])
+    cube = box((0.5, 0.0, 0.5), 1.0)
+    view = view_of(decision_curve(cube, tower), (1.0, 1.0))
+    page = page_directions(*view)
+    assert np.cross(page[:, 0], page[:, 1])[0] > 0.0
+    assert "in contact" in texts(draw("scene", 2, "A"))

@@ -17,7 +17,7 @@ from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.problem import Problem
@@ -169,6 +169,7 @@ def coherent_range(
     InputError
         For a direction that is none, limits that exclude no motion, and a nominal pair that is not on the curve.
     """
+    expected(problem, Problem, "problem")
     along = checked_direction(problem, direction)
     if problem.contacts:
         what = "a range tells how far one tracked contact lasts"

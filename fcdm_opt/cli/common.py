@@ -172,10 +172,11 @@ class Inquiry:
         self.as_json = as_json
         self.codes = [BAD_INPUT for file in self._opened if file.error]
         self.pictures: Album | None = None
+        self._written: list[str] = []
         if out is not None and any(file.problems for file in self._opened):
             from fcdm_opt.show.album import Album
 
-            self.pictures = Album(out, say)
+            self.pictures = Album(out, self.wrote)
 
     def __iter__(self) -> Iterator[OpenedFile]:
         """Yield each file that could be read; `say_of` is about the last."""
@@ -183,6 +184,10 @@ class Inquiry:
             self._document.append(file.head())
             if not file.error:
                 yield file
+
+    def wrote(self, text: str) -> None:
+        """Keep a line about a file that was written; all are said after the answers."""
+        self._written.append(text)
 
     def say_of(self, key: str, value: Any) -> Any:
         """Put a value into the document, under a key of the file at hand; return it."""
@@ -228,7 +233,9 @@ class Inquiry:
         self.finish()
 
     def finish(self) -> None:
-        """Write the document, if it is wanted, and exit."""
+        """Write the document, if it is wanted, say which files were written, and exit."""
+        for line in self._written:
+            say(line)
         failed = [BAD_INPUT] if self.pictures is not None and self.pictures.failed else []
         finish(self._document if self.as_json else None, [*self.codes, *failed])
 

@@ -76,6 +76,8 @@ def study_command(
     from fcdm_opt.show.studies import study_figure
 
     result = run_study(file, out, engine=engine, jobs=jobs, scheduler=scheduler, progress=True, say=say)
+    if not as_json:
+        console().print(f"{result}\n")
     result.to_csv(out / "study.csv")
     say(f"wrote {out / 'study.csv'}")
     if parquet:
@@ -83,8 +85,6 @@ def study_command(
         say(f"wrote {out / 'study.parquet'}")
     pictures = Album(out, say)
     pictures.add("study", study_figure(result))
-    if not as_json:
-        console().print(f"{result}\n")
     counts = result.counts
     wrong = any(counts.get(status) for status in ("ERROR", "WORKER_LOST", "NOT_VERIFIED", "PENDING"))
     code = NOT_VERIFIED if wrong else BAD_INPUT if counts.get("BAD_INPUT") else SOLVED
@@ -158,15 +158,17 @@ def map_command(
     as_json: AsJson = False,
     case: Cases = None,
 ) -> None:
-    """Map the smallest motion over all sizes in the tolerance box, a table for the shop floor, and tell the yield.
+    """Map the smallest motion over all sizes in the tolerance box, with a grid for the shop floor; tell the yield.
 
-    The sizes are the scales of both parts, or two [[size]] tables of the file.
+    The sizes are the scales of both parts, or two [[size]] tables of the file. The grid, one by the other, is written
+    as CSV and as a page to print.
     """
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
     from fcdm_opt.design.distributions import Normal
     from fcdm_opt.design.stack.spread import spreads
     from fcdm_opt.show import tables
+    from fcdm_opt.show.grids import write_grids
     from fcdm_opt.show.maps import map_figure, yield_figure
 
     covered, pairs = _box(box), _pairs(sizes, columns, nominals)
@@ -183,7 +185,9 @@ def map_command(
         stem = pictures.add(f"{file.path.stem}-{problem.name}", map_figure(found, title=title), ending="-map")
         for write, ending in ((found.to_json, "json"), (found.to_csv, "csv")):
             write(out / f"{stem}.{ending}")
-            say(f"wrote {out / f'{stem}.{ending}'}")
+            inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
+        for path in write_grids(found, problem.motion.parameters, out / stem, title=title):
+            inquiry.wrote(f"wrote {path}")
         yield "map", found, tables.print_said
         if budget is not None:
             ends = [Normal((low + high) / 2, (high - low) / 6, low, high) for low, high in found.box]  # at 3 sigma
@@ -281,7 +285,7 @@ def stack_command(
             title = f"{file.name}: case {problem.name}"
             stem = pictures.add(f"{file.path.stem}-{problem.name}-stack", stack_figure(found, drawn, title=title))
             write_stack(found, out / f"{stem}.csv")
-            say(f"wrote {out / f'{stem}.csv'}")
+            inquiry.wrote(f"wrote {out / f'{stem}.csv'}")
             most = [own.size for own in found.contributions[:2]]
             names = most if cut is None else _names(cut)
             if len(names) == 2:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.common import AsJson, Cases, Files, Inquiry, OpenedFile, Out, Time, code_of, option
+from fcdm_opt.cli.common import OUTPUT, AsJson, Cases, Files, Inquiry, OpenedFile, Out, Time, code_of, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
 
 DIRECTION = (
     "Motion that x multiplies, as TZ=1,RZ_deg=2. Default: the only parameter, else the published motion, else the "
@@ -59,6 +61,9 @@ def solve_command(
         float | None, option("--seconds", "S", "Wall time of a case's proof; default: a number of looks.")
     ] = None,
     time: Time = None,
+    table: Annotated[
+        Path | None, option("--table", "CSV", "Write one row a case there, for Excel and the like.", OUTPUT)
+    ] = None,
     as_json: AsJson = False,
     out: Out = None,
     case: Cases = None,
@@ -67,12 +72,14 @@ def solve_command(
 
     Of a file of an assembly the smallest motions of all its parts together.
     """
+    from fcdm_opt.design.cases import write_cases
     from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.show.assemblies import print_assemblies
     from fcdm_opt.show.solved import SolvedCase, solved_case
     from fcdm_opt.show.tables import print_solutions
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out, assemblies=True)
+    answers: list[tuple[str, Solution]] = []
 
     def assembled(file: OpenedFile, assembly: Assembly, entry: dict[str, Any]) -> AssemblySolution:
         from fcdm_opt.assembling import solve_assembly
@@ -94,6 +101,9 @@ def solve_command(
         beside = {name: getattr(row, name) for name in ("published_amount", "touch_amount", "fits_up_to")}
         entry |= {"name": problem.name, **row.solution.to_dict(), **beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
+        answers.append((problem.name if len(files) == 1 else f"{file.path.stem}: {problem.name}", row.solution))
+        if table is not None:
+            write_cases(table, answers)
         if inquiry.pictures:
             with pacing.unlimited():  # drawn from what is known
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)
@@ -102,6 +112,8 @@ def solve_command(
     def print_all(rows: Sequence[Any]) -> None:
         (print_solutions if isinstance(rows[0], SolvedCase) else print_assemblies)(rows)
 
+    if table is not None:
+        inquiry.wrote(f"wrote {table}")
     inquiry.ask(answered, print_all)
 
 

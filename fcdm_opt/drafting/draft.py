@@ -28,6 +28,7 @@ from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.entries import plain_step
+from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.schema import closest
 from fcdm_opt.problem.solution import Solution
@@ -46,7 +47,7 @@ MOST_CONTACTS = 6  # contacts that are listed
 MOST_POINTS = 8  # switching points that are listed
 LONGEST = 100  # signs of a contact's label: that of a round face names hundreds of vertices
 UNLIKE = 50.0  # ratio of two sizes at which units are likely to be mixed up
-FAR = 5.0  # sizes between the parts at which they are likely to be drawn in different frames
+SIMILAR = 1.5  # times as large, at most, that both are told to be made
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
 WHY = {
     "touch": "the parts made touch, by whatever features meet first",
@@ -192,7 +193,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
     if ratio > UNLIKE:
         found.append(f"one part is {ratio:.3g} times as large as the other: is one mesh in another unit? (file_unit)")
     if situation.gap > FAR * situation.size:
-        found.append(f"the parts are {situation.gap / situation.size:.3g} sizes apart: are both drawn in one frame?")
+        found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation):
         found.append(f"the parts nearly touch ({situation.gap:+.3g} {unit}). {_remedy(situation, unit)}")
     if any(any(body.deviation) for body in (one, two)):
@@ -212,8 +213,8 @@ def state_text(situation: Situation, unit: str) -> str:
     deepest = ", at the deepest pair of convex parts" if union else ""
     words = {
         "touching": "the parts touch",
-        "apart": f"the parts are {situation.gap:.6g} {unit} apart",
-        "overlapping": f"the parts overlap by {-situation.gap:.6g} {unit}{deepest}",
+        "apart": f"the parts are {situation.gap:.4g} {unit} apart",
+        "overlapping": f"the parts overlap by {-situation.gap:.4g} {unit}{deepest}",
     }
     text = words[situation.state]
     if situation.state == "touching":
@@ -223,7 +224,9 @@ def state_text(situation: Situation, unit: str) -> str:
         at = f", at {len(labels)} places" if len(labels) > 1 else ""
         return f"{text}{at}: {listed}" if labels else text
     if math.isfinite(situation.growth):
-        return f"{text}; both made {situation.growth:.6g} times as large, they would touch"
+        if not 1.0 / SIMILAR <= situation.growth <= SIMILAR:
+            return text  # as from a hole that opens: true, and of no use
+        return f"{text}; both made {situation.growth:.4g} times as large, they would touch"
     low, high = WIDE[0]
     return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
 

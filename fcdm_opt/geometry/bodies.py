@@ -258,8 +258,8 @@ class Body(_Sealed, Shown):
     @classmethod
     def from_mesh(
         cls,
-        vertices: ArrayLike,
-        faces: Iterable[Sequence[int]] | ArrayLike,
+        vertices: Any,
+        faces: Iterable[Sequence[int]] | ArrayLike | None = None,
         *,
         decomposition: Method = "auto",
         seed: SeedRule | ArrayLike = "centroid",
@@ -270,9 +270,9 @@ class Body(_Sealed, Shown):
         Parameters
         ----------
         vertices : (n, 3) array
-            Corners, length units.
+            Corners, length units; or a whole mesh in one, see `as_body`.
         faces : sequence of sequences of int
-            Polygons as rows of `vertices`; seen from outside they run counter-clockwise.
+            Polygons as rows of `vertices`; seen from outside they run counter-clockwise. None with a whole mesh.
         decomposition : {"auto", "exact", "coacd"}
             How a non-convex solid is cut into convex parts: exactly at its reflex edges, or approximately by CoACD,
             which "auto" takes for very large meshes only. A convex solid is one part.
@@ -286,6 +286,8 @@ class Body(_Sealed, Shown):
         InputError
             For a surface that bounds no solid: open, crossing itself, or with no one inside.
         """
+        if faces is None:
+            return as_body(vertices, decomposition=decomposition, seed=seed, name=name)
         mesh = checked_mesh(vertices, faces, name=name)
         origin = mesh.centroid if isinstance(seed, str) and seed == "centroid" else _seed(seed, mesh.vertices, [], name)
         made = decompose(mesh, origin, method=decomposition)
@@ -350,6 +352,8 @@ class Body(_Sealed, Shown):
         surface: Surface | None = None,
         apart: bool = False,
     ) -> Body:
+        if not isinstance(name, str):
+            raise InputError("not a name", key="name", found=name, allowed="text")
         if not rows:
             raise InputError("a body needs at least one part", key=f"body '{name}'")
         keys = [f"body '{name}'" + (f": part {k + 1}" if len(rows) > 1 else "") for k in range(len(rows))]
@@ -365,6 +369,13 @@ class Body(_Sealed, Shown):
         outlines = faces if drawn is None else tuple(tuple(row + 1 for row in face) for face in drawn)
         skin = () if surface is None or apart else surface.triangles_of_faces()
         return cls(name, frozen(points), origin, parts, faces, outlines, skin=skin)
+
+    def __repr__(self) -> str:
+        """Return name, counts, seed and extent on one line; the arrays are attributes."""
+        extent = " x ".join(f"{x:.4g}" for x in np.ptp(self.vertices, axis=0).tolist())
+        seed = ", ".join(f"{x:.6g}" for x in self.seed.tolist())
+        counts = f"{len(self.corners)} corners, {len(self.faces)} faces, convex parts: {len(self.parts)}"
+        return f"Body({self.name!r}: {counts}, seed ({seed}), extent {extent})"
 
     @cached_property
     def corners(self) -> tuple[int, ...]:

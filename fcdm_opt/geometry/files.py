@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, checked_path
 from fcdm_opt.geometry.arrays import LARGEST, Array
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms
@@ -75,9 +75,9 @@ def drawn_mesh(
     Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a plane are made
     plane to double precision, see `flattening`.
     """
-    path = Path(path)
+    path = checked_path(path, "path")
     for key, value in (("unit", unit), ("file_unit", file_unit)):
-        if value not in NANOMETRES and (key == "unit" or value is not None):
+        if not (isinstance(value, str) and value in NANOMETRES) and (key == "unit" or value is not None):
             raise InputError("unknown unit", file=path, key=key, found=value, allowed=", ".join(NANOMETRES))
     suffix = path.suffix.lower()
     if suffix not in _READERS:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.tolerances import DEFAULT
 
@@ -18,6 +19,7 @@ TURN = 0.65  # cosine: the most that two of them are turned against one another
 ROUND = 1e-4  # of the radius: how far corners may be off it
 ENDS = (("back", "front"), ("left", "right"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z: below, above."""
+SIDES = tuple(side for pair in ENDS for side in pair)
 
 Label = tuple[int, ...]
 
@@ -30,19 +32,59 @@ def names_of_faces(body: Body) -> dict[Label, str]:
     of their corners; "top", "bottom" and so on for plane faces of many corners that the body ends with along an axis;
     "face 12", as they are counted, for others.
     """
+    normals = normals_of_faces(body)
+    return {**_plane(body, normals, MANY), **_round(body, normals)}
+
+
+def told_element(body: Body, element: Element) -> str:
+    """Return an element of a body in words: "top (+z) face", "bore radius 10", "face 3 (-x)", "corner 5".
+
+    An edge is told by the faces that meet in it.
+    """
+    label, names = tuple(sorted(element.vertices)), _all_names(body)
+    if element.kind == "V":
+        return f"corner {label[0]}"
+    if element.kind == "F":
+        name, side = names.get(label, ("face", ""))
+        told = f"{name} ({side})" if side else name
+        return f"{told} face" if name in SIDES else told
+    sides = list(dict.fromkeys(names[face][0] for face in body.faces if set(label) <= set(face) and face in names))
+    if len(sides) == 2:
+        return f"edge between {sides[0]} and {sides[1]}"
+    return f"edge from corner {label[0]} to {label[-1]}"
+
+
+@lru_cache(maxsize=16)
+def _all_names(body: Body) -> dict[Label, tuple[str, str]]:
+    """Return a name for every face of a body, and the axis that it faces along, "" where it does so along none."""
+    normals = normals_of_faces(body)
+    named = {}
+    for face, name in {**_plane(body, normals, 0), **_round(body, normals)}.items():
+        k = int(np.abs(normals[face]).argmax())
+        straight = abs(normals[face][k]) >= 1.0 - DEFAULT.side and " radius " not in name
+        named[face] = (name, f"{'-+'[int(normals[face][k] > 0.0)]}{'xyz'[k]}" if straight else "")
+    return named
+
+
+def normals_of_faces(body: Body) -> dict[Label, Array]:
+    """Return a normal of each face that a part carries."""
     normals: dict[Label, Array] = {}
     for part in body.parts:
         for k, face in enumerate(part.elements["F"]):
             normals.setdefault(face.vertices, part.normals[k])
-    return {**_plane(body, normals), **_round(body, normals)}
+        for (kind, k), span in part.elements.spans.items():
+            for face in span.elements if kind == "F" else ():
+                normals.setdefault(face.vertices, part.normals[k])
+    return normals
 
 
-def _plane(body: Body, normals: dict[Label, Array]) -> dict[Label, str]:
+def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, str]:
+    """Return the names of plane faces with so many corners at least."""
     named: dict[Label, str] = {}
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     slack = DEFAULT.side * float((high - low).max())
     for number, face in enumerate(body.faces, 1):
-        if len(face) < MANY or face not in normals:
+        if len(face) < least or face not in normals:
             continue
         normal, corner = normals[face], body.vertices[face[0] - 1]
         k = int(np.abs(normal).argmax())

@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
@@ -52,6 +52,7 @@ def verify(solution: Solution, tolerances: Tolerances = DEFAULT, *, proof: bool 
         All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
         says so.
     """
+    expected(solution, Solution, "solution")
     return Certificate((*_of_motion(solution, tolerances), *(_of_proof(solution) if proof else ())))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import contact_line, feature_points, pose, separating_plane, switching_point
 from fcdm_opt.model.task import Parts, Task
@@ -115,8 +115,7 @@ def contact_rows(problem: Problem, at: Sequence[float] | Array | None = None) ->
     InputError
         Where the problem leaves open which two of several features it tracks, and for a wrong number of parameters.
     """
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     if problem.contacts:
         allowed = 'one tracked contact, or goal "touch" or "clear"'
         raise InputError("rows of several contacts are not offered", key="contacts", found="several", allowed=allowed)

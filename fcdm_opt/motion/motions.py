@@ -199,14 +199,23 @@ class Motion:
         ways = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
         return float(np.linalg.norm(ways, axis=3).max(axis=(1, 2)).sum())
 
-    def describe(self, q: Sequence[float] | Array, *, unit: str = "") -> str:
+    def describe(self, q: Sequence[float] | Array, *, unit: str = "", digits: int = 6) -> str:
         """Return the motion in words, degrees and lengths, in a unit or without: "TZ 0.25 mm + RZ 7.02 deg"."""
         words, start = [], 0
         for step in self.steps:
             count = len(step.parameters)
-            words.append(step.own_words([float(x) for x in q[start : start + count]], unit))
+            words.append(step.own_words([float(x) for x in q[start : start + count]], unit, digits))
             start += count
         return " + ".join(words)
+
+    def deeds(self, q: Sequence[float] | Array, *, unit: str = "") -> list[tuple[str, str]]:
+        """Return what is done, a (verb, manner) for each step, to four digits: ("move", "0.25 mm along -z")."""
+        done, start = [], 0
+        for step in self.steps:
+            count = len(step.parameters)
+            done.append(step.own_deed([float(x) for x in q[start : start + count]], unit))
+            start += count
+        return done
 
 
 class Step(Motion):
@@ -270,11 +279,15 @@ class Step(Motion):
         """Return the step in coordinates with another origin: itself where no fixed point enters."""
         return self
 
-    def own_words(self, q: list[float], unit: str = "") -> str:
+    def own_words(self, q: list[float], unit: str = "", digits: int = 6) -> str:
         """Parameters in words, in degrees and lengths, in a unit or without."""
         named = zip(self.own_parameters, q, strict=True)
         shown = [(name, (x, unit) if kind == "translation" else (math.degrees(x), "deg")) for (name, kind), x in named]
-        return " ".join(f"{name} {measured(_digits(x), own)}" for name, (x, own) in shown)
+        return " ".join(f"{name} {measured(f'{x:.{digits}g}', own)}" for name, (x, own) in shown)
+
+    def own_deed(self, q: list[float], unit: str = "") -> tuple[str, str]:
+        """Return what the step does, a verb and how, lengths in a unit or without: by default its parameters."""
+        return "move", f"by {self.own_words(q, unit, 4)}"
 
 
 @dataclass(frozen=True)
@@ -309,6 +322,19 @@ class Straight(Step):
         """Largest distance from the line, or from the seed where the body may have turned against a line there."""
         direction, point = self.line(tuple(seed), tuple(seed))
         return self.own_weights(_distance(points, None if turned and point == tuple(seed) else direction, point))
+
+    def own_deed(self, q: list[float], unit: str = "") -> tuple[str, str]:
+        """Return a shift along the line, a turn about it by the right-hand rule, or both."""
+        along, about = self.movements(q)
+        if about and along:
+            return "screw", f"{_angle(about)} about and {_length(along, unit)} along {self.told_line(1.0)}"
+        if about:
+            return "turn", f"{_angle(abs(about))} about {self.told_line(about)}"
+        return "move", f"{_length(abs(along), unit)} along {self.told_line(along)}"
+
+    def told_line(self, sign: float) -> str:
+        """Return the line in words, backwards where the sign is negative; a seed that it goes through is not told."""
+        return _way(self.line(ORIGIN, ORIGIN)[0], sign)
 
 
 @dataclass(frozen=True)
@@ -391,6 +417,11 @@ class Rotation(Straight):
         if isinstance(self.centre, str):
             return self.direction, tuple(movable_seed) if self.centre == "seed" else ORIGIN
         return self.direction, self.centre
+
+    def told_line(self, sign: float) -> str:
+        """Return the axis in words, and its centre where it is not the seed."""
+        told = super().told_line(sign)
+        return told if self.centre == "seed" else f"{told} through {_place(self.line(ORIGIN, ORIGIN)[1])}"
 
     def own_seen_from(self, origin: Array) -> Step:
         """Shift a fixed centre."""
@@ -509,10 +540,16 @@ class Screw(Straight):
         """With infinite pitch; along the line of the seeds as the first step only."""
         return self._endless and (first or self.axis != "seeds")
 
-    def own_words(self, q: list[float], unit: str = "") -> str:
+    def told_line(self, sign: float) -> str:
+        """Return the line in words."""
+        if self.axis == "seeds":
+            return "the line from seed to seed" + (", backwards" if sign < 0.0 else "")
+        return f"{super().told_line(sign)} through {_place(self.line(ORIGIN, ORIGIN)[1])}"
+
+    def own_words(self, q: list[float], unit: str = "", digits: int = 6) -> str:
         """Parameters in words: translation and angle, as in the paper's tables."""
         along, about = self.movements(q)
-        return f"Screw {measured(_digits(along), unit)}, {_digits(math.degrees(about))} deg"
+        return f"Screw {measured(f'{along:.{digits}g}', unit)}, {math.degrees(about):.{digits}g} deg"
 
 
 @dataclass(frozen=True)
@@ -543,6 +580,14 @@ class Free(Step):
             for i in range(3)
         )
         return _about(R, movable_seed, q[:3])
+
+    def own_deed(self, q: list[float], unit: str = "") -> tuple[str, str]:
+        """Return a shift, and a turn about the seed."""
+        told = []
+        for vector, size, where in ((q[:3], lambda x: _length(x, unit), "along"), (q[3:], _angle, "about")):
+            if (long := math.hypot(*vector)) > 0.0:
+                told.append(f"{size(long)} {where} {_way([x / long for x in vector], 1.0)}")
+        return "move", ", turned ".join(told) or _length(0.0, unit)
 
     def own_shifts_by(self, q: list[float], first: bool) -> bool:
         """Where no rotation is asked."""
@@ -704,5 +749,22 @@ def _axis_name(axis: Any) -> str:
     return axis.upper() if isinstance(axis, str) else ""
 
 
-def _digits(x: float) -> str:
-    return f"{x:.6g}"
+def _length(x: float, unit: str) -> str:
+    return measured(f"{x:.4g}", unit)
+
+
+def _angle(x: float) -> str:
+    return f"{math.degrees(x):.4g} deg"
+
+
+def _way(direction: Sequence[float], sign: float) -> str:
+    """Return a direction in words: "+z", or its components; turned round where the sign is negative."""
+    way = [math.copysign(1.0, sign) * x + 0.0 for x in direction]
+    for name, axis in AXES.items():
+        if way == list(axis):
+            return name if name[0] == "-" else f"+{name}"
+    return f"({', '.join(f'{x:.4g}' for x in way)})"
+
+
+def _place(point: Sequence[float]) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in point)})" if any(point) else "the origin"

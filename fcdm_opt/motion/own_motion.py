@@ -152,9 +152,9 @@ class OwnMotion(Step):
 
         return OwnMotion(shifted, self._parameters, self.name)
 
-    def own_words(self, q: list[float], unit: str = "") -> str:
+    def own_words(self, q: list[float], unit: str = "", digits: int = 6) -> str:
         """Name, and parameters in degrees and lengths."""
-        return f"{self.name} ({super().own_words(q, unit)})"
+        return f"{self.name} ({super().own_words(q, unit, digits)})"
 
 
 def _checked_parameters(parameters: Any) -> tuple[Parameter, ...]:

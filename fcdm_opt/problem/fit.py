@@ -14,6 +14,9 @@ from fcdm_opt.tolerances import DEFAULT
 
 REST = np.eye(4)
 
+FAR = 2.0
+"""Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
+
 
 def _walls(problem: Problem) -> tuple[Array, Array]:
     """Return how part pairs keep apart as drawn: unit normals, (k, 3), and the rows (a, b, c) of their lines, (k, 3).

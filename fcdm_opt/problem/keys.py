@@ -294,6 +294,10 @@ def _ordered(value: Any, handler: Any) -> Any:
 _Interval = Annotated[tuple[Bound, Bound], WrapValidator(_ordered)]
 
 
+def _tuple(values: Any) -> Any:
+    return tuple(values) if isinstance(values, list) else values
+
+
 class Arguments(Case):
     """The arguments of `Problem`: the keys of a case, with values of Python where a file has tables."""
 
@@ -315,7 +319,7 @@ class Arguments(Case):
     )
     movable: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
     static: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
-    sizes: Annotated[tuple[Annotated[Any, of_kind(Size)], ...], BeforeValidator(tuple)] = declared((), "Sizes")
+    sizes: Annotated[tuple[Annotated[Any, of_kind(Size)], ...], BeforeValidator(_tuple)] = declared((), "Sizes")
     unit: Literal["", Unit] = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
 
 

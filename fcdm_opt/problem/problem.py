@@ -213,6 +213,15 @@ class Problem(NominalContact, Shown):
         """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
         return self.unit if isinstance(self.amount, str) else ""
 
+    def __repr__(self) -> str:
+        """Return what is asked, on one line; everything else is an attribute."""
+        asked = f"requirement {self.requirement}" if self.requirement else "explicit target"
+        made = ", ".join(f"{x:.6g}" for x in self.target.tolist())
+        steps = ", ".join(name for name, _ in self.motion.parameters)
+        bodies = f"{self.movable.name!r} against {self.static.name!r}"
+        unit = f", {self.unit}" if self.unit else ""
+        return f"Problem({self.name!r}: {bodies}, goal {self.goal!r}, {asked}, made at ({made}), motion {steps}{unit})"
+
     def play(self, q: Array) -> float:
         """Return how far a vertex of body 1 as made may move when every parameter changes by its step; 0 without.
 

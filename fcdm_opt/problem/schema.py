@@ -30,7 +30,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, checked_path
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.syntax import mistake, parsed
 
@@ -232,7 +232,7 @@ class Entry(BaseModel):
 
 def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, needed: str) -> Read:
     """Return the checked contents of a TOML file; `kind` and `needed` say what it is and must have."""
-    file = Path(path)
+    file = checked_path(path, kind)
     try:
         with file.open("rb") as stream:
             content = stream.read(LARGEST_FILE + 1)

@@ -15,6 +15,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.doors import Shown, upper
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import verdict
@@ -254,6 +255,20 @@ class Solution(Plain, Shown):
     unique_within: float = 0.0
     seconds: Mapping[str, float] = field(default_factory=dict)
     derivatives: Sensitivity | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        """Return outcome, motion, amount with its bound, and state of the pair made, on one line."""
+        values = list(self.parameters.values())
+        motion = self.problem.motion.describe(values, unit=self.problem.unit) if values else "no motion"
+        amount = measured(f"{self.amount:.4g}", self.problem.amount_unit)
+        proved = measured(f"{self.lower_bound:.4g}", self.problem.amount_unit)
+        found = f"{motion}, amount {amount}, proved at least {proved}, pair made {self.pair_state}"
+        return f"Solution({self.problem.name!r}: {self.status.name}, {found})"
+
+    def __str__(self) -> str:
+        """Return the verdict in words, and below it what its row in a table says."""
+        text: str = upper("show.verdict:answer_text")(self)
+        return text
 
     @property
     def verified(self) -> bool:

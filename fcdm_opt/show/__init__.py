@@ -1,6 +1,7 @@
 """What is shown: pictures for print and screen, tables on a terminal, cards of notebooks, and reports.
 
-texts            numbers, questions and answers in words, for all of these; `remarks` are sentences
+texts            numbers, questions and answers in words, for all of these; `verdict` and `remarks` are sentences
+glossary         words of this package, each in a line
 rendering        HTML from `templates`, for `cards` and `report`
 cards            what notebooks show
 solved           cases as tables and reports show them
@@ -10,9 +11,9 @@ assemblies       tables and pictures of several parts
 Pictures, and here what they share:
 
 plots            decision curves, before and after a motion; the plane of scales
-scene            the pair of bodies in space
+scene            the pair of bodies in space; `raster` hides and shades, `sections` cut contacts open
 family           the curves over a coherent range
-maps             compensation maps, and the yield of a fit
+maps             compensation maps, and the yield of a fit; `grids` are these maps for the shop floor
 studies          the amount over what a study varied
 sensitivities    what the amount depends on
 lettering        words on a picture, none upon another

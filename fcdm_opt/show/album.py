@@ -12,9 +12,10 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import Figure, save
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scene import ShownPair, scene_figure
+from fcdm_opt.show.scene import ShownPair, contacts_of, scene_figure, view_of
 from fcdm_opt.show.sensitivities import sensitivities_figure
-from fcdm_opt.show.texts import amount_text, asked_text, motion_text
+from fcdm_opt.show.texts import asked_text
+from fcdm_opt.show.verdict import motion_said, verdict_text
 
 LONGEST_NAME = 100
 """Characters of a picture's file name, before its number and ending."""
@@ -44,6 +45,7 @@ class Album:
     def __init__(self, directory: Path, say: Callable[[str], None]) -> None:
         self._directory, self._say = directory, say
         self._given: set[str] = set()
+        self._views: dict[str, tuple[float, float]] = {}  # of each file: all its cases are seen from one place
         self.failed = False
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -61,27 +63,14 @@ class Album:
 
     def add_solution(self, stem: str, title: str, solution: Solution) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on."""
-        problem, found, motion = solution.problem, solution.status.found, motion_text(solution)
+        problem, found = solution.problem, solution.status.found
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
-        caption = f"{asked_text(problem)}, goal {problem.goal}: {motion if found else 'no motion'}"
-        if found:
-            amount = amount_text(solution.amount, problem.amount_unit)
-            outside = "outside the fit, not to be used: " * (solution.status.name == "OUTSIDE_FIT")
-            caption = f"{outside}{caption}; amount {amount}; pair made: {solution.pair_state}"
+        caption = f"{asked_text(problem)}, goal {problem.goal}: {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
-        rho = problem.nominal_pair if solution.rho is None else solution.rho
-        moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
-        keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
-        scene = scene_figure(
-            ShownPair.of(problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out),
-            features=solution.features,
-            contacts=moved.contact_points(rho),
-            unit=problem.unit,
-            title=title,
-            caption=f"scales ({rho[0]:.6f}, {rho[1]:.6f}), motion: {motion}",
-        )
+        view = self._views.setdefault(stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist())))
+        scene = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
         self._write(f"{name}-scene", scene)
         if found and solution.amount > 0.0:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
@@ -108,3 +97,35 @@ class Album:
         except OSError as reason:
             self._say(f"error: --out: the picture {name!r} could not be written: {reason.strerror}")
             self.failed = True
+
+
+def solution_figure(
+    solution: Solution, *, view: tuple[float, float] | None = None, title: str = "", caption: str = ""
+) -> Figure:
+    """Draw what an answer does: the bodies after it, their old place, the motion, and each contact magnified.
+
+    Parameters
+    ----------
+    solution : Solution
+    view : (elevation, azimuth), optional
+        Degrees; by default from where the nominal contact is seen best.
+    title, caption : str
+        Text above and below the picture; "{sizes}" stands for the sizes at which the bodies are shown.
+    """
+    problem = solution.problem
+    rho = problem.nominal_pair if solution.rho is None else solution.rho
+    moved = decision_curve(problem.movable, problem.static, box=problem.box, transform=solution.transform)
+    keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
+    view = view or view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+    shown = ShownPair.of(
+        problem.movable, problem.static, rho=rho, transform=solution.transform, keep_out=keep_out, view=view
+    )
+    return scene_figure(
+        shown,
+        contacts=contacts_of(moved, rho, shown),
+        moved=solution.transform,
+        said=motion_said(solution),
+        unit=problem.unit,
+        title=title,
+        caption=caption.replace("{sizes}", f" (sizes shown: {rho[0]:.6g} and {rho[1]:.6g} of those drawn)"),
+    )

@@ -24,6 +24,7 @@ from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.scene import body_figure
 from fcdm_opt.show.texts import counted, in_unit, number, numbers, parameter_units, study_facts
+from fcdm_opt.show.verdict import verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -191,9 +192,11 @@ def solution_card(solution: Solution) -> Card:
         ("settled by", solution.stage),
         ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
     ]
+    told = verdict_text(solution)
+    told = told[:1].upper() + told[1:]
     return Card(
         _title("Solution", problem),
-        said=solution.advice,
+        said=f"{told}. {solution.advice}" if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED") else told,
         facts=facts,
         lists={"contact": [feature.told(problem.movable, problem.static) for feature in solution.features]},
         state=solution.status.name,

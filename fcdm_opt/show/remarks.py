@@ -11,11 +11,12 @@ import math
 import numpy as np
 
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, bound_text, numbers
+from fcdm_opt.show.texts import CLOSED, bound_text, number, numbers
 from fcdm_opt.tolerances import DEFAULT
 
 LARGE, GROWTH = 0.5, 2.0
@@ -35,7 +36,16 @@ def remarks(solution: Solution) -> list[str]:
         off = f"{measured(f'{abs(gap):.4g}', unit)} {'clear' if gap > 0 else 'overlapping'}"
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
-    return [*told, *_contacts(solution), *_large(solution)]
+    return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
+
+
+def _frames(solution: Solution) -> list[str]:
+    """Return a warning where the parts are drawn farther from one another than the larger is long."""
+    problem = solution.problem
+    apart = float(problem.curve.distance((1.0, 1.0)))
+    if apart <= FAR * max(problem.movable.size, problem.static.size):
+        return []
+    return [f"as drawn the parts are {measured(number(apart), problem.unit)} apart: are both drawn in one frame?"]
 
 
 def _contacts(solution: Solution) -> list[str]:
@@ -46,15 +56,20 @@ def _contacts(solution: Solution) -> list[str]:
         if problem.goal != "touch" or not opened:
             return []
         most = measured(f"{max(opened):.4g}", unit)
+        if len(gaps) == 1:
+            return [f"the contact of the nominal position is open now, by {most}"]
         return [
             f"{len(opened)} of the {len(gaps)} contacts of the nominal position are open now, by up to {most}; "
             'contacts = "all" asks for all of them'
         ]
     told = []
+    if gaps and not solution.open_contacts:
+        told.append(f"all {len(gaps)} contacts are closed")
     for k, feature in enumerate(problem.contacts, 1):
         gap = gaps.get(feature.label, math.nan)
         state = f"open by {measured(f'{gap:.4g}', unit)}" if gap > problem.contact_slack else "closed"
-        told.append(f"contact {k}, {feature.label}" + (f": {state}" if gaps else ""))
+        if not gaps or solution.open_contacts:
+            told.append(f"contact {k}, {feature.label}" + (f": {state}" if gaps else ""))
     if not solution.status.found:
         return [*told, *solution.active]
     if problem.goal == FIT:

@@ -1,35 +1,39 @@
-"""The pair of bodies in space, at given scales and pose."""
+"""The pair of bodies in space: solid, at given scales and pose, with what the motion did and what touches."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, ORANGE, PURPLE, VERMILLION, Figure, styled
-from fcdm_opt.show.lettering import Names, Sheet, literal
+from fcdm_opt.geometry.naming import normals_of_faces
+from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show.lettering import Names, Sheet, fitted, literal
+from fcdm_opt.show.raster import Raster
+from fcdm_opt.show.sections import INSET, Touching, draw_section
 from fcdm_opt.show.texts import shortened
-
-WIDTH = 12.0 / 2.54
-"""Inches: between a column and the page."""
 
 ALONE, VIEW = 2.6, (27.0, -54.0)
 """Inches across of a body alone, and degrees it is seen from; no symmetric view, in which edges of a cube meet."""
 
-LEAST, MOST, FOOT, MARGIN = 1.6, 3.9, 0.55, 0.2
-"""Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that corners
-keep from the edge of its area, for their numbers."""
+LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
+"""Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that bodies
+keep from the edge of its area, for arrows."""
+
+FINE = 180
+"""Pixels an inch of what is drawn as pixels."""
 
 COLOURS: tuple[str, ...] = (VERMILLION, BLUE, GREEN, PURPLE, ORANGE, GREY)
-LINES: tuple[Any, ...] = ("solid", (0, (4, 2)), "dotted")
 """Of parts of an assembly, one after the other."""
 
 MOST_NUMBERS, LONGEST_NAME = 80, 44
@@ -39,51 +43,79 @@ LONGEST_BAR, LETTER, SEEN = 60.0, 9.0, 0.2
 """Points: the bar of known length is at most so long, and letters of two directions so far apart; a direction of the
 world shorter than this on the page gets no name."""
 
+VEIL = 0.25
+"""How much of its colour a contact area has, which a body in front may hide."""
+
+FAR, MOST_TURN = 0.12, 0.5
+"""A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
+
+TANGENT = 0.93
+"""Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge."""
+
+MOST_INSETS, ALIKE = 2, 0.999
+"""Contacts that are magnified; cosine between normals of those that look alike."""
+
 
 @styled
 def scene_figure(
     shown: ShownPair,
     *,
-    features: Sequence[Feature] = (),
-    contacts: ArrayLike = (),
+    contacts: Sequence[Touching] = (),
+    moved: ArrayLike | None = None,
+    said: str = "",
     unit: str = "",
     title: str = "",
     caption: str = "",
 ) -> Figure:
-    """Draw both bodies: body 1 in solid lines, body 2 in dashed ones, vertices by number, seeds as crosses.
-
-    Further bodies are grey, in dotted lines.
+    """Draw both bodies as solids: what is hidden is not drawn, and only edges that the bodies have.
 
     Parameters
     ----------
     shown : ShownPair
-    features : sequence of Feature
-        Elements in contact, drawn with emphasis.
-    contacts : (k, 3) array
-        Contact points, world frame.
+    contacts : sequence of Touching
+        What touches, each with an inset that magnifies it.
+    moved : (4, 4) array, optional
+        The motion that brought body 1 here: its old place is drawn in dashes, as many times as far off as is said.
+    said : str
+        The motion in words, beside its arrow.
     unit : str
         Of lengths, beside the bar of known length.
     title, caption : str
         Text above and below the picture.
     """
-    rows = 2 + len(shown.keep_out) + (len(features) > 0) + (np.size(contacts) > 0)
+    insets: list[tuple[int, Touching]] = []  # of contacts that look alike, one
+    for k, contact in enumerate(contacts, 1):
+        if all(abs(float(contact.normal @ other.normal)) < ALIKE for _, other in insets):
+            insets.append((k, contact))
+    insets = insets[:MOST_INSETS]
+    beside = INSET + 0.15 if insets else 0.0
+    rows = 3 + len(shown.keep_out) + (len(contacts) > 0)
     foot = max(FOOT, 0.16 * rows)
-    height = float(np.clip(shown.slenderness * (WIDTH - 0.3), LEAST, MOST))
-    sheet = Sheet.of(WIDTH, height + foot + 0.35, title=title, caption=caption)
-    axes = draw_scene(sheet, (0.0, foot, WIDTH, height + 0.35), shown, features=features, contacts=contacts)
+    wide = PAGE - beside if insets else 0.72 * PAGE
+    height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
+    height = max(height + 0.16 * bool(said), len(insets) * (INSET + 0.3) - foot)
+    sheet = Sheet.of(wide + beside, height + foot, title=title, caption=caption)
+    axes = draw_scene(sheet, (0.0, foot, wide, height), shown, contacts=contacts, moved=moved, said=said)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
+    (left, _), (right, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
+    inch = float(right - left) / sheet.figure.dpi
+    for k, (place, contact) in enumerate(insets):
+        top = sheet.size[1] - k * (INSET + 0.3) - 0.12
+        number = place if len(insets) > 1 else None
+        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, shown.toward, inch, number, unit)
     return sheet.figure
 
 
 @styled
 def body_figure(body: Body) -> Figure:
     """Draw one body as drawn, with its seed."""
-    page = page_directions(*VIEW)
     shown = ShownPair((body, body), (), np.vstack([body.vertices, body.seed]), VIEW)
     height = float(np.clip(shown.slenderness * ALONE, LEAST, MOST))
     sheet = Sheet.of(ALONE, height)
-    _draw_body(_axes_for(sheet, (0.0, 0.0, ALONE, height), shown), page, body, BLUE, "solid", 0.16, body.name)
+    axes = _axes_for(sheet, (0.0, 0.0, ALONE, height), shown)
+    _draw_solids(axes, shown, [(body, BLUE, body.name)])
+    axes.scatter(*(body.seed @ page_directions(*VIEW)), s=22, marker="x", color=BLACK, zorder=5)
     return sheet.figure
 
 
@@ -91,16 +123,17 @@ def body_figure(body: Body) -> Figure:
 def parts_figure(
     bodies: Sequence[Body], names: Sequence[str], *, unit: str = "", title: str = "", caption: str = ""
 ) -> Figure:
-    """Draw several bodies where they are, each in its colour and kind of line, with its name in the legend."""
+    """Draw several bodies where they are, each in its colour, with its name in the legend."""
     points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
     shown = ShownPair((bodies[0], bodies[1]), (), points, VIEW)
     foot = max(FOOT, 0.16 * (len(bodies) + 1))
-    height = float(np.clip(shown.slenderness * (WIDTH - 0.3), LEAST, MOST))
-    sheet = Sheet.of(WIDTH, height + foot + 0.35, title=title, caption=caption)
-    axes, page = _axes_for(sheet, (0.0, foot, WIDTH, height + 0.35), shown), page_directions(*shown.view)
-    for k, (body, name) in enumerate(zip(bodies, names, strict=True)):
-        colour, style = COLOURS[k % len(COLOURS)], LINES[k // len(COLOURS) % len(LINES)]
-        _draw_body(axes, page, body, colour, style, 0.12, shortened(name, LONGEST_NAME))
+    wide = 0.72 * PAGE
+    height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
+    sheet = Sheet.of(wide, height + foot, title=title, caption=caption)
+    axes = _axes_for(sheet, (0.0, foot, wide, height), shown)
+    colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
+    labels = [shortened(name, LONGEST_NAME) for name in names]
+    _draw_solids(axes, shown, list(zip(bodies, colours, labels, strict=True)))
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     return sheet.figure
@@ -110,7 +143,7 @@ def _add_legend(sheet: Sheet, axes: Any, foot: float) -> None:
     handles, labels = axes.get_legend_handles_labels()
     x, y, *_ = sheet.place(1.75, foot / 2, 0.0, 0.0)
     labels = [*map(literal, labels)]
-    sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.6)
+    sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.0)
 
 
 @dataclass(frozen=True)
@@ -142,8 +175,9 @@ class ShownPair:
         rho: ArrayLike = (1.0, 1.0),
         transform: ArrayLike | None = None,
         keep_out: Sequence[Body] = (),
+        view: tuple[float, float] | None = None,
     ) -> ShownPair:
-        """Return the bodies at given scales and pose, seen from where they hide least of each other.
+        """Return the bodies at given scales and pose, seen from `view`, or from where they hide least of each other.
 
         Parameters
         ----------
@@ -160,12 +194,42 @@ class ShownPair:
         one, two = movable.scaled(float(sizes[0])), static.scaled(float(sizes[1]))
         one = one if transform is None else one.moved(transform)
         points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
-        view = _best_view(points, two.seed - one.seed)
+        view = view or _best_view(points, two.seed - one.seed)
         reach = np.ptp(points, axis=0).max()
         low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
         near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
         return cls((one, two), tuple(near), points, view)
+
+    @property
+    def toward(self) -> Array:
+        """Direction from the scene to the reader."""
+        page = page_directions(*self.view)
+        return np.asarray(np.cross(page[:, 0], page[:, 1]))
+
+    def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
+        """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
+        body, motion = self.bodies[0], np.asarray(moved, dtype=float)
+        was = body.moved(np.linalg.inv(motion))
+        page = page_directions(*self.view)
+        steps = (body.vertices - was.vertices) @ page
+        long = float(np.linalg.norm(steps, axis=1).max())
+        size = float(np.ptp(self.points @ page, axis=0).max())
+        if not long > 1e-12 * size:
+            return None, 1.0
+        times = max(1.0, FAR * size / long)
+        turn = np.linalg.inv(motion)[:3, :3]
+        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
+        sine = float(np.linalg.norm(axis))
+        angle = float(np.arctan2(sine, (np.trace(turn) - 1.0) / 2.0))
+        if angle > 0.0:
+            times = max(1.0, min(times, MOST_TURN / angle))
+        if times < 1.5:
+            return was, 1.0
+        times = float(f"{times:.1g}") if times > 3.0 else float(f"{times:.2g}")
+        middle = body.vertices.mean(axis=0)
+        shift = times * (was.vertices.mean(axis=0) - middle)
+        return body.moved(_turned(axis / sine if sine else axis, times * angle, middle, shift)), times
 
     @property
     def slenderness(self) -> float:
@@ -179,27 +243,141 @@ def draw_scene(
     area: tuple[float, float, float, float],
     shown: ShownPair,
     *,
-    features: Sequence[Feature] = (),
-    contacts: ArrayLike = (),
+    contacts: Sequence[Touching] = (),
+    moved: ArrayLike | None = None,
+    said: str = "",
+    numbered: bool = False,
 ) -> Any:
-    """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend."""
-    axes, page = _axes_for(sheet, area, shown), page_directions(*shown.view)
-    one, two = shown.bodies
-    _draw_body(axes, page, one, BLUE, "solid", 0.16, f"1, movable: {shortened(one.name, LONGEST_NAME)}")
-    _draw_body(axes, page, two, VERMILLION, (0, (4, 2)), 0.08, f"2, static: {shortened(two.name, LONGEST_NAME)}")
-    for body in shown.keep_out:
-        _draw_body(axes, page, body, GREY, "dotted", 0.08, f"keep-out: {shortened(body.name, LONGEST_NAME)}")
-    for feature in features:
-        for body, element in ((one, feature.one), (two, feature.two)):
-            _draw_element(axes, page, body, element)
-    if features:
-        axes.plot([], [], color=GREEN, linewidth=3.2, alpha=0.55, label="in contact")
-    spots = np.asarray(contacts, dtype=float).reshape(-1, 3) @ page
-    if len(spots):
-        axes.scatter(*spots.T, s=55, marker="o", facecolors="none", edgecolors=BLACK, linewidths=1.1, zorder=5,
-                     label="contact point" if len(spots) == 1 else "contact points")  # fmt: skip
-    _number(axes, page, ((one, BLUE), (two, VERMILLION)))
+    """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend.
+
+    Parameters are those of `scene_figure`; `numbered` gives each corner its number, and shows hidden edges dotted.
+    """
+    page, (one, two) = page_directions(*shown.view), shown.bodies
+    old, times = shown.before(moved) if moved is not None else (None, 1.0)
+    axes = _axes_for(sheet, area, shown, () if old is None else old.vertices)
+    named = [
+        (one, BLUE, f"movable: {shortened(one.name, LONGEST_NAME)}"),
+        (two, VERMILLION, f"static: {shortened(two.name, LONGEST_NAME)}"),
+        *((body, GREY, f"keep-out: {shortened(body.name, LONGEST_NAME)}") for body in shown.keep_out),
+    ]
+    raster = _draw_solids(axes, shown, named)
+    if old is not None:
+        _draw_old(axes, raster, shown, old, times)
+        _draw_arrow(axes, raster, shown, old, said)
+    for k, contact in enumerate(contacts):
+        _draw_contact(axes, page, contact, "" if k else "in contact")
+    if numbered:
+        _number(axes, page, raster, ((one, BLUE), (two, VERMILLION)))
     return axes
+
+
+def _draw_solids(axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]]) -> Raster:
+    """Draw bodies shaded, with the edges that can be seen; return the picture, to ask what is hidden."""
+    from matplotlib.collections import LineCollection
+
+    page = page_directions(*shown.view)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    inches = axes.get_position().width * axes.figure.get_figwidth()
+    raster = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
+    for k, (body, colour, _) in enumerate(bodies):
+        raster.fill(own_polygons(body), colour, k)
+    axes.imshow(raster.image, extent=(left, right, bottom, top), origin="lower", zorder=1, aspect="auto")
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    for body, colour, label in bodies:
+        seen = raster.visible(sharp_edges(body))
+        axes.add_collection(LineCollection(seen, colors=BLACK, linewidths=0.6, alpha=0.75, zorder=2))
+        if label:
+            axes.fill([], [], facecolor=colour, alpha=0.6, label=label)
+    return raster
+
+
+def _draw_old(axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float) -> None:
+    """Draw the old place of body 1 in dashes, where nothing hides it."""
+    from matplotlib.collections import LineCollection
+
+    page = page_directions(*shown.view)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    alone = Raster(page, np.array([left, bottom]), np.array([right, top]), 500)
+    alone.fill(own_polygons(old), BLUE, 0)
+    pieces = alone.visible(sharp_edges(old))
+    axes.add_collection(LineCollection(pieces, colors=BLUE, linewidths=0.8, linestyles=[(0, (4, 2.5))], zorder=3))
+    far = f", drawn {times:g} times as far off" if times > 1.0 else ""
+    axes.plot([], [], color=BLUE, linewidth=0.8, linestyle=(0, (4, 2.5)), label=f"before the motion{far}")
+
+
+def _draw_arrow(axes: Any, raster: Raster, shown: ShownPair, old: Body, said: str) -> None:
+    """Draw the motion as an arrow beside the bodies, and say it in words above them."""
+    page = page_directions(*shown.view)
+    here, there = old.vertices @ page, shown.bodies[0].vertices @ page
+    steps = there - here
+    lengths = np.linalg.norm(steps, axis=1)
+    far = int(lengths.argmax())
+    if not lengths[far] > 0.0:
+        return
+    way = steps[far] / lengths[far]
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    gap = 0.03 * (right - left)
+    long = max(float(lengths[far]), 2.5 * gap)
+    middle = there.mean(axis=0)
+    places = [
+        np.array([middle - way * long / 2.0, middle + way * long / 2.0])
+        + off * gap * sign * np.array([-way[1], way[0]])
+        for off in range(1, 60)
+        for sign in (1.0, -1.0)
+    ]
+    within = [
+        line for line in places if ((line >= (left + gap / 3, bottom)) & (line <= (right - gap / 3, top - gap))).all()
+    ]
+    clear = [line for line in within if _is_clear(raster, line, 0.6 * gap)]
+    start, tip = (clear or within or places)[0]
+    head = "-|>,head_width=0.28,head_length=0.55"
+    style = {"arrowstyle": head, "color": BLUE, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
+    if float(np.ptp(steps, axis=0).max()) > 0.2 * lengths[far]:
+        style["connectionstyle"] = "arc3,rad=-0.35"  # it turns
+    axes.annotate("", tip, start, arrowprops=style, annotation_clip=False, zorder=6)
+    if said:
+        width = axes.get_position().width * axes.figure.get_figwidth()
+        lines = "\n".join(fitted(axes.figure, said, NOTE + 1.0, 0.96 * width))
+        look = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
+        axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)
+
+
+def _is_clear(raster: Raster, line: Array, room: float) -> bool:
+    """Tell whether a line on the page keeps so far from all bodies."""
+    way = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+    across = room * np.array([-way[1], way[0]])
+    return all(raster.free(line + shift) for shift in (across, 0.0 * across, -across))
+
+
+def _draw_contact(axes: Any, page: Array, contact: Touching, label: str) -> None:
+    """Draw where two bodies touch, not all of the faces that do: an area, a line or a point."""
+    from matplotlib.colors import to_rgba
+
+    flat = contact.corners @ page
+    if len(flat) > 2:
+        middle = flat.mean(axis=0)
+        order = np.argsort(np.arctan2(*(flat - middle).T[::-1]))
+        look = {"facecolor": to_rgba(GREEN, VEIL), "edgecolor": GREEN, "linewidth": 1.2, "zorder": 4}
+        axes.fill(*flat[order].T, **look, label=label or None)
+    elif len(flat) == 2:
+        axes.plot(*flat.T, color=GREEN, linewidth=2.6, zorder=4, label=label or None)
+    else:
+        axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5, label=label or None)
+
+
+def sharp_edges(body: Body) -> Array:
+    """Return the edges at which a body has a corner, (m, 2, 3): none where faces nearly go on one in another."""
+    normals = normals_of_faces(body)
+    around: dict[int, set[tuple[int, ...]]] = {}
+    for face in body.faces:
+        for corner in face if face in normals else ():
+            around.setdefault(corner, set()).add(face)
+    kept = []
+    for (one, two), ends in true_edges(body).items():
+        sides = [normals[face] for face in around.get(one, set()) & around.get(two, set())]
+        if len(sides) != 2 or float(sides[0] @ sides[1]) < TANGENT:
+            kept.append(ends)
+    return np.array(kept).reshape(-1, 2, 3)
 
 
 def true_edges(body: Body) -> dict[tuple[int, ...], Array]:
@@ -233,31 +411,6 @@ def face_polygons(body: Body, face: Element) -> list[Array]:
     if body.skin and face.vertices in body.faces:
         return [body.vertices[list(triangle)] for triangle in body.skin[body.faces.index(face.vertices)]]
     return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
-
-
-def _draw_body(axes: Any, page: Array, body: Body, colour: str, style: Any, alpha: float, label: str) -> None:
-    from matplotlib.collections import LineCollection, PolyCollection
-
-    polygons = [polygon @ page for polygon in own_polygons(body)]
-    axes.add_collection(PolyCollection(polygons, facecolors=colour, edgecolors="none", alpha=alpha, zorder=1))
-    edges = [ends @ page for ends in true_edges(body).values()]
-    axes.add_collection(LineCollection(edges, colors=colour, linestyles=[style], linewidths=1.1, zorder=3))
-    axes.plot([], [], color=colour, linestyle=style, linewidth=1.1, label=label)
-    axes.scatter(*(body.seed @ page), s=22, marker="x", color=colour, zorder=3)
-
-
-def _draw_element(axes: Any, page: Array, body: Body, element: Element) -> None:
-    """Emphasise a vertex, an edge or a face."""
-    from matplotlib.collections import PolyCollection
-
-    points = body.vertices[[label - 1 for label in element.vertices]] @ page
-    if element.kind == "V":
-        axes.scatter(*points.T, s=20, color=GREEN, zorder=4)
-    elif element.kind == "E":
-        axes.plot(*points.T, color=GREEN, linewidth=3.2, alpha=0.55, zorder=2)
-    else:
-        polygons = [polygon @ page for polygon in face_polygons(body, element)]
-        axes.add_collection(PolyCollection(polygons, facecolors=GREEN, edgecolors="none", alpha=0.25, zorder=2))
 
 
 def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[float, float], unit: str = "") -> None:
@@ -314,9 +467,87 @@ def _best_view(points: Array, offset: Array) -> tuple[float, float]:
     return max(product((14.0, 22.0, 30.0), np.arange(-175.0, 180.0, 10.0).tolist()), key=merit)
 
 
-def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownPair) -> Any:
+def contacts_of(curve: DecisionCurve, rho: ArrayLike, shown: ShownPair) -> list[Touching]:
+    """Return what bodies that are shown share at a scale pair on their curve, each place once."""
+    found = curve.locate(rho)
+    if found is None:
+        return []
+    sets = curve.contact_sets(rho)
+    features = (
+        [each.feature for each in found.touching] if isinstance(found, SwitchingPoint) else [found.feature] * len(sets)
+    )
+    made: list[Touching] = []
+    near = 1e-6 * max(body.size for body in shown.bodies)
+    for feature, corners in zip(features, sets, strict=True):
+        if all(np.linalg.norm(corners.mean(axis=0) - one.corners.mean(axis=0)) > near for one in made):
+            made.append(Touching.of(feature, corners, *shown.bodies))
+    return made
+
+
+@lru_cache(maxsize=32)
+def view_of(curve: DecisionCurve, nominal: tuple[float, float]) -> tuple[float, float]:
+    """Return from where the contact at the nominal sizes is seen best, degrees: one view for all motions asked for.
+
+    Best is where most of the contact is hidden by no body, where its normal lies flat on the page, so that a gap would
+    be seen, and where corners keep apart.
+    """
+    one, two = curve.movable.scaled(nominal[0]), curve.static.scaled(nominal[1])
+    sets = list(curve.contact_sets(nominal)) if curve.locate(nominal) is not None else []
+    points = np.vstack([one.vertices, two.vertices])
+    if not sets:
+        return _best_view(points, two.seed - one.seed)
+    spots = np.vstack(sets)
+    middle = (one.vertices.mean(axis=0) - two.vertices.mean(axis=0)) if len(spots) < 3 else _normal(spots)
+    normal = middle / max(float(np.linalg.norm(middle)), 1e-300)
+    parts = [*one.parts, *two.parts]
+    size = float(np.ptp(points, axis=0).max())
+
+    def merit(view: tuple[float, float]) -> float:
+        page = page_directions(*view)
+        toward = np.cross(page[:, 0], page[:, 1])
+        hidden = np.array([any(_hides(part, spot + 1e-3 * size * toward, toward) for part in parts) for spot in spots])
+        flat = points @ page
+        area = float(np.prod(np.ptp(flat, axis=0))) / size**2
+        flatness = float(np.sqrt(max(0.0, 1.0 - (normal @ toward) ** 2)))
+        return float(2.0 * (1.0 - hidden.mean()) + 0.8 * flatness + 0.2 * area - view[0] / 120.0)
+
+    return max(product((18.0, 32.0, 50.0), np.arange(-175.0, 180.0, 15.0).tolist()), key=merit)
+
+
+def _normal(points: Array) -> Array:
+    """Return the direction in which points spread least."""
+    return np.asarray(np.linalg.svd(points - points.mean(axis=0))[2][2])
+
+
+def _hides(part: Any, start: Array, way: Array) -> bool:
+    """Tell whether a ray goes through the inside of a convex part."""
+    tops = np.array([part.vertices[loop[0]] for loop in part.loops])
+    level = ((tops - start) * part.normals).sum(axis=1)  # inside: t * speed <= level
+    speed = part.normals @ way
+    flat = np.abs(speed) < 1e-12
+    if (level[flat] <= 0.0).any():
+        return False
+    with np.errstate(divide="ignore"):
+        times = level[~flat] / speed[~flat]
+    enter = max(times[speed[~flat] < 0.0], default=0.0)
+    leave = min(times[speed[~flat] > 0.0], default=np.inf)
+    return bool(leave > max(enter, 0.0) + 1e-9)
+
+
+def _turned(axis: Array, angle: float, centre: Array, shift: Array) -> Array:
+    """Return the rigid transform that turns about an axis through a centre, then shifts."""
+    x, y, z = axis
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    made = np.eye(4)
+    made[:3, :3] += np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
+    made[:3, 3] = centre - made[:3, :3] @ centre + shift
+    return made
+
+
+def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownPair, more: ArrayLike = ()) -> Any:
     """Return axes of one scale over an area that the scene fills, but for what numbers need at its edges."""
-    flat = shown.points @ page_directions(*shown.view)
+    points = np.vstack([shown.points, np.reshape(more, (-1, 3))])
+    flat = points @ page_directions(*shown.view)
     size = np.array(area[2:])
     half = float((np.ptp(flat, axis=0) / (size - 2.0 * MARGIN)).max()) * size / 2.0
     middle = (flat.min(axis=0) + flat.max(axis=0)) / 2.0
@@ -326,18 +557,26 @@ def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: Show
     return axes
 
 
-def _number(axes: Any, page: Array, bodies: Sequence[tuple[Body, str]]) -> None:
-    """Write each corner's number beside it, outwards if it can stand there; not those of cuts."""
+def _number(axes: Any, page: Array, raster: Raster, bodies: Sequence[tuple[Body, str]]) -> None:
+    """Write each corner's number beside it, outwards if it can stand there, grey where hidden; not those of cuts."""
+    from matplotlib.collections import LineCollection
+
     labels = [np.array(body.corners) for body, _ in bodies]
     if sum(map(len, labels)) > MOST_NUMBERS:
         return
+    edges = [np.array(list(true_edges(body).values())) for body, _ in bodies]
+    seen = np.concatenate([np.reshape(raster.visible(own), (-1, 2)) for own in edges])
     corners = [body.vertices[some - 1] @ page for (body, _), some in zip(bodies, labels, strict=True)]
-    edges = [np.array(list(true_edges(body).values())) @ page for body, _ in bodies]
-    names = Names(axes, np.concatenate(edges))
+    reach = 0.01 * np.ptp(np.concatenate(corners), axis=0).max()
+    names = Names(axes, np.concatenate(edges) @ page)
+    axes.add_collection(
+        LineCollection(list(np.concatenate(edges) @ page), colors=GREY, linewidths=0.4, linestyles=":", zorder=2)
+    )
     for place in np.concatenate(corners):
         names.keep(place, 3.0)
     for (_, colour), some, places in zip(bodies, labels, corners, strict=True):
         middle = places.mean(axis=0)
         for label, place in zip(some.tolist(), places, strict=True):
+            hidden = not len(seen) or np.linalg.norm(seen - place, axis=1).min() > reach
             away = place - middle
-            names.put(str(label), place, away if away.any() else (0.0, 1.0), colour=colour)
+            names.put(str(label), place, away if away.any() else (0.0, 1.0), colour=GREY if hidden else colour)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.texts import (
-    NOTHING,
+    DIGITS,
+    PLACES,
     advised,
     amount_text,
     asked_text,
@@ -17,8 +18,10 @@ from fcdm_opt.show.texts import (
     bound_text,
     motion_text,
     outcome_text,
+    steps_text,
     units_text,
 )
+from fcdm_opt.show.verdict import fit_text, range_texts, verdict_text
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
@@ -96,16 +99,27 @@ def _point(values: Iterable[float]) -> str:
 
 
 def print_solutions(rows: Sequence[SolvedCase]) -> None:
-    """Print one table for the cases of a file, the advice where a case needs some, and where the time went."""
+    """Print the verdicts and one table for the cases of a file, what else is to be said, and where the time went."""
+    for row in rows:
+        print_text(f"{row.solution.problem.name}: {verdict_text(row.solution)}", indent="   ")
+    fits = dict.fromkeys(f"{told}." for row in rows if (told := fit_text(row.solution.problem)))
+    print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
+    said: dict[str, list[str]] = {}  # notes, and the cases that they are of
     for row in rows:
         solution = row.solution
-        if solution.status.name != "SOLVED":
+        notes = remarks(solution)
+        if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
             failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
             checks = f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
-            print_text(f"{solution.problem.name}: {advised(row)}{checks}", indent="   ")
-        for remark in remarks(solution):
-            print_text(f"{solution.problem.name}: {remark}", indent="   ")
+            advice = advised(row)
+            if advice.startswith("Does not fit"):  # as the verdict says
+                advice = advice.partition(". ")[2]
+            notes = [f"{advice}{checks}", *notes]
+        for text in notes:
+            said.setdefault(text, []).append(solution.problem.name)
+    for text, names in said.items():
+        print_text(f"{', '.join(names)}: {text}", indent="   ")
     asked = [row.solution.problem for row in rows]
     bodies = [body for each in asked for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
@@ -120,8 +134,8 @@ def _cells(row: SolvedCase) -> dict[str, str]:
     """Return the table's cells for one case."""
     solution, problem = row.solution, row.solution.problem
     ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
-    gap = 0.0 if abs(solution.pair_gap) <= NOTHING * problem.size else solution.pair_gap  # rounding
-    off = f"\n{gap:+.3g}" if math.isfinite(gap) else ""
+    gap = solution.pair_gap
+    off = f"\n{gap:+.{DIGITS}g}" if math.isfinite(gap) and solution.pair_state != "touching" else ""
     judged = solution.status.found and solution.certificate is not None
     motion = motion_text(solution, unit=False)  # said once above the table
     return {
@@ -133,7 +147,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "found\namount": amount_text(solution.amount)
         + (f"\n{wrapped(solution.doubt, DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
-        "new/old\npair": "\n".join(f"{x:.6f}" for x in ratio) or "-",
+        "new/old\npair": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
         "pair made": solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": _verdict(solution) if judged else "-",
@@ -145,37 +159,27 @@ def _verdict(solution: Solution) -> str:
 
 
 def print_ranges(rows: Sequence[tuple[CoherentRange, ContactTimes]]) -> None:
-    """Print the coherent range of each case, with the events at both ends, and when the pair made touches."""
-    lines = []
-    for coherent, _ in rows:
-        problem = coherent.problem
-        for end, event in zip(("low", "high"), coherent.events, strict=True):
-            at = problem.motion.describe(event.x * coherent.direction) if math.isfinite(event.x) else "-"
-            lines.append(
-                {
-                    "case": wrapped(problem.name, CELL_WIDTH) if end == "low" else "",
-                    "end": end,
-                    "x": f"{event.x:.12g}",
-                    "motion there": at.replace(" + ", " +\n"),
-                    "event": event.kind + ("\n(grazing)" if event.grazing else ""),
-                    "off by\nat most": f"{event.error:.1g}" if event.error else "",
-                    "no longer the contact": "\n".join(_label(each, problem) for each in event.features),
-                    "takes over": "\n".join(_label(each, problem) for each in event.successors),
-                }
-            )
-    print_rows(lines, numbers=("x",))
+    """Print how long the contact of each case lasts, what ends it both ways, and when the pair made touches."""
     for coherent, times in rows:
         problem = coherent.problem
-        tracked = " & ".join(feature.label for feature in coherent.features)
-        along = problem.motion.describe(coherent.direction, unit=problem.unit)
-        print_text(f"{problem.name}: x in multiples of {along}; {tracked}")
-        for end, event in zip(("low", "high"), coherent.events, strict=True):
-            print_text(f"   {end}: {event.what}", indent="      ")
+        head, *ends = range_texts(coherent)
+        print_text(f"{problem.name}: {head}", indent="   ")
+        for text in ends:
+            print_text(f"- {text}", indent="  ")
         if not coherent.proved:
-            print_text("   a condition touches zero at rest: what is near there is not proved")
-        states = ", ".join(f"{span.state} {span.low:.9g} to {span.high:.9g}" for span in times.spans)
-        print_text(f"   pair made ({times.pair[0]:.6g}, {times.pair[1]:.6g}): {states}", indent="      ")
+            print_text("- a condition touches zero at rest: what is near there is not proved")
+        made = ", ".join(f"{x:.{PLACES}g}" for x in times.pair.tolist())
+        print_text(f"- parts made, sizes ({made}): {_spans(coherent, times)}", indent="  ")
     print_text()
+
+
+def _spans(coherent: CoherentRange, times: ContactTimes) -> str:
+    """Return how the parts made lie along a range: "overlapping, from TX -0.6975 apart, from TX 0.1975 overlapping"."""
+    problem, direction = coherent.problem, coherent.direction
+    far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
+    seen = [span for span in times.spans if span.high > -far and span.low < far] or list(times.spans)
+    starts = [steps_text(problem, (span.low * direction).tolist(), 0.0) for span in seen[1:]]
+    return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
 # -------------------------------------------------------------------------------------------------------------- what if
@@ -211,7 +215,7 @@ def print_budgets(budgets: Budgets) -> None:
     rows = [
         {
             "requirement": budget.requirement,
-            "tolerance": f"{100 * budget.tolerance:.7g} %",
+            "tolerance": f"{100 * budget.tolerance:.{DIGITS}g} %",
             "amount there": amount_text(budget.amount),
             "above it": budget.end.value,
             "smaller ones": "proved" if budget.proved else f"sampled, {budget.points} points",
@@ -274,7 +278,7 @@ def print_clearances(clearances: Clearances, *, where: str = "") -> None:
     print_text(f"{where}: {clearances}" if where else str(clearances), indent="   ")
     ends = (("least", clearances.least), ("largest", clearances.most))
     rows = [
-        {"end": name, "gap": f"{end.gap:+.6g}", "at sizes": end.sizes_text, "between": end.feature}
+        {"end": name, "gap": f"{end.gap:+.{DIGITS}g}", "at sizes": end.sizes_text, "between": end.feature}
         for name, end in ends
     ]
     print_rows(rows, numbers=("gap",))
@@ -296,8 +300,8 @@ def _dropped(word: str, row: Dropped) -> dict[str, str]:
     return {
         "change": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
         "least amount then": amount_text(row.amount),
-        "saved": "nothing" if nothing else f"{row.saving:.5g}" if math.isfinite(row.saving) else "",
-        "foretold": f"{row.estimate:.5g}" if math.isfinite(row.estimate) and not nothing else "",
+        "saved": "nothing" if nothing else f"{row.saving:.{DIGITS}g}" if math.isfinite(row.saving) else "",
+        "foretold": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
         "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.geometry.units import floored, measured
@@ -16,13 +16,20 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Solution
     from fcdm_opt.show.solved import SolvedCase
 
+DIGITS = 4
+"""Significant digits of what people read; all of them are in JSON."""
+
+PLACES = 6
+"""Those of coordinates and sizes as shares of those drawn, which differ by little from one another."""
+
 NONE = "\u2013"
 """An en dash, where a page has no value."""
 
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
 NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
-NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( \w+)?")
+NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
+NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
 
 UNUSABLE = {
     "INFEASIBLE": "impossible",
@@ -37,14 +44,14 @@ UNUSABLE = {
 # ------------------------------------------------------------------------------------------------------- words, numbers
 
 
-def number(value: float | None, digits: int = 6) -> str:
+def number(value: float | None, digits: int = DIGITS) -> str:
     """Return a number; a dash for nan and None."""
     if value is None or math.isnan(value):
         return "-"
     return f"{float(value):.{digits}g}" if math.isfinite(value) else "infinite" if value > 0 else "-infinite"
 
 
-def numbers(values: Iterable[float | None], digits: int = 6) -> str:
+def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:
     """Return numbers, separated by commas."""
     return ", ".join(number(value, digits) for value in values)
 
@@ -54,8 +61,8 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def shown(value: Any, digits: int = 6) -> str:
-    """Return a value of JSON: numbers with so many digits, lists with commas, an en dash for nothing."""
+def shown(value: Any, digits: int = DIGITS) -> str:
+    """Return a value of JSON: numbers with so many digits, lists with commas (coordinates), an en dash for nothing."""
     if value is None or value == "":
         return NONE
     if isinstance(value, bool):
@@ -63,7 +70,7 @@ def shown(value: Any, digits: int = 6) -> str:
     if isinstance(value, float):
         return f"{value:.{digits}g}"
     if isinstance(value, list | tuple):
-        return ", ".join(shown(item, digits) for item in value) or NONE
+        return ", ".join(shown(item, max(digits, PLACES)) for item in value) or NONE
     return str(value)
 
 
@@ -118,7 +125,7 @@ def in_unit(value: float, unit: str) -> float:
 def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[str]:
     """Return parameters in words: lengths with their unit, if it is known, angles in degrees."""
     named = zip(parameter_units(problem), parameters.values(), strict=False)
-    return [measured(f"{in_unit(x, unit):.6g}", unit if unit == "deg" else problem.unit) for unit, x in named]
+    return [measured(f"{in_unit(x, unit):.{DIGITS}g}", unit if unit == "deg" else problem.unit) for unit, x in named]
 
 
 # --------------------------------------------------------------------------------------------------------------- answer
@@ -126,28 +133,32 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
 
 def motion_text(solution: Solution, *, unit: bool = True) -> str:
     """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
-    weighted = zip(solution.parameters.values(), solution.problem.weights, strict=False)
-    values = [q if abs(w * q) > NOTHING * solution.amount else 0.0 for q, w in weighted]
+    return steps_text(solution.problem, list(solution.parameters.values()), solution.amount, unit=unit)
+
+
+def steps_text(problem: Problem, values: Sequence[float], amount: float, *, unit: bool = True) -> str:
+    """Return a motion in words as `motion_text` does; what adds nothing to so large an amount is left out."""
+    weighted = zip(values, problem.weights, strict=False)
+    values = [q if abs(w * q) > NOTHING * amount else 0.0 for q, w in weighted]
     if not values:
         return "-"
-    problem = solution.problem
-    steps = problem.motion.describe(values, unit=problem.unit if unit else "").split(" + ")
-    kept = [step for step in steps if not NO_STEP.fullmatch(step)]
-    return " + ".join(kept or steps[:1])
+    steps = problem.motion.describe(values, unit=problem.unit if unit else "", digits=DIGITS).split(" + ")
+    kept = [step for step in steps if not NO_STEP.fullmatch(step)] or steps[:1]
+    return " + ".join(NO_PART.sub("", step).strip() or step for step in kept)
 
 
 def amount_text(amount: float | None, unit: str = "") -> str:
-    """Return an amount to five digits, with its unit where one is given."""
-    return "-" if amount is None or not math.isfinite(amount) else measured(f"{amount:.5g}", unit)
+    """Return an amount, with its unit where one is given."""
+    return "-" if amount is None or not math.isfinite(amount) else measured(number(amount), unit)
 
 
 def bound_text(solution: Solution | AssemblySolution) -> str:
-    """Return the lower bound, rounded down to five digits, and below it how near the amount it comes."""
+    """Return the lower bound, rounded down, and below it how near the amount it comes."""
     if not math.isfinite(solution.lower_bound):
         return "impossible"
     if not solution.lower_bound > 0:
         return "0"
-    rounded = floored(solution.lower_bound, 5)
+    rounded = floored(solution.lower_bound, DIGITS)
     if not math.isfinite(solution.gap):
         return rounded
     if abs(solution.gap) < CLOSED:

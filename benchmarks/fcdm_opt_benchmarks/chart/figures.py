@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, new_figure
+from fcdm_opt.show.lettering import Names
 from fcdm_opt_benchmarks.record import BenchRun, Row
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ COLOURS = {
 MARKS = "osD^vPX*<>hdp8"
 EXACT, FAILED = 1e-18, 1e2
 """Errors at which exact answers, and failed ones, are drawn."""
+METHODS_SHOWN, OURS_SHOWN = 6, 1
+"""Methods of a task in the overview, and those of ours among them."""
 TITLES = {
     "contact": "one contact: the scale at which body 2 touches",
     "curve": "the whole decision curve",
@@ -67,19 +70,60 @@ def chart_figure(run: BenchRun, task: str) -> Figure:
 
 
 def overview_figure(run: BenchRun) -> Figure:
-    """Draw all three tasks side by side, each over all its scenes: medians of the medians."""
-    figure = new_figure(10.0, 5.6)
+    """Draw all three tasks side by side, each over all its scenes: ours in colour, the rivals nearest to it grey.
+
+    Medians of the medians; a method's name stands beside it. `chart_figure` has all methods of a task.
+    """
+    figure = new_figure(9.0, 3.4)
     panels = figure.subplots(1, len(TITLES), sharey=True)
-    styles = _styles(run.tables["chart"])
+    figure.subplots_adjust(left=0.085, right=0.99, top=0.9, bottom=0.2, wspace=0.06)
     for axes, (task, title) in zip(panels, TITLES.items(), strict=True):
-        _panel(axes, [row for row in run.tables["chart"] if row["task"] == task], styles)
+        rows = [row for row in run.tables["chart"] if row["task"] == task]
+        chosen = _nearest(rows)
+        styles = {
+            name: (COLOURS["ours"] if ours else GREY, "o" if ours else MARKS[k], "-" if ours else "--")
+            for k, (name, ours) in enumerate(chosen.items())
+        }
+        _panel(axes, rows, styles)
         axes.set_title(title, fontsize=8.5)
-    panels[0].set_ylabel("relative error against the exact reference")
-    panels[1].set_xlabel("seconds an answer")
-    _legend(figure, styles, columns=6)
-    figure.text(0.5, 0.005, _caption(run), ha="center", va="bottom", fontsize=6.5, color=GREY)
-    figure.subplots_adjust(left=0.075, right=0.99, top=0.94, bottom=0.31, wspace=0.05)
+        names = Names(axes)
+        for name, (colour, *_) in styles.items():
+            spots = [spot for setting in _settings(rows, name) if (spot := _spot(_of(rows, name, setting)))]
+            places = [(spot[1], spot[3] if np.isfinite(spot[3]) else FAILED) for spot in spots]
+            names.put(f"ours: {name}" if chosen[name] else name, places, (0.3, 1.0), colour=colour)
+    panels[0].set_ylabel("relative error")
+    panels[1].set_xlabel("seconds an answer: left and below is better")
+    figure.text(0.5, 0.01, run.caption, ha="center", va="bottom", fontsize=6.5, color=GREY)
     return figure
+
+
+def _nearest(rows: Sequence[Row]) -> dict[str, bool]:
+    """Return at most six methods, and whether each is ours: ours first, then the soonest of each rival family."""
+    soonest: dict[tuple[str, str], float] = {}
+    for row in rows:
+        if row["outcome"] == "answered":
+            soonest.setdefault((row["method"], row["family"]), float("inf"))
+    for method, family in soonest:
+        times = [row["seconds"] for row in rows if row["method"] == method and row["outcome"] == "answered"]
+        soonest[method, family] = float(np.median(times))
+    ordered = sorted(soonest, key=lambda own: (own[1] != "ours", soonest[own]))
+    ours, families, chosen = 0, set[str](), dict[str, bool]()
+    for method, family in ordered:
+        if family == "ours" and ours < OURS_SHOWN:
+            ours += 1
+            chosen[method] = True
+        elif family != "ours" and family not in families and len(chosen) < METHODS_SHOWN:
+            families.add(family)
+            chosen[method] = False
+    return chosen
+
+
+def _settings(rows: Sequence[Row], method: str) -> list[str]:
+    return list(dict.fromkeys(row["setting"] for row in rows if row["method"] == method))
+
+
+def _of(rows: Sequence[Row], method: str, setting: str) -> list[Row]:
+    return [row for row in rows if row["method"] == method and row["setting"] == setting]
 
 
 def _caption(run: BenchRun) -> str:
@@ -106,9 +150,7 @@ def _panel(axes: Any, rows: Sequence[Row], styles: dict[str, tuple[str, str, str
     axes.set_xscale("log")
     axes.set_yscale("log")
     for method, (colour, mark, line) in styles.items():
-        mine = [row for row in rows if row["method"] == method]
-        spots = [spot for setting in dict.fromkeys(row["setting"] for row in mine)
-                 if (spot := _spot([row for row in mine if row["setting"] == setting]))]  # fmt: skip
+        spots = [spot for setting in _settings(rows, method) if (spot := _spot(_of(rows, method, setting)))]
         answered = np.array([spot[:6] for spot in spots if np.isfinite(spot[3])], dtype=np.float64)
         size, width = (6.5, 1.6) if line == "-" else (4.5, 0.9)
         if len(answered):

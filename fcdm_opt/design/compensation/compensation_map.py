@@ -139,6 +139,10 @@ class CompensationMap(Plain, Shown):
             f"{self.solved} solves in {self.seconds:.1f} s"
         )
 
+    def __repr__(self) -> str:
+        """Return what it covers, and how well, on one line."""
+        return f"CompensationMap({str(self).removeprefix('compensation map ')})"
+
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> CompensationMap:
         """Rebuild a map from `to_dict`; raises `InputError` for anything else."""

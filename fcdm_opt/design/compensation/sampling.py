@@ -18,7 +18,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import Contact, located, supporting_contact, touching_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import SCALES, chosen_sizes, size_box, tolerance_box, tolerance_boxes
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.problem.problem import Problem
@@ -158,8 +158,7 @@ def covered(problem: Problem, box: Any, over: Any = None) -> tuple[tuple[str, ..
     over : (name, name) or None
         See `chosen_sizes`.
     """
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     if problem.goal == "beyond":
         raise InputError(
             "the amount of this goal jumps wherever the deviation changes sign, so it has no map",

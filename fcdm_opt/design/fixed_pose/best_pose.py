@@ -17,7 +17,7 @@ from fcdm_opt.design.fixed_pose.scene import Scene
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes, by_name, worst_sizes
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.plain import Plain
@@ -175,8 +175,7 @@ def best_pose(
         missing that keep the search finite.
     """
     start = time.perf_counter()
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     if not isinstance(certify, bool):
         raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
     if isinstance(effort, bool) or not isinstance(effort, int | np.integer) or effort < 1:

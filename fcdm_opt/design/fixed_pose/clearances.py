@@ -13,7 +13,7 @@ from fcdm_opt.design.fixed_pose.scene import Extreme, Lines, Scene
 from fcdm_opt.design.sizes import SCALES, Sizes, box_of, by_name, drawn_pairs, proportion_interval
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.doors import Shown
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured
@@ -178,8 +178,7 @@ def clearances(
     InputError
         For empty sizes, nan, sizes <= 0, a box that is none, a pose that is no rigid motion.
     """
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     transform = transform_of(problem, pose)
     if by_name(problem, sizes, box):
         return _of_sizes(problem, transform, count, seed)

@@ -12,7 +12,7 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.spread import GapYield, drawn_gaps, moments, spreads
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain, plain
@@ -285,6 +285,7 @@ def stack_up(problem: Problem, *, limits: Sequence[float] | None = None, pose: A
         Where there are no sizes or one has no tolerance, where one scale turns faces, and where a body of several parts
         changes its shape within the tolerances; names size and face.
     """
+    expected(problem, Problem, "problem")
     between = (problem.clearance, np.inf) if limits is None else _limits(limits)
     drawn = problem.request["movable"], problem.request["static"]
     return StackUp(TouchingSizes.of(*drawn, problem.sizes, transform=pose), between, problem.unit)

@@ -18,7 +18,7 @@ from fcdm_opt.design.question import Question, canonical, digest, excluded, loca
 from fcdm_opt.design.study.derivation import Derivation
 from fcdm_opt.design.study.schema import StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
-from fcdm_opt.errors import InputError, placed
+from fcdm_opt.errors import InputError, checked_path, placed
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.keys import Defaults
 from fcdm_opt.problem.problem import Problem
@@ -150,7 +150,7 @@ class Study:
         InputError
             Names the file, the key, what was found and what is allowed.
         """
-        path = Path(path)
+        path = checked_path(path, "study file")
         file: Any = read_entry(StudyFile, path, "study file", "problem and [[vary]]")
         budget = getattr(file, "yield")
         with placed(file=path):

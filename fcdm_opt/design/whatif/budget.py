@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
@@ -206,8 +206,7 @@ def budget(
     InputError
         For arguments out of range, and a question that does not hold with a requirement.
     """
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     if limit is not None:
         limit = arguments.real(limit, "limit", "a length >= 0, or None", lambda x: x >= 0)
     largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)

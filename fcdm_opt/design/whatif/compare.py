@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fcdm_opt.design.whatif.constraints import PlainMotion
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, expected
 from fcdm_opt.motion.motions import Free, Motion, Rotation, Screw, Translation
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.problem import Problem
@@ -165,8 +165,7 @@ def compare(
     InputError
         For arguments of the wrong kind. A family that the question does not hold for is a row, not an error.
     """
-    if not isinstance(problem, Problem):
-        raise InputError("expected a Problem", key="problem", found=type(problem).__name__)
+    expected(problem, Problem, "problem")
     if not isinstance(certify, bool):  # each family would be a row that says so
         raise InputError("not a truth value", key="certify", found=certify, allowed="True or False")
     chosen = _usual(problem) if motions is None else _named(motions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from time import perf_counter
 from typing import Any
 
@@ -14,6 +15,8 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show import pixels
+from fcdm_opt.show.album import solution_figure
 from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
@@ -21,9 +24,11 @@ from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.sensitivities import bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised, asked_text, bound_line, motion_text, parameter_texts, shown
+from fcdm_opt.show.verdict import fit_text, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
+ACROSS = 900  # pixels of the picture of an answer
 PROOF = "proof"
 """How the names of a certificate's checks of a proof begin."""
 
@@ -42,7 +47,8 @@ def case_report(problem: Problem, case: SolvedCase, *, seconds: float) -> dict[s
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
     }
-    return {**_answer(problem, case), **grounds, **_pictures(problem, solution, seconds)}
+    picture = b64encode(pixels(solution_figure(solution), across=ACROSS)).decode()
+    return {**_answer(problem, case), "picture": picture, **grounds, **_pictures(problem, solution, seconds)}
 
 
 def answered(solution: Solution) -> dict[str, Any]:
@@ -52,6 +58,7 @@ def answered(solution: Solution) -> dict[str, Any]:
         "status": solution.status.name,
         "outside": solution.status.name == "OUTSIDE_FIT",
         "motion": motion_text(solution),
+        "verdict": verdict_text(solution),
         "amount_unit": solution.problem.amount_unit,
         "least": {"text": shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
@@ -69,6 +76,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
         "advice": advice,
+        "fit": fit_text(problem),
         "told": [*([] if solution.status.name in UNREMARKABLE else [advice]), *remarks(solution)],
         **answered(solution),
         **{

@@ -25,7 +25,7 @@ from fcdm_opt.plain import drawn
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.scene import face_polygons, own_polygons, true_edges
+from fcdm_opt.show.scene import face_polygons, own_polygons, sharp_edges, view_of
 from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
@@ -131,6 +131,7 @@ class Frames:
             "curve": self._segments(curve),
             "switching": self._switching(curve),
             "contacts": drawn(list(map(_place, contacts.values()))),
+            "areas": [drawn(share) for shares in contacts.values() for share in shares if len(share) > 1],
             "contact": self.shapes_of(contacts),
             "target": drawn(sizes if target is None else target),
             "rho": None if rho is None or not np.isfinite(rho).all() else drawn(rho),
@@ -226,10 +227,11 @@ def scene(problem: Problem) -> dict[str, Any]:
     for k, body in enumerate((problem.movable, problem.static, *keep_outs)):
         rows: Rows = {}
         triangles = _triangles(rows, own_polygons(body))
-        edges = [_rows(rows, ends) for ends in true_edges(body).values()]
+        edges = [_rows(rows, ends) for ends in sharp_edges(body)]
         shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}
         objects.append({"body": k, "name": body.name, **shape})
-    return {"size": problem.size, "objects": objects}
+    view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()))
+    return {"size": problem.size, "objects": objects, "view": list(view)}
 
 
 def contact_shapes(problem: Problem, feature: Feature) -> dict[str, Any]:

@@ -28,8 +28,8 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 """What cases of one table have in common, besides bodies and keep-outs."""
 
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
-FAMILIES = 8.0
-"""Seconds that the frames of one case may take, by default."""
+FAMILIES, PROOFS = 3.0, 4.0
+"""Seconds that the frames of all cases, and their proofs, may take by default: a page is wanted while one waits."""
 
 
 def gather(
@@ -37,7 +37,7 @@ def gather(
     *,
     certify: bool = True,
     say: Callable[[str], None] | None = None,
-    seconds: float = FAMILIES,
+    seconds: float | None = None,
 ) -> dict[str, Any]:
     """Solve all cases of problem files and return what a report shows of them.
 
@@ -49,8 +49,9 @@ def gather(
         Prove how small a motion can be at all.
     say : callable, optional
         Gets a line for each case, and what is wrong with one.
-    seconds : float
-        About how long the frames of one case may take. A family has five frames at least.
+    seconds : float, optional
+        About how long the frames of one case may take; default its share of `FAMILIES`. A family has five frames at
+        least, and says where there are fewer than it could have.
 
     Returns
     -------
@@ -60,7 +61,7 @@ def gather(
     """
     listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
     files = list(files)
-    waiting = sum(len(file.problems) for file in files)
+    count = waiting = sum(len(file.problems) for file in files)
     for number, file in enumerate(files):
         meshes = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
         head = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
@@ -72,9 +73,9 @@ def gather(
             try:
                 with pacing.working_on(f"case {problem.name}"), pacing.sharing(1.0 / waiting):
                     with pacing.sharing(SOLVED):
-                        case = solved_case(problem, certify=certify)
+                        case = solved_case(problem, certify=certify, seconds=PROOFS / count)
                     pacing.at("drawing")
-                    drawn = min(seconds, pacing.left())
+                    drawn = min(FAMILIES / count if seconds is None else seconds, pacing.left())
                     with pacing.unlimited():
                         data = case_report(problem, case, seconds=drawn)
             except InputError as reason:

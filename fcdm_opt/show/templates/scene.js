@@ -32,11 +32,14 @@ function shrunk(points) {
 }
 const columns = points => ({ x: points.map(p => p[0]), y: points.map(p => p[1]), z: points.map(p => p[2]) });
 const lines = (points, edges) => columns(edges.flatMap(([i, j]) => [points[i], points[j], [null, null, null]]));
-const LIGHT = { ambient: 0.85, diffuse: 0.3, specular: 0, roughness: 1, fresnel: 0 };
+const LIGHT = { ambient: 0.6, diffuse: 0.6, specular: 0, roughness: 1, fresnel: 0 };
 
 function drawScene() {
   const frame = currentFrame(), colours = palette(), gd = element("bodies");
-  const traces = [...bodyTraces(frame, colours), ...featureTraces(frame, colours), ...triad(colours)];
+  const traces = [
+    ...bodyTraces(frame, colours), ...before(frame, colours), ...featureTraces(frame, colours), ...areaTraces(frame, colours),
+    ...triad(colours),
+  ];
   if (frame.contacts?.length) {
     const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
     traces.push({
@@ -60,7 +63,7 @@ function drawScene() {
 }
 
 function bodyTraces(frame, colours) {
-  const look = [[colours.movable, 0.38], [colours.static, 0.38]];
+  const look = [[colours.movable, 1], [colours.static, 1]];
   return currentCase().scene.objects.flatMap(object => {
     const [colour, opacity] = look[object.body] ?? [colours.muted, 0.2], points = placed(object.points, object.body, frame);
     const solid = columns(object.body < 2 ? points : shrunk(points));
@@ -74,13 +77,42 @@ function bodyTraces(frame, colours) {
       },
       {
         type: "scatter3d", mode: "lines", name: `${role} edges`, ...lines(points, object.edges), hoverinfo: "skip",
-        line: { color: colour, width: 3 },
+        line: { color: object.body < 2 ? colours.ink : colour, width: 2.5 },
       },
       {
         type: "scatter3d", mode: "markers", name: `${role} seed`, ...columns([seed]),
         marker: { symbol: "cross", size: 5, color: colour }, hoverinfo: "text", text: [`seed of ${name}`],
       },
     ];
+  });
+}
+
+/** The movable body's old place, in dashes. */
+function before(frame, colours) {
+  const [object] = currentCase().scene.objects;
+  if (!frame.transform) return [];
+  return [{
+    type: "scatter3d", mode: "lines", name: "before the motion", hoverinfo: "skip",
+    ...lines(placed(object.points, 0, { ...frame, transform: null }), object.edges),
+    line: { color: colours.movable, width: 2, dash: "dash" },
+  }];
+}
+
+/** What both bodies share: areas and lines, not all of the faces that touch. */
+function areaTraces(frame, colours) {
+  return (frame.areas ?? []).flatMap(points => {
+    const fan = points.slice(2).map((_, k) => [0, k + 1, k + 2]), round = points.map((_, k) => [k, (k + 1) % points.length]);
+    const traces = [{
+      type: "scatter3d", mode: "lines", name: "contact area", hoverinfo: "skip", ...lines(points, round),
+      line: { color: colours.good, width: 6 },
+    }];
+    if (fan.length) {
+      traces.push({
+        type: "mesh3d", name: "contact area", ...columns(points), ...corners(fan), color: colours.good, opacity: 0.6,
+        flatshading: true, lighting: { ambient: 1, diffuse: 0 }, hoverinfo: "skip",
+      });
+    }
+    return traces;
   });
 }
 
@@ -103,7 +135,8 @@ function rim(triangles) {
 
 /** The features in contact, in green. */
 function featureTraces(frame, colours) {
-  return shapesOf(frame).flatMap(shape => {
+  const drawn = shapesOf(frame).filter(shape => shape.kind !== "F" || !frame.areas?.length);
+  return drawn.flatMap(shape => {
     const points = placed(shape.points, shape.body, frame), text = shapeName(shape), name = `feature ${text}`;
     const edge = shape.kind === "E" ? [[0, 1]] : rim(shape.triangles);
     const outline = shape.kind === "V" ? { mode: "markers", ...columns(points) } : { mode: "lines", ...lines(points, edge) };
@@ -190,10 +223,10 @@ function viewOf(eye, up, focus, zoom) {
   return { camera, aspectratio: xyz(range.map(([lo, hi]) => ((hi - lo) * VIEW_SIZE * zoom) / size)) };
 }
 
-/** Across the line from seed to seed, a little from above. */
+/** From where the contact is seen, the same for all cases of a pair. */
 function firstView() {
-  const d = unit(minus(seedOf(1), seedOf(0))), side = cross(d, [0, 0, 1]);
-  const eye = norm(side) > 0.2 ? unit(side).map((x, k) => x + 0.3 * d[k] + (k === 2 ? 0.4 : 0)) : [1, -1.6, 0.7];
+  const [up, turn] = currentCase().scene.view.map(x => (x * Math.PI) / 180);
+  const eye = [Math.cos(up) * Math.cos(turn), Math.cos(up) * Math.sin(turn), Math.sin(up)];
   return viewOf(eye, [0, 0, 1], extent().middle, 1);
 }
 

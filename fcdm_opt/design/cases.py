@@ -1,0 +1,114 @@
+"""Several questions answered at once, and all answers in one table."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from fcdm_opt.design.moved_files import to_csv
+from fcdm_opt.errors import InputError, expected
+from fcdm_opt.problem.problem import SIGNS, Problem
+from fcdm_opt.problem.solution import Solution
+from fcdm_opt.solver import solve
+
+COLUMNS = (
+    "case", "requirement", "goal", "status", "usable", "amount", "lower_bound", "gap", "rho_1", "rho_2", "pair_state",
+    "pair_gap", "unit",
+)  # fmt: skip
+"""Of a table of cases, before the motion's parameters (angles in degrees) and the verdict."""
+
+
+class SolvedCases(Mapping[str, Solution]):
+    """Solutions by the name of their case, in order; `print` shows their verdicts, `to_csv` writes one table."""
+
+    def __init__(self, solutions: Mapping[str, Solution]) -> None:
+        self._solutions = dict(solutions)
+
+    def __getitem__(self, name: str) -> Solution:
+        return self._solutions[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._solutions)
+
+    def __len__(self) -> int:
+        return len(self._solutions)
+
+    def __str__(self) -> str:
+        return "\n".join(str(solution).splitlines()[0] for solution in self.values())
+
+    def __repr__(self) -> str:
+        usable = sum(solution.usable for solution in self.values())
+        return f"SolvedCases({', '.join(self)}: {usable} of {len(self)} usable)"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row for each case: numbers, texts and None, with one column for each parameter of any motion."""
+        return case_rows(self.items())
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write these rows as CSV, which Excel opens as a table."""
+        write_cases(path, self.items())
+
+
+def solve_all(problem: Problem | Iterable[Problem], *, requirement: str | None = None, **how: Any) -> SolvedCases:
+    """Solve several questions, each by itself.
+
+    Parameters
+    ----------
+    problem : Problem, or several
+        As `load_problems` returns them.
+    requirement : "all", or letters such as "AD", optional
+        Ask each problem for these requirements in place of its own: the cases are named by their letters.
+    **how
+        Arguments of `solve`.
+
+    Raises
+    ------
+    InputError
+        As `solve` does, and for a requirement that is none.
+    """
+    problems = list(problem) if isinstance(problem, Iterable) else [problem]
+    for each in problems:
+        expected(each, Problem, "problem")
+    letters = "".join(SIGNS) if requirement == "all" else requirement
+    if letters is not None:
+        if not isinstance(letters, str) or not letters or set(letters) - set(SIGNS):
+            allowed = f'"all", or some of {", ".join(SIGNS)}'
+            raise InputError("no such requirement", key="requirement", found=requirement, allowed=allowed)
+        single = len(problems) == 1
+        problems = [
+            each.changed(requirement=letter, target=None, name=letter if single else f"{each.name} {letter}".strip())
+            for each in problems
+            for letter in letters
+        ]
+    solved: dict[str, Solution] = {}
+    for number, each in enumerate(problems, 1):
+        name = each.name or str(number)
+        solved[name if name not in solved else f"{name} ({number})"] = solve(each, **how)
+    return SolvedCases(solved)
+
+
+def case_rows(cases: Iterable[tuple[str, Solution]]) -> list[dict[str, Any]]:
+    """Return a row for each named solution, all with the same columns."""
+    rows = []
+    for name, solution in cases:
+        problem, (rho_1, rho_2) = solution.problem, solution.pair.tolist()
+        told = (
+            name, problem.requirement, problem.goal, solution.status.name, solution.usable, solution.amount,
+            solution.lower_bound, solution.gap, rho_1, rho_2, solution.pair_state, solution.pair_gap, problem.unit,
+        )  # fmt: skip
+        row: dict[str, Any] = dict(zip(COLUMNS, told, strict=True))
+        for (parameter, kind), value in zip(problem.motion.parameters, solution.parameters.values(), strict=False):
+            turned = kind == "rotation"
+            row[f"{parameter}_deg" if turned else parameter] = math.degrees(value) if turned else value
+        row["verdict"] = str(solution).splitlines()[0].removeprefix(f"{problem.name}: ")
+        rows.append(row)
+    moved = dict.fromkeys(key for row in rows for key in row if key not in (*COLUMNS, "verdict"))
+    return [{key: row.get(key) for key in (*COLUMNS, *moved, "verdict")} for row in rows]
+
+
+def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Solution]]) -> None:
+    """Write a row for each named solution as CSV."""
+    rows = case_rows(cases)
+    to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *(list(row.values()) for row in rows)])

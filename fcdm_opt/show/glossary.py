@@ -1,0 +1,19 @@
+"""Twelve words of this package, each in a line: the README lists them, reports show them on hover."""
+
+from __future__ import annotations
+
+WORDS = {
+    "seed": "the datum of a part: the point that stays where it is when the part comes out larger or smaller",
+    "requirement": "which corner of the tolerances is asked about: A both parts larger, B movable larger and static "
+    "smaller, C the reverse, D both smaller",
+    "pair made": "the two parts as they came out, at the sizes asked about",
+    "amount": "how far the part is moved: a shift as its length, a turn as the way of a point half a diagonal away",
+    "proved": "no smaller motion does: shown by computation with error bounds, checked by separate code",
+    "beyond": "goal: the contact drawn still holds at sizes as far off as asked; the parts made may have a gap",
+    "clear": "goal: the parts made do not overlap, and keep a clearance where one is asked for",
+    "seat": "goal: faces that lie on one another as drawn do so again",
+    "tracked contact": "the contact as drawn, followed while the part moves",
+    "rho": "size of a part over its size as drawn: 1.02 is 2 % larger; rho_1 the movable part, rho_2 the static one",
+    "switching point": "a pair of sizes at which the contact changes from one pair of features to another",
+    "F1F2": "what touches: F a face, E an edge, V a corner; 1 of the movable, 2 of the static part; then its corners",
+}

@@ -1,0 +1,146 @@
+"""Contacts magnified: a section through both bodies where they touch, before the motion and after it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, VERMILLION
+from fcdm_opt.show.lettering import Sheet
+
+INSET = 1.55
+"""Inches across of an inset."""
+
+STEPS, STILL, LARGEST = 3.0, 0.1, 0.75
+"""Half of what an inset shows: this many times the way that the contact went; this share of the size where it went
+nowhere; at most this share."""
+
+
+class Touching(NamedTuple):
+    """Where two bodies touch.
+
+    Attributes
+    ----------
+    corners : (k, 3) array
+        Of the area, line or point that they share, world frame.
+    normal : (3,) array
+        Across it, a unit vector.
+    """
+
+    corners: Array
+    normal: Array
+
+    @classmethod
+    def of(cls, feature: Feature, corners: Array, movable: Body, static: Body) -> Touching:
+        """Return a contact of bodies as they are shown."""
+        if len(corners) > 2:
+            return cls(corners, np.linalg.svd(corners - corners.mean(axis=0))[2][2])
+        for body, element in ((movable, feature.one), (static, feature.two)):
+            if element.kind == "F":
+                points = body.vertices[np.array(element.vertices) - 1]
+                return cls(corners, np.linalg.svd(points - points.mean(axis=0))[2][2])
+        ends = [
+            np.diff(body.vertices[np.array(element.vertices) - 1], axis=0)[0]
+            for body, element in ((movable, feature.one), (static, feature.two))
+            if element.kind == "E"
+        ]
+        across = np.cross(*ends) if len(ends) == 2 else np.zeros(3)
+        if not np.linalg.norm(across) > 1e-9 * movable.size * static.size:
+            across = static.seed - movable.seed
+        return cls(corners, across / max(float(np.linalg.norm(across)), 1e-300))
+
+
+def draw_section(
+    sheet: Sheet,
+    corner: tuple[float, float],
+    bodies: tuple[Body, Body],
+    contact: Touching,
+    moved: ArrayLike | None,
+    toward: Array,
+    inch: float,
+    number: int | None,
+    unit: str,
+) -> None:
+    """Draw an inset with its lower left corner at a place of the sheet (inches).
+
+    Parameters
+    ----------
+    sheet, corner
+    bodies : (movable, static)
+        As they are shown.
+    contact : Touching
+    moved : (4, 4) array, optional
+        The motion that brought body 1 here.
+    toward : (3,) array
+        To the reader: the section faces there as far as it can.
+    inch : float
+        Inches a length in the scene beside it.
+    number : int, optional
+        Of the contact, where there are several.
+    unit : str
+    """
+    movable, static = bodies
+    middle, normal = contact.corners.mean(axis=0), contact.normal
+    normal = normal if normal @ (movable.vertices.mean(axis=0) - middle) >= 0.0 else -normal
+    facing = toward - (toward @ normal) * normal
+    back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
+    was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
+    along = np.cross(normal, step)  # a section that the motion lies in, where it is not all across the contact
+    if np.linalg.norm(along) > 0.1 * np.linalg.norm(step) > 0.0:
+        facing = along if along @ toward > 0.0 else -along
+    elif np.linalg.norm(facing) < 0.05:
+        facing = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    facing = facing / np.linalg.norm(facing)
+    plane = np.column_stack([np.cross(normal, facing), normal])
+    size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
+    long = float(np.linalg.norm(step @ plane))
+    half = min(STEPS * long, LARGEST * size) if long > 1e-9 * size else STILL * size
+    axes = sheet.axes(*corner, INSET, INSET)
+    for body, colour, look in (
+        (static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35}),
+    ):  # fmt: skip
+        for polygon in section(body, middle, facing, plane):
+            axes.fill(*polygon.T, facecolor=colour, edgecolor="none", **look)
+            axes.plot(*polygon[[*range(len(polygon)), 0]].T, color=colour, linewidth=1.1)
+    if long > 1e-9 * size:
+        for polygon in section(was, middle, facing, plane):
+            axes.plot(*polygon[[*range(len(polygon)), 0]].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
+        arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+        drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
+        drawn.arrow_patch.set_clip_path(axes.patch)
+    flat = (contact.corners - middle) @ plane
+    axes.plot([flat[:, 0].min(), flat[:, 0].max()], [0.0, 0.0], color=GREEN, linewidth=3.0, alpha=0.8)
+    axes.plot([0.0], [0.0], "o", color=GREEN, markersize=4.0)
+    axes.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
+    power = 10.0 ** np.floor(np.log10(half))
+    bar = power * max(k for k in (1, 2, 5) if k * power <= half)
+    axes.plot([-0.92 * half, -0.92 * half + bar], [-0.88 * half] * 2, color=DARK, linewidth=1.6)
+    axes.text(-0.92 * half, -0.84 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
+    times = INSET / (2.0 * half) / inch
+    which = "contact" if number is None else f"contact {number}"
+    axes.set_title(f"{which}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
+    for spine in axes.spines.values():
+        spine.set(color=DARK, linewidth=0.6)
+
+
+def section(body: Body, point: Array, normal: Array, plane: Array) -> list[Array]:
+    """Return the polygons in which a plane cuts the parts of a body, (k, 2) each, in coordinates of the plane."""
+    found = []
+    for part in body.parts:
+        heights = (part.vertices - point) @ normal
+        slack = 1e-12 * body.size
+        spots: list[Any] = [part.vertices[k] for k in np.flatnonzero(np.abs(heights) <= slack)]
+        for a, b in part.edges[:, :2].tolist():
+            if min(heights[a], heights[b]) < -slack and max(heights[a], heights[b]) > slack:
+                share = heights[a] / (heights[a] - heights[b])
+                spots.append(part.vertices[a] + share * (part.vertices[b] - part.vertices[a]))
+        if len(spots) > 2:
+            flat = (np.array(spots) - point) @ plane
+            off = flat - flat.mean(axis=0)
+            found.append(flat[np.argsort(np.arctan2(off[:, 1], off[:, 0]))])
+    return found

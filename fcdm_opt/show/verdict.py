@@ -1,0 +1,221 @@
+"""The verdict on a case, in words that a machinist would use: what to do, what then touches, whether less would do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.units import measured
+from fcdm_opt.show.texts import (
+    CLOSED,
+    DIGITS,
+    NEAR,
+    NOTHING,
+    amount_text,
+    asked_text,
+    bound_line,
+    counted,
+    motion_text,
+    number,
+    outcome_text,
+    shortened,
+    steps_text,
+)
+
+if TYPE_CHECKING:
+    from fcdm_opt.along.coherent_range import CoherentRange
+    from fcdm_opt.curve.features import Feature
+    from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.solution import Solution
+
+CONTACTS, NAME = 2, 32
+"""Contacts that are told one by one, and letters of a body's name."""
+
+EXACT = 1e-3
+"""Relative gap below which a bound is told as the amount: to the digits that are shown it is."""
+
+REFUSED = {
+    "NOT_FOUND": "no motion found, and none proved impossible",
+    "LEFT_COHERENT_RANGE": "no motion found that keeps the contact meant all the way",
+    "NOT_IN_STEPS": "no motion found in whole steps of the machine",
+    "NOT_VERIFIED": "not to be used: a motion was found, but the judge refused it",
+}
+"""What is said where there is no motion to use, and it is not known whether there can be one."""
+
+
+def verdict_text(solution: Solution) -> str:
+    """Return the verdict in one sentence: "move nut 0.033 mm along +z: then its top face lies on ...", or why none."""
+    from fcdm_opt.problem.fit import verdict
+
+    problem = solution.problem
+    if solution.usable:
+        return f"{_deed(solution)}: {_effect(solution)}; {sure_text(solution)}"
+    widths = verdict(problem)
+    if widths:
+        return f"{widths}; no such motion brings them together" if not solution.status.found else widths
+    if solution.status.name == "INFEASIBLE":
+        limited = " and these limits" if np.isfinite(problem.limits).any() else ""
+        return f"impossible with this motion{limited} (proved)"
+    if solution.status.name == "OUTSIDE_FIT":
+        return "does not fit: the only motion found takes it out of the place it is drawn in"
+    return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
+
+
+def answer_text(solution: Solution) -> str:
+    """Return the verdict of a case, and below it what its table row says: all that `print` shows of a solution."""
+    problem = solution.problem
+    head = f"{problem.name}: " * bool(problem.name)
+    row = f"{asked_text(problem)}, goal {problem.goal}"
+    if solution.status.found:
+        amount = amount_text(solution.amount, problem.amount_unit)
+        row += f": {motion_text(solution)}; amount {amount}, proved at least {bound_line(solution)}; "
+        row += f"pair made {solution.pair_state}; {outcome_text(solution)}"
+    else:
+        row += f": {outcome_text(solution)}"
+    return f"{head}{verdict_text(solution)}\n{row}"
+
+
+def _done(problem: Problem, values: Sequence[float], amount: float) -> list[tuple[str, str]]:
+    """Return the steps that do something as (verb, manner)."""
+    small = NOTHING * amount
+    weighted = zip(values, problem.weights.tolist(), strict=True)
+    values = [q if abs(w * q) > small else 0.0 for q, w in weighted]
+    kept, start = [], 0
+    for step, deed in zip(problem.motion.steps, problem.motion.deeds(values, unit=problem.unit), strict=True):
+        own = values[start : start + len(step.own_parameters)]
+        start += len(own)
+        if any(own):
+            kept.append(deed)
+    return kept
+
+
+def range_texts(coherent: CoherentRange) -> list[str]:
+    """Return from where to where the contact meant lasts, and what ends it on both sides, a sentence each.
+
+    An end at which a part would be of no size is none that matters to parts.
+    """
+    problem = coherent.problem
+    ends = []
+    for event in coherent.events:
+        values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
+        far = float(np.linalg.norm(problem.weights * values)) if values else 0.0
+        deeds = " and ".join(" ".join(deed) for deed in _done(problem, values, far)) if values else ""
+        ends.append((event, deeds or ("staying there" if values else "")))
+    along = steps_text(problem, coherent.direction.tolist(), 1.0)
+    told = [f"along {along}, {contact_text(problem, coherent.features)}, until"]
+    for side, (event, deeds) in zip(("backwards", "forwards"), ends, strict=True):
+        if not deeds or event.kind == "scale":
+            what = "nothing that matters to parts ends it" + (" (only a size of zero)" if deeds else "")
+        elif event.successors:
+            what = f"{deeds}; beyond, {contact_text(problem, event.successors)} instead"
+        else:
+            what = f"{deeds}; there, {event.what}"
+        told.append(f"{side}: {what}")
+    return told
+
+
+def _steps(solution: Solution) -> list[tuple[str, str]]:
+    return _done(solution.problem, list(solution.parameters.values()), solution.amount)
+
+
+def motion_said(solution: Solution) -> str:
+    """Return the motion in words, for an arrow: "0.25 mm along -z, then 2 deg about +x"; "" without one."""
+    return ", then ".join(manner for _, manner in _steps(solution)) if solution.amount > 0.0 else ""
+
+
+def _deed(solution: Solution) -> str:
+    name = name_of(solution.problem, 0)
+    deeds = _steps(solution)
+    if not deeds:
+        return f"leave {name} where it is"
+    (verb, manner), *more = deeds
+    told = f"{verb} {name} {manner}"
+    for next_verb, next_manner in more:
+        told += f" and {next_manner}" if next_verb == verb == "move" else f", then {next_verb} it {next_manner}"
+        verb = next_verb
+    return told
+
+
+def _effect(solution: Solution) -> str:
+    """Return what holds after the motion: of the parts made, and of the contact meant where that is asked."""
+    problem, state = solution.problem, solution.pair_state
+    other, then = name_of(problem, 1), "then " * (solution.amount > 0.0)
+    contact = contact_text(problem, solution.features) or f"it touches {other}"
+    gap = length_text(problem, abs(solution.pair_gap))
+    made = {"touching": "touch", "apart": f"are {gap} apart", "overlapping": f"overlap by {gap}"}.get(state, state)
+    if problem.goal == "clear":
+        return f"{then}it is {gap} clear of {other}" if state == "apart" else f"{then}it just clears {other}"
+    if problem.goal == "beyond":
+        but = "but " * (state == "overlapping")
+        return f"{then}{contact}, for sizes up to those asked; {but}the parts made {made}"
+    settled = state == "touching" or problem.goal == "fit"
+    return f"{then}{contact}" + ("" if settled else f"; the parts made {made}")
+
+
+def sure_text(solution: Solution) -> str:
+    """Return whether less would do, in words."""
+    if not solution.amount > 0.0:
+        return "nothing to do"
+    if solution.doubt:
+        return solution.doubt
+    if abs(solution.gap) < max(CLOSED, EXACT):
+        return "smallest possible (proved)"
+    return f"smallest possible but for {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
+
+
+def contact_text(problem: Problem, features: Sequence[Feature]) -> str:
+    """Return what touches what: "its corner 5 touches the top face of plate"; of many contacts the first ones."""
+    told: dict[str, list[str]] = {}
+    for feature in features:
+        one, two = told_element(problem.movable, feature.one), told_element(problem.static, feature.two)
+        others = told.setdefault(f"its {one} {'lies on' if feature.kind == 'F1F2' else 'touches'}", [])
+        others += [two] if two not in others else []
+    if not told:
+        return ""
+    pairs = [(deed, two) for deed, others in told.items() for two in others]
+    shown = [f"{deed} {' and '.join(_the(two) for own, two in pairs[:CONTACTS] if own == deed)}" for deed in told]
+    words = " and ".join(shown[: len({deed for deed, _ in pairs[:CONTACTS]})])
+    more = f", and {counted(len(pairs) - CONTACTS, 'more contact')}" if len(pairs) > CONTACTS else ""
+    return f"{words} of {name_of(problem, 1)}{more}"
+
+
+def _the(element: str) -> str:
+    """Return an element with an article, but where a number names it."""
+    return element if element.startswith(("corner", "face ")) else f"the {element}"
+
+
+def fit_text(problem: Problem) -> str:
+    """Return clearance, transition or interference of the pair as drawn, over its whole tolerance; "" without one.
+
+    Gaps are looked at where every part has an end of its tolerance.
+    """
+    if problem.tolerance is None:
+        return ""
+    nominal = problem.nominal_pair
+    ends = nominal[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
+    corners = np.array(list(product(*ends)))
+    gaps = np.asarray(problem.curve.gap(corners))
+    low, high = float(gaps.min()), float(gaps.max())
+    slack = problem.contact_slack
+    kind = "clearance" if low > slack else "interference" if high < -slack else "transition"
+    told = [
+        f"{length_text(problem, abs(gap))} {'apart' if gap > slack else 'overlapping' if gap < -slack else 'touching'}"
+        for gap in (low, high)
+    ]
+    return f"unmoved, over the whole tolerance: {kind} fit, from {told[0]} to {told[1]}"
+
+
+def name_of(problem: Problem, body: int) -> str:
+    """Return the name of body 0 or 1, or what it is."""
+    name = (problem.movable, problem.static)[body].name
+    return shortened(name, NAME) if name else ("the movable part", "the static part")[body]
+
+
+def length_text(problem: Problem, length: float) -> str:
+    """Return a length to four digits with its unit; rounding is 0."""
+    return measured(number(0.0 if abs(length) <= NOTHING * problem.size else length, DIGITS), problem.unit)
