@@ -127,7 +127,7 @@ def squared(size: float, length: float) -> Any:
     return cost
 
 
-def least(scene: Mapping[str, Any]) -> list[float] | None:
+def least(scene: Mapping[str, Any], starts: int = STARTS) -> list[float] | None:
     """Return the least motion that the starts end with."""
     own, question, size = Scene(scene), scene["question"], score.size(scene)
     context = own.diagram.CreateDefaultContext()
@@ -154,7 +154,7 @@ def least(scene: Mapping[str, Any]) -> list[float] | None:
     options, solver, rng, found = SolverOptions(), SnoptSolver(), np.random.default_rng(0), []
     for key, value in TIGHT.items():
         options.SetOption(solver.id(), key, value)
-    for k in range(STARTS):
+    for k in range(starts):
         spread = (0.0, 0.01, 0.1)[min(k, 1 + k % 2)]
         if own.free:
             start = np.concatenate([[1.0], spread * rng.normal(size=3), spread * size * rng.normal(size=3)])

@@ -11,6 +11,7 @@ from itertools import product
 from typing import Any
 
 from fcdm_opt_benchmarks.stability import scenes
+from fcdm_opt_benchmarks.stability.dataset_families import OF_DATASET
 from fcdm_opt_benchmarks.stability.motion_bodies import LITTLE, OF_BODIES, SIGNS, Family, Members
 from fcdm_opt_benchmarks.stability.scenes import CUBE, FREE, LEVER, PLATE, RX, RY, RZ, SLANT, TIP, Plain, X, Y, Z
 
@@ -325,4 +326,5 @@ FAMILIES: dict[str, Family] = {
     "quadratic programs": (slants, "a parabola along x + y = 1, clipped by the limits"),
     "limits without rest": (rest_excluded, "clipped by the limits, else past the plate"),
     **OF_BODIES,
+    **OF_DATASET,
 }
