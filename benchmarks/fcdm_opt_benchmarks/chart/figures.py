@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +32,10 @@ TITLES = {
     "curve": "the whole decision curve",
     "motion": "the smallest motion (ours with its verification)",
 }
+TASK_WORDS = {"contact": "one contact", "curve": "the whole curve", "motion": "smallest motion"}
+STRONGEST, FINE = 5, 1e-6
+"""How many rivals a panel names, and the relative error within which the fastest comes first."""
+PALETTE = (BLUE, GREEN, PURPLE, ORANGE, SKY)
 GROUPS = {"contact": "vertices", "curve": "vertices", "motion": "parameters"}
 """The column that tells the panels of a task apart."""
 
@@ -66,20 +70,86 @@ def chart_figure(run: BenchRun, task: str) -> Figure:
     return figure
 
 
+def scene_class(row: Row) -> str:
+    """Return the class of a scene: hulls in general position or aligned, or a kind of ordinary parts."""
+    shape = row.get("shape")
+    if row.get("motion") == "of the data set":
+        return str(shape)
+    return "aligned hulls" if shape == "aligned" else "general position"
+
+
+def panels_of(run: BenchRun) -> list[tuple[str, str, list[Row]]]:
+    """Return (task, class of scenes, rows) of each panel, in order."""
+    rows = run.tables["chart"]
+    found = dict.fromkeys((row["task"], scene_class(row)) for row in rows)
+    order = sorted(found, key=lambda own: list(TITLES).index(own[0]))
+    return [(task, kind, [row for row in rows if (row["task"], scene_class(row)) == (task, kind)])
+            for task, kind in order]  # fmt: skip
+
+
+def strongest(rows: Sequence[Row]) -> list[str]:
+    """Return the rivals of a panel in order: least of the scenes failed, then within `FINE`, then fastest."""
+
+    def rank(method: str) -> tuple[float, ...]:
+        settings = []
+        for setting in dict.fromkeys(row["setting"] for row in rows if row["method"] == method):
+            spot = _spot([row for row in rows if (row["method"], row["setting"]) == (method, setting)])
+            if spot is not None:
+                _, seconds, _, error, _, _, failed, asked = spot
+                settings.append((round(failed / asked, 1), not error <= FINE, seconds))
+        return min(settings, default=(2.0,))
+
+    rivals = dict.fromkeys(row["method"] for row in rows if row["family"] != "ours" and row["outcome"] != "not asked")
+    return sorted(rivals, key=rank)
+
+
 def overview_figure(run: BenchRun) -> Figure:
-    """Draw all three tasks side by side, each over all its scenes: medians of the medians."""
-    figure = new_figure(10.0, 5.6)
-    panels = figure.subplots(1, len(TITLES), sharey=True)
-    styles = _styles(run.tables["chart"])
-    for axes, (task, title) in zip(panels, TITLES.items(), strict=True):
-        _panel(axes, [row for row in run.tables["chart"] if row["task"] == task], styles)
-        axes.set_title(title, fontsize=8.5)
-    panels[0].set_ylabel("relative error against the exact reference")
-    panels[1].set_xlabel("seconds an answer")
-    _legend(figure, styles, columns=6)
-    figure.text(0.5, 0.005, _caption(run), ha="center", va="bottom", fontsize=6.5, color=GREY)
-    figure.subplots_adjust(left=0.075, right=0.99, top=0.94, bottom=0.31, wspace=0.05)
+    """Draw a small panel for each task and class of scenes: ours, and the strongest rivals, named beside a point."""
+    shown = panels_of(run)
+    columns = min(3, len(shown))
+    lines = -(-len(shown) // columns)
+    figure = new_figure(10.0, 0.9 + 2.9 * lines)
+    panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
+    for axes, (task, kind, rows) in zip(panels, shown, strict=False):
+        named = strongest(rows)[:STRONGEST]
+        styles = dict.fromkeys(strongest(rows)[STRONGEST:], (GREY, ".", ""))
+        styles |= {method: (PALETTE[k], MARKS[k + 1], "--") for k, method in enumerate(named)}
+        styles |= {row["method"]: (VERMILLION, "o", "-") for row in rows if row["family"] == "ours"}
+        _panel(axes, rows, styles)
+        _named_beside(axes, rows, {method: style[0] for method, style in styles.items() if style[2]})
+        scenes = len({row["scene"] for row in rows})
+        axes.set_title(f"{TASK_WORDS[task]}: {kind} ({scenes} scenes)", fontsize=8)
+    for axes in panels[len(shown) :]:
+        axes.set_visible(False)
+    for axes in panels[::columns]:
+        axes.set_ylabel("relative error", fontsize=8)
+    for axes in panels[max(0, len(shown) - columns) : len(shown)]:
+        axes.set_xlabel("seconds an answer", fontsize=8)
+    told = "Left and below is better. Red: ours, with its verification. Grey: further rivals."
+    figure.text(0.5, 0.005, f"{told}\n{_caption(run)}", ha="center", va="bottom", fontsize=6.5, color=GREY)
+    height = 0.9 + 2.9 * lines
+    figure.subplots_adjust(left=0.075, right=0.99, top=1 - 0.3 / height, bottom=0.75 / height, wspace=0.05, hspace=0.32)
     return figure
+
+
+def _named_beside(axes: Any, rows: Sequence[Row], colours: Mapping[str, str]) -> None:
+    """Write each method's name beside its fastest point, names that would cover each other one below the other."""
+    spots = []
+    for method, colour in colours.items():
+        mine = [row for row in rows if row["method"] == method]
+        found = [spot for setting in dict.fromkeys(row["setting"] for row in mine)
+                 if (spot := _spot([row for row in mine if row["setting"] == setting]))]  # fmt: skip
+        if found:
+            best = min(found, key=lambda spot: spot[1])
+            spots.append((best[1], min(best[3], FAILED) if np.isfinite(best[3]) else FAILED, method, colour))
+    taken: list[tuple[float, float]] = []
+    for x, y, method, colour in sorted(spots):
+        place = np.log10(y)
+        while any(abs(place - other) < 1.3 and abs(np.log10(x) - at) < 2.5 for at, other in taken):
+            place += 1.3
+        taken.append((float(np.log10(x)), float(place)))
+        axes.annotate(method, (x, 10**place), xytext=(5, 0), textcoords="offset points", fontsize=6, color=colour,
+                      va="center", annotation_clip=False)  # fmt: skip
 
 
 def _caption(run: BenchRun) -> str:
