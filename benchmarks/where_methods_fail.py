@@ -196,14 +196,16 @@ INPUTS: tuple[Callable[[], str], ...] = (
     near_touch,
     hollow,
     kept,
+    hull_of_a_hole,
+    separated_meshes,
     stationary,
     another_root,
     hardly_infeasible,
     called_optimal,
-    separated_meshes,
     rounded_upward,
-    hull_of_a_hole,
 )
+"""In the order of the page."""
+
 PACKAGES = ("coal", "scipy", "casadi", "highspy", "pyscipopt", "mujoco", "codac", "drake")
 
 
