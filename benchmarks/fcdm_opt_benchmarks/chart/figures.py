@@ -118,7 +118,9 @@ def overview_figure(run: BenchRun) -> Figure:
         _panel(axes, rows, styles)
         _named_beside(axes, rows, {method: style[0] for method, style in styles.items() if style[2]})
         scenes = len({row["scene"] for row in rows})
-        axes.set_title(f"{TASK_WORDS[task]}: {kind} ({scenes} scenes)", fontsize=8)
+        axes.set_title(f"{TASK_WORDS[task]}: {kind} ({scenes} scene{'s' * (scenes > 1)})", fontsize=7.5)
+        every = [row[key] for _, _, own in shown for row in own for key in ("low", "high") if row.get(key)]
+        axes.set_xlim(min(every) / 3, 30 * max(every))  # room for names
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
     for axes in panels[::columns]:
@@ -148,7 +150,7 @@ def _named_beside(axes: Any, rows: Sequence[Row], colours: Mapping[str, str]) ->
         while any(abs(place - other) < 1.3 and abs(np.log10(x) - at) < 2.5 for at, other in taken):
             place += 1.3
         taken.append((float(np.log10(x)), float(place)))
-        axes.annotate(method, (x, 10**place), xytext=(5, 0), textcoords="offset points", fontsize=6, color=colour,
+        axes.annotate(method, (x, 10**place), xytext=(-2, 7), textcoords="offset points", fontsize=6, color=colour,
                       va="center", annotation_clip=False)  # fmt: skip
 
 

@@ -288,9 +288,7 @@ QUICK = (
     Drawn("translation, rotation", "touch", 100, "long"),
     Drawn("three translations", "clear", 100, "round"),
     Drawn("free", "clear", 8, "long"),
-    Drawn("translation", "touch", 20, "aligned"),
     Drawn("three translations", "touch", 8, "aligned", "apart"),
-    Drawn("three translations", "clear", 20, "aligned"),
 )
 
 
