@@ -88,16 +88,17 @@ def panels_of(run: BenchRun) -> list[tuple[str, str, list[Row]]]:
 
 
 def strongest(rows: Sequence[Row]) -> list[str]:
-    """Return the rivals of a panel in order: least of the scenes failed, then within `FINE`, then fastest."""
+    """Return a panel's rivals in order: who is within `FINE` in most scenes, to a tenth, then who is fastest."""
+    scenes = {row["scene"] for row in rows}
 
-    def rank(method: str) -> tuple[float, ...]:
-        settings = []
-        for setting in dict.fromkeys(row["setting"] for row in rows if row["method"] == method):
-            spot = _spot([row for row in rows if (row["method"], row["setting"]) == (method, setting)])
-            if spot is not None:
-                _, seconds, _, error, _, _, failed, asked = spot
-                settings.append((round(failed / asked, 1), not error <= FINE, seconds))
-        return min(settings, default=(2.0,))
+    def rank(method: str) -> tuple[float, float]:
+        mine = [
+            row for row in rows if row["method"] == method and row["outcome"] == "answered" and row["error"] <= FINE
+        ]
+        best = [
+            min(row["seconds"] for row in mine if row["scene"] == scene) for scene in {row["scene"] for row in mine}
+        ]
+        return -round(len(best) / len(scenes), 1), float(np.median(best)) if best else float("inf")
 
     rivals = dict.fromkeys(row["method"] for row in rows if row["family"] != "ours" and row["outcome"] != "not asked")
     return sorted(rivals, key=rank)
