@@ -242,7 +242,9 @@ def test_derivatives_of_jets() -> None:
 
 def test_the_quick_chart_is_solved_and_asked_anew() -> None:
     cases = chart_cases(True, 0)
-    assert len({case.name for case in cases}) == len(QUICK)
+    assert len({case.name for case in cases}) == len(QUICK) + 3
+    classes = {"unions as drawn", "curved meshes", "sizes of faces, several contacts"}
+    assert {case.labels["shape"] for case in cases} > classes
     assert {case.labels["parameters"] for case in cases} == {1, 2, 3, 6}
     for case in cases:
         first, second = case.question(0), case.question(1)

@@ -15,7 +15,7 @@ import pytest
 from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
 from fcdm_opt_benchmarks.chart import bench, results
-from fcdm_opt_benchmarks.chart.figures import FAILED, chart_figure, overview_figure
+from fcdm_opt_benchmarks.chart.figures import FAILED, chart_figure, overview_figure, strongest
 from fcdm_opt_benchmarks.comparing import compared
 from fcdm_opt_benchmarks.method import Failure, Method
 from fcdm_opt_benchmarks.record import BenchRun, Load, Watch, table
@@ -309,12 +309,23 @@ def test_what_other_programs_take_is_seen():
     assert "Other programs took" in load.sentence
 
 
-def test_the_overview_has_a_panel_for_each_task():
+def test_the_overview_has_a_panel_for_each_task_and_class_of_scenes():
     own = [("a", "ours", 1e-3, 1e-12), ("b", "coal", 1e-2, 1e-6)]
     rows = [row(*each, task=task, parameters=1) for task in ("contact", "curve", "motion") for each in own]
+    rows += [row(*each, task="contact", shape="aligned") for each in own]
+    rows += [row(*each, task="motion", motion="of the data set", shape="curved meshes") for each in own]
     figure = overview_figure(run(chart=rows))
-    assert len(figure.axes) == 3
-    assert all(len(axes.lines) >= 2 for axes in figure.axes)
+    titles = [axes.get_title() for axes in figure.axes if axes.get_visible()]
+    assert len(titles) == 5
+    assert sum("aligned hulls" in title for title in titles) == sum("curved meshes" in title for title in titles) == 1
+    assert all(len(axes.lines) >= 2 for axes in figure.axes if axes.get_visible())
+    assert all({text.get_text() for text in axes.texts} >= {"a", "b"} for axes in figure.axes if axes.get_visible())
+
+
+def test_the_strongest_rival_answers_all_then_is_near_then_fast():
+    rows = [row("ours", "ours", 1e-3, 1e-12), row("far", "coal", 1e-6, 1e-2), row("slow", "coal", 1e-1, 1e-9),
+            row("fast", "coal", 1e-2, 1e-8), row("fails", "coal", 1e-5, 1e-9, outcome="failed")]  # fmt: skip
+    assert strongest(rows)[:2] == ["fast", "slow"]
 
 
 # --------------------------------------------------------------------------------- planted: a kernel wrong now and then

@@ -29,8 +29,9 @@ def problem(one: Shape, two: Shape, **arguments: Any) -> Problem:
     return Problem(one.body("one"), two.body("two"), **{"box": WIDE, "goal": "touch", "motion": X, **arguments})
 
 
-EVERY = pytest.mark.parametrize("name", RIVALS)
-EQUATIONS = pytest.mark.parametrize("name", [name for name in RIVALS if name != "grid"])
+GENERAL = [name for name in RIVALS if name not in ("Drake, SNOPT", "SCIP", "codac, proved")]  # see test_outside_rivals
+EVERY = pytest.mark.parametrize("name", GENERAL)
+EQUATIONS = pytest.mark.parametrize("name", [name for name in GENERAL if name != "grid"])
 LOOSE = {"grid": FINE["translation"], "trust-constr": 1e-3}
 
 
@@ -73,7 +74,7 @@ def test_two_directions_share_the_way(name: str) -> None:
     check(name, asked, amount, {"differential evolution": 1e-4, "Nelder-Mead": 1e-4}.get(name, EXACT))
 
 
-@pytest.mark.parametrize("name", [name for name in RIVALS if name != "coal distance + Newton"])
+@pytest.mark.parametrize("name", [name for name in GENERAL if name != "coal distance + Newton"])
 def test_a_keep_out_asks_for_more_than_the_contact(name: str) -> None:
     """It begins before the plate does: the tip's reach of 1.1 must go back to 0.8."""
     block = KeepOut(box_shape(("0.8", -2, -2), (1, 2, 2)).body("block"))
@@ -81,7 +82,7 @@ def test_a_keep_out_asks_for_more_than_the_contact(name: str) -> None:
     check(name, asked, 0.3, {key: own / 0.1 for key, own in LOOSE.items()}.get(name, EXACT))
 
 
-@pytest.mark.parametrize("name", [name for name in RIVALS if not name.startswith("coal")])
+@pytest.mark.parametrize("name", [name for name in GENERAL if not name.startswith("coal")])
 def test_a_switching_point_goes_beyond_its_target(name: str) -> None:
     """By every method and by our own: none is smaller, and those that end on their conditions are as small."""
     rng = np.random.default_rng(4)

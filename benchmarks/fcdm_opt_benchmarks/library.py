@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
+import platform
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +23,56 @@ Compressed = tuple[NDArray[Any], NDArray[Any], Array]
 """A matrix by columns: where they start, rows, values."""
 
 
+class MissingLibraryError(FcdmError, ModuleNotFoundError):
+    """An optional library is not installed; `name` is its module."""
+
+
+PACKAGES = {"pydrake": "drake"}
+"""What to install for a module of another name."""
+
+
+def package(module: str) -> str:
+    """Return what to install for a module."""
+    top = module.partition(".")[0]
+    return PACKAGES.get(top, top)
+
+
 def library(name: str) -> Any:
-    """Import an optional library; raise `FcdmError` that says what to install."""
+    """Import an optional library; raise `MissingLibraryError` that says what to install."""
     try:
         return import_module(name)
     except ImportError as reason:
-        raise FcdmError(f"this rival method needs {name}: pip install {name} ({reason})") from reason
+        word = f"this rival method needs {name}: pip install {package(name)} ({reason})"
+        raise MissingLibraryError(word, name=name) from reason
+
+
+UPWARD = 0x800 if platform.machine() in ("x86_64", "AMD64") else 0x400000  # FE_UPWARD
+
+
+@contextmanager
+def rounding_upward() -> Iterator[None]:
+    """Round upward within, as interval libraries need it, and as before afterwards.
+
+    codac sets the processor so when it is imported and leaves it: every later sum of the process would be rounded up.
+    """
+    system = ctypes.CDLL(None)
+    before = system.fegetround()
+    system.fesetround(UPWARD)
+    try:
+        yield
+    finally:
+        system.fesetround(before)
+
+
+@cache
+def dataset_script(name: str) -> Any:
+    """Return a script of the data set, which lies beside this package, as a module."""
+    folder = str(Path(__file__).parents[1] / "dataset")
+    sys.path.insert(0, folder)
+    try:
+        return import_module(name)
+    finally:
+        sys.path.remove(folder)
 
 
 def highs_solver(tolerance: float | None = None, **options: Any) -> Any:

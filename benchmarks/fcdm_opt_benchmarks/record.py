@@ -37,7 +37,7 @@ from fcdm_opt.plain import finite
 
 SCHEMA = 1
 PACKAGES = ("fcdm_opt", "numpy", "numba", "scipy", "casadi", "coal", "highspy", "cvxpy", "clarabel", "python-flint",
-            "trimesh", "coacd", "manifold3d")  # fmt: skip
+            "trimesh", "coacd", "manifold3d", "drake", "pyscipopt", "mujoco", "codac")  # fmt: skip
 NUMBERS = ("seconds", "low", "high", "error", "amount")
 """Columns that runs are compared by."""
 

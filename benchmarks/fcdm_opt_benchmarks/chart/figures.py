@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, new_figure
-from fcdm_opt.show.lettering import Names
 from fcdm_opt_benchmarks.record import BenchRun, Row
 
 if TYPE_CHECKING:
@@ -28,13 +27,15 @@ COLOURS = {
 MARKS = "osD^vPX*<>hdp8"
 EXACT, FAILED = 1e-18, 1e2
 """Errors at which exact answers, and failed ones, are drawn."""
-METHODS_SHOWN, OURS_SHOWN = 6, 1
-"""Methods of a task in the overview, and those of ours among them."""
 TITLES = {
     "contact": "one contact: the scale at which body 2 touches",
     "curve": "the whole decision curve",
     "motion": "the smallest motion (ours with its verification)",
 }
+TASK_WORDS = {"contact": "one contact", "curve": "the whole curve", "motion": "smallest motion"}
+STRONGEST, FINE = 5, 1e-6
+"""How many rivals a panel names, and the relative error within which the fastest comes first."""
+PALETTE = (BLUE, GREEN, PURPLE, ORANGE, SKY)
 GROUPS = {"contact": "vertices", "curve": "vertices", "motion": "parameters"}
 """The column that tells the panels of a task apart."""
 
@@ -69,61 +70,89 @@ def chart_figure(run: BenchRun, task: str) -> Figure:
     return figure
 
 
-def overview_figure(run: BenchRun) -> Figure:
-    """Draw all three tasks side by side, each over all its scenes: ours in colour, the rivals nearest to it grey.
+def scene_class(row: Row) -> str:
+    """Return the class of a scene: hulls in general position or aligned, or a kind of ordinary parts."""
+    shape = row.get("shape")
+    if row.get("motion") == "of the data set":
+        return str(shape)
+    return "aligned hulls" if shape == "aligned" else "general position"
 
-    Medians of the medians; a method's name stands beside it. `chart_figure` has all methods of a task.
-    """
-    figure = new_figure(9.0, 3.4)
-    panels = figure.subplots(1, len(TITLES), sharey=True)
-    figure.subplots_adjust(left=0.085, right=0.99, top=0.9, bottom=0.2, wspace=0.06)
-    for axes, (task, title) in zip(panels, TITLES.items(), strict=True):
-        rows = [row for row in run.tables["chart"] if row["task"] == task]
-        chosen = _nearest(rows)
-        styles = {
-            name: (COLOURS["ours"] if ours else GREY, "o" if ours else MARKS[k], "-" if ours else "--")
-            for k, (name, ours) in enumerate(chosen.items())
-        }
+
+def panels_of(run: BenchRun) -> list[tuple[str, str, list[Row]]]:
+    """Return (task, class of scenes, rows) of each panel, in order."""
+    rows = run.tables["chart"]
+    found = dict.fromkeys((row["task"], scene_class(row)) for row in rows)
+    order = sorted(found, key=lambda own: list(TITLES).index(own[0]))
+    return [(task, kind, [row for row in rows if (row["task"], scene_class(row)) == (task, kind)])
+            for task, kind in order]  # fmt: skip
+
+
+def strongest(rows: Sequence[Row]) -> list[str]:
+    """Return a panel's rivals in order: who is within `FINE` in most scenes, to a tenth, then who is fastest."""
+    scenes = {row["scene"] for row in rows}
+
+    def rank(method: str) -> tuple[float, float]:
+        mine = [
+            row for row in rows if row["method"] == method and row["outcome"] == "answered" and row["error"] <= FINE
+        ]
+        best = [
+            min(row["seconds"] for row in mine if row["scene"] == scene) for scene in {row["scene"] for row in mine}
+        ]
+        return -round(len(best) / len(scenes), 1), float(np.median(best)) if best else float("inf")
+
+    rivals = dict.fromkeys(row["method"] for row in rows if row["family"] != "ours" and row["outcome"] != "not asked")
+    return sorted(rivals, key=rank)
+
+
+def overview_figure(run: BenchRun) -> Figure:
+    """Draw a small panel for each task and class of scenes: ours, and the strongest rivals, named beside a point."""
+    shown = panels_of(run)
+    columns = min(3, len(shown))
+    lines = -(-len(shown) // columns)
+    figure = new_figure(10.0, 0.9 + 2.9 * lines)
+    panels = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
+    for axes, (task, kind, rows) in zip(panels, shown, strict=False):
+        named = strongest(rows)[:STRONGEST]
+        styles = dict.fromkeys(strongest(rows)[STRONGEST:], (GREY, ".", ""))
+        styles |= {method: (PALETTE[k], MARKS[k + 1], "--") for k, method in enumerate(named)}
+        styles |= {row["method"]: (VERMILLION, "o", "-") for row in rows if row["family"] == "ours"}
         _panel(axes, rows, styles)
-        axes.set_title(title, fontsize=8.5)
-        names = Names(axes)
-        for name, (colour, *_) in styles.items():
-            spots = [spot for setting in _settings(rows, name) if (spot := _spot(_of(rows, name, setting)))]
-            places = [(spot[1], spot[3] if np.isfinite(spot[3]) else FAILED) for spot in spots]
-            names.put(f"ours: {name}" if chosen[name] else name, places, (0.3, 1.0), colour=colour)
-    panels[0].set_ylabel("relative error")
-    panels[1].set_xlabel("seconds an answer: left and below is better")
-    figure.text(0.5, 0.01, run.caption, ha="center", va="bottom", fontsize=6.5, color=GREY)
+        _named_beside(axes, rows, {method: style[0] for method, style in styles.items() if style[2]})
+        scenes = len({row["scene"] for row in rows})
+        axes.set_title(f"{TASK_WORDS[task]}: {kind} ({scenes} scene{'s' * (scenes > 1)})", fontsize=7.5)
+        every = [row[key] for _, _, own in shown for row in own for key in ("low", "high") if row.get(key)]
+        axes.set_xlim(min(every) / 3, 30 * max(every))  # room for names
+    for axes in panels[len(shown) :]:
+        axes.set_visible(False)
+    for axes in panels[::columns]:
+        axes.set_ylabel("relative error", fontsize=8)
+    for axes in panels[max(0, len(shown) - columns) : len(shown)]:
+        axes.set_xlabel("seconds an answer", fontsize=8)
+    told = "Left and below is better. Red: ours, with its verification. Grey: further rivals."
+    figure.text(0.5, 0.005, f"{told}\n{_caption(run)}", ha="center", va="bottom", fontsize=6.5, color=GREY)
+    height = 0.9 + 2.9 * lines
+    figure.subplots_adjust(left=0.075, right=0.99, top=1 - 0.3 / height, bottom=0.75 / height, wspace=0.05, hspace=0.32)
     return figure
 
 
-def _nearest(rows: Sequence[Row]) -> dict[str, bool]:
-    """Return at most six methods, and whether each is ours: ours first, then the soonest of each rival family."""
-    soonest: dict[tuple[str, str], float] = {}
-    for row in rows:
-        if row["outcome"] == "answered":
-            soonest.setdefault((row["method"], row["family"]), float("inf"))
-    for method, family in soonest:
-        times = [row["seconds"] for row in rows if row["method"] == method and row["outcome"] == "answered"]
-        soonest[method, family] = float(np.median(times))
-    ordered = sorted(soonest, key=lambda own: (own[1] != "ours", soonest[own]))
-    ours, families, chosen = 0, set[str](), dict[str, bool]()
-    for method, family in ordered:
-        if family == "ours" and ours < OURS_SHOWN:
-            ours += 1
-            chosen[method] = True
-        elif family != "ours" and family not in families and len(chosen) < METHODS_SHOWN:
-            families.add(family)
-            chosen[method] = False
-    return chosen
-
-
-def _settings(rows: Sequence[Row], method: str) -> list[str]:
-    return list(dict.fromkeys(row["setting"] for row in rows if row["method"] == method))
-
-
-def _of(rows: Sequence[Row], method: str, setting: str) -> list[Row]:
-    return [row for row in rows if row["method"] == method and row["setting"] == setting]
+def _named_beside(axes: Any, rows: Sequence[Row], colours: Mapping[str, str]) -> None:
+    """Write each method's name beside its fastest point, names that would cover each other one below the other."""
+    spots = []
+    for method, colour in colours.items():
+        mine = [row for row in rows if row["method"] == method]
+        found = [spot for setting in dict.fromkeys(row["setting"] for row in mine)
+                 if (spot := _spot([row for row in mine if row["setting"] == setting]))]  # fmt: skip
+        if found:
+            best = min(found, key=lambda spot: spot[1])
+            spots.append((best[1], min(best[3], FAILED) if np.isfinite(best[3]) else FAILED, method, colour))
+    taken: list[tuple[float, float]] = []
+    for x, y, method, colour in sorted(spots):
+        place = np.log10(y)
+        while any(abs(place - other) < 1.3 and abs(np.log10(x) - at) < 2.5 for at, other in taken):
+            place += 1.3
+        taken.append((float(np.log10(x)), float(place)))
+        axes.annotate(method, (x, 10**place), xytext=(-2, 7), textcoords="offset points", fontsize=6, color=colour,
+                      va="center", annotation_clip=False)  # fmt: skip
 
 
 def _caption(run: BenchRun) -> str:
@@ -150,7 +179,9 @@ def _panel(axes: Any, rows: Sequence[Row], styles: dict[str, tuple[str, str, str
     axes.set_xscale("log")
     axes.set_yscale("log")
     for method, (colour, mark, line) in styles.items():
-        spots = [spot for setting in _settings(rows, method) if (spot := _spot(_of(rows, method, setting)))]
+        mine = [row for row in rows if row["method"] == method]
+        spots = [spot for setting in dict.fromkeys(row["setting"] for row in mine)
+                 if (spot := _spot([row for row in mine if row["setting"] == setting]))]  # fmt: skip
         answered = np.array([spot[:6] for spot in spots if np.isfinite(spot[3])], dtype=np.float64)
         size, width = (6.5, 1.6) if line == "-" else (4.5, 0.9)
         if len(answered):

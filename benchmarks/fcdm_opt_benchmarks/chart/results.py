@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from fcdm_opt.show import save
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.chart.bench import TASKS, ahead
-from fcdm_opt_benchmarks.chart.figures import chart_figure, overview_figure
+from fcdm_opt_benchmarks.chart.figures import TASK_WORDS, chart_figure, overview_figure, panels_of, strongest
 from fcdm_opt_benchmarks.cost.growth import exponents
 from fcdm_opt_benchmarks.cost.growth_picture import growth_figure
 from fcdm_opt_benchmarks.cost.models_picture import models_figure
@@ -30,7 +31,7 @@ def write(run: BenchRun, folder: Path) -> list[Path]:
     made = [folder / "bench.json", folder / "bench.md"]
     rows = run.tables["chart"]
     figures = {task: chart_figure(run, task) for task in TASKS if any(row["task"] == task for row in rows)}
-    if len(figures) == len(TASKS):
+    if figures:
         figures = {"speed-accuracy": overview_figure(run), **figures}
     if run.tables["growth"]:
         figures["growth"] = growth_figure(run)
@@ -44,6 +45,8 @@ def write(run: BenchRun, folder: Path) -> list[Path]:
 def text(run: BenchRun) -> str:
     """Tell a run in Markdown."""
     parts = ["# Speed against accuracy", run.about, summary(run)]
+    if run.tables["chart"]:
+        parts += ["## Panels", _panels(run)]
     for task, title in TASKS.items():
         rows = [row for row in run.tables["chart"] if row["task"] == task]
         if rows:
@@ -90,6 +93,56 @@ def summary(run: BenchRun, *, most: int | None = None) -> str:
         lines.append(f"- {checked} decision curves of the batch compared with exact ones, feature by feature: {word}.")
         lines += [f"  - {fault}" for fault in faults[:20]]
     return "\n".join(lines)
+
+
+def _panels(run: BenchRun) -> str:
+    """Return a line a panel: ours, and the strongest rivals that reach our accuracy, with the ratio of their times."""
+    lines = []
+    for task, kind, rows in panels_of(run):
+        enough = REACHED if task == "motion" else DEFAULT.nominal
+        ours = _medians(rows, _own(rows), math.inf)
+        scenes = {row["scene"] for row in rows}
+        line = [TASK_WORDS[task], kind, str(len(scenes)), "", "none", "", ""]
+        if ours is not None:
+            line[3] = f"{ours[0]:.2g} s, {ours[1]:.1g}"
+            for method in strongest(rows):
+                found = _medians(rows, method, enough)
+                if found is not None:
+                    line[4:] = [f"{method}, {found[0]:.2g} s, {found[1]:.1g}", f"{found[2]} of {len(scenes)}",
+                                f"{ours[0] / found[0]:.2g}"]  # fmt: skip
+                    break
+        lines.append(line)
+    head = [
+        "task",
+        "scenes of",
+        "number",
+        "ours: median, error",
+        "strongest rival as accurate",
+        "answered",
+        "ours / rival",
+    ]
+    return table(head, lines, left=2)
+
+
+def _own(rows: Sequence[Row]) -> str:
+    """Return that of our methods which answers most scenes, the fastest of these."""
+    own = dict.fromkeys(row["method"] for row in rows if row["family"] == "ours")
+    return min(own, key=lambda method: (-(found := _medians(rows, method, math.inf) or (0.0, 0.0, 0))[2], found[0]))
+
+
+def _medians(rows: Sequence[Row], method: str, most: float) -> tuple[float, float, int] | None:
+    """Return median seconds and error of a method's fastest setting within an error, and in how many scenes it is."""
+    found = []
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        good = [row for row in rows if (row["method"], row["scene"]) == (method, scene)
+                and row["outcome"] == "answered" and row["error"] <= most]  # fmt: skip
+        if good:
+            best = min(good, key=lambda row: row["seconds"])
+            found.append((best["seconds"], best["error"]))
+    if not found:
+        return None
+    seconds, errors = np.median(np.array(found), axis=0).tolist()
+    return seconds, errors, len(found)
 
 
 def _losses(rows: Sequence[Row], found: Sequence[Row], most: int | None, sentence: str) -> list[str]:

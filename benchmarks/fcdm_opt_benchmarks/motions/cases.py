@@ -19,6 +19,8 @@ import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
+from fcdm_opt.solver import solve
+from fcdm_opt_benchmarks import dataset
 from fcdm_opt_benchmarks.motions.least import Least, least_amount
 from fcdm_opt_benchmarks.pairs import DrawnPair, random_hull
 from fcdm_opt_benchmarks.shapes import box, polygon, prism, random_directions, random_rotation
@@ -286,9 +288,7 @@ QUICK = (
     Drawn("translation, rotation", "touch", 100, "long"),
     Drawn("three translations", "clear", 100, "round"),
     Drawn("free", "clear", 8, "long"),
-    Drawn("translation", "touch", 20, "aligned"),
     Drawn("three translations", "touch", 8, "aligned", "apart"),
-    Drawn("three translations", "clear", 20, "aligned"),
 )
 
 
@@ -318,7 +318,33 @@ class ChartCase:
 
 def chart_cases(quick: bool, seed: int) -> list[ChartCase]:
     """Return the problems of the chart, each solvable and with a reference."""
-    return [_charted(seed, drawn) for drawn in (QUICK if quick else dict.fromkeys((*QUICK, *_all())))]
+    hulls = [_charted(seed, drawn) for drawn in (QUICK if quick else dict.fromkeys((*QUICK, *_all())))]
+    return [*hulls, *_of_dataset(quick)]
+
+
+def _of_dataset(quick: bool) -> Iterator[ChartCase]:
+    """Yield unions, curved meshes, sizes of faces and several contacts, from the data set; quick, one of a kind."""
+    seen = set()
+    for scene in dataset.scenes():
+        kind, answer = dataset.kind(scene), scene["answer"]
+        if kind == "general position" or not answer.get("amount") or (quick and kind in seen):
+            continue
+        problem = fo.Problem.from_dict(dataset.plain_problem(scene))
+        if not solve(problem).usable:  # a motion that leaves the fit is none, however small
+            continue
+        seen.add(kind)
+        parts = (*problem.movable.parts, *problem.static.parts)
+        labels = {
+            "motion": "of the data set",
+            "parameters": len(problem.motion.parameters),
+            "goal": scene["question"]["goal"],
+            "vertices": sum(len(part.vertices) for part in parts) // 2,
+            "shape": kind,
+            "separation": "as made",
+            "gap": max(1.0 - answer["lower"] / answer["amount"], 0.0),
+        }
+        least = Least(answer["amount"], answer["lower"], answer["source"])
+        yield ChartCase(scene["name"], labels, problem, least)
 
 
 def _all() -> Iterator[Drawn]:

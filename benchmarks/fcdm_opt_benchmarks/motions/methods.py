@@ -28,7 +28,9 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.stages.full import modelled_in_full
 from fcdm_opt.tolerances import DEFAULT
+from fcdm_opt_benchmarks.library import library, rounding_upward
 from fcdm_opt_benchmarks.method import Ask, Failure, Method, MotionAnswer, anything, one_by_one
+from fcdm_opt_benchmarks.motions import outside
 from fcdm_opt_benchmarks.motions.asked import Asked, AskedOfCoal
 
 # The paper prints one parameter of a pair as 0.25, 6 or 2 degrees, the other with four decimals: lengths and degrees.
@@ -376,6 +378,8 @@ def _without_seats(problem: Problem) -> str | None:
 def _refused(refuses: Callable[[Problem], str | None], problem: Problem | None) -> str | None:
     if problem is None:
         return None
+    if len(problem.contacts) > 1 and problem.goal in ("at", "seat", "fit"):
+        return f"a rival tracks one contact, and {len(problem.contacts)} are asked for at once"
     if problem.feature_pairs:
         return f"a rival tracks two named features, and {len(problem.feature_pairs)} pairs of them are to choose from"
     return refuses(problem)
@@ -387,12 +391,16 @@ Search = Callable[[Task, Any], "Array | None"]
 
 
 def _searched(search: Search, refuses: Callable[[Problem], str | None], subject: Any, setting: Any) -> Ask:
+    return _answering(lambda problem, task: search(task, setting), refuses)
+
+
+def _answering(search: Callable[[Problem, Task], Array | None], refuses: Callable[[Problem], str | None]) -> Ask:
     def answer(problem: Problem) -> MotionAnswer | Failure:
         reason = _refused(refuses, problem)
         if reason is not None:
             return Failure(reason)
         task = Task.of(problem)
-        q = search(task, setting)
+        q = search(problem, task)
         if q is None or not np.isfinite(q).all():
             return Failure(NONE)
         return MotionAnswer(q, task.amount(q))
@@ -420,6 +428,29 @@ def _rival(
     refuses: Callable[[Problem], str | None] = anything,
 ) -> Method:
     return Method(name, family, settings, partial(_searched, search, refuses), partial(_refused, refuses))
+
+
+def _outside(
+    name: str,
+    family: str,
+    package: str,
+    search: Callable[[Problem, Task, Any], Array | None],
+    settings: Mapping[str, Any],
+    refuses: Callable[[Problem], str | None],
+) -> Method:
+    """Return a solver of others, which gets the problem itself; asked where its library is installed."""
+
+    def prepare(subject: Any, setting: Any) -> Ask:
+        with rounding_upward():  # codac leaves it so
+            library(package)
+
+        def restored(problem: Problem, task: Task) -> Array | None:
+            found, asked = search(problem, task, setting), Asked(task)
+            return None if found is None else asked.restored(found / asked.scales)
+
+        return _answering(restored, refuses)
+
+    return Method(name, family, settings, prepare, partial(_refused, refuses))
 
 
 def _numbers(words: str, *labels: str) -> dict[str, float]:
@@ -456,6 +487,9 @@ METHODS = (
         {**LOOSE, "to 1e-8, coal 1e-12": Library(1e-8, DEFAULT.judge_gjk)},
         _with_one_distance,
     ),
+    _outside("Drake, SNOPT", "Drake", "pydrake", outside.drake, {"1 start": 1, "20 starts": 20}, outside.no_joint),
+    _outside("SCIP", "SCIP", "pyscipopt", outside.scip, _numbers("feasible to", "1e-6", "1e-9"), outside.no_program),
+    _outside("codac, proved", "codac", "codac", outside.enclosed, _numbers("to", "1e-4", "1e-8"), outside.no_interval),
 )
 """Settings that are the library's own: xatol 1e-4, ftol 1e-6, gtol 1e-8, radius 1e-6, tol 1e-8 and coal 1e-6."""
 USUAL = {
@@ -470,6 +504,9 @@ USUAL = {
     "IPOPT, full model": "tol 1e-11",
     "coal in the loop": "to 1e-12, coal 1e-12",
     "coal distance + Newton": "to 1e-8, coal 1e-12",
+    "Drake, SNOPT": "20 starts",
+    "SCIP": "feasible to 1e-6",
+    "codac, proved": "to 1e-8",
 }
 """The setting at which a method is compared with others where only one is taken: fine, and within its reason."""
 

@@ -11,6 +11,7 @@ from itertools import product
 from typing import Any
 
 from fcdm_opt_benchmarks.stability import scenes
+from fcdm_opt_benchmarks.stability.dataset_families import OF_DATASET
 from fcdm_opt_benchmarks.stability.motion_bodies import LITTLE, OF_BODIES, SIGNS, Family, Members
 from fcdm_opt_benchmarks.stability.scenes import CUBE, FREE, LEVER, PLATE, RX, RY, RZ, SLANT, TIP, Plain, X, Y, Z
 
@@ -179,7 +180,7 @@ def tolerances(rng: Any) -> Members:
         off = [tau * nominal * sign for nominal, sign in zip((3, 1), SIGNS[letter], strict=True)]
         amount = math.hypot(off[0] + off[1], off[0] + 2 * off[1])
         asked = crossing(tolerance=tau, requirement=letter, goal="at")
-        yield f"at, {letter}, {tau:g}", asked, REFUSED if tau == 1.0 and letter != "A" else amount
+        yield f"at, {letter}, {tau:g}", asked, REFUSED if tau == 1.0 else amount
     shifts = {"A": (0.08, 0.1), "B": (0.024, 0.012), "C": (0.024, 0.012), "D": (0.08, 0.1)}
     for letter, shift in shifts.items():
         asked = crossing(tolerance=0.02, requirement=letter, goal="beyond")
@@ -325,4 +326,5 @@ FAMILIES: dict[str, Family] = {
     "quadratic programs": (slants, "a parabola along x + y = 1, clipped by the limits"),
     "limits without rest": (rest_excluded, "clipped by the limits, else past the plate"),
     **OF_BODIES,
+    **OF_DATASET,
 }

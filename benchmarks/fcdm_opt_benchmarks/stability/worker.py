@@ -23,6 +23,8 @@ from importlib import import_module
 from time import perf_counter
 from typing import Any
 
+from fcdm_opt_benchmarks.library import package
+
 MEMORY = 6 << 30
 """Bytes of address space: a greedy method dies alone."""
 
@@ -76,7 +78,7 @@ def _reply(answer: Callable[[Any], Any], data: Any) -> dict[str, Any]:
     except ModuleNotFoundError as reason:
         if (reason.name or "").partition(".")[0].startswith("fcdm_opt"):
             raise
-        return {"missing": f"{reason}: pip install {reason.name}"}
+        return {"missing": f"{reason}: pip install {package(reason.name or str(reason))}"}
     except MemoryError as reason:
         reply = {"crash": f"MemoryError: {reason}"[:LONGEST]}
     except Exception as reason:  # a library may raise anything: in its words it says that it has no answer

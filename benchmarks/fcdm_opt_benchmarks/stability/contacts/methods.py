@@ -24,7 +24,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.coal_shapes import coal_hull, coal_requests
-from fcdm_opt_benchmarks.library import dense, highs_model, highs_solver
+from fcdm_opt_benchmarks.library import dataset_script, dense, highs_model, highs_solver
 from fcdm_opt_benchmarks.stability.case import WRONG_BEYOND
 
 if TYPE_CHECKING:
@@ -222,6 +222,54 @@ def manifold_boolean(data: Data) -> Answer:
     return {"overlaps": any(not (p ^ q).is_empty() for p, q in product(one, two))}
 
 
+def mujoco_distance(data: Data) -> Answer:
+    """Ask MuJoCo's mj_geomDistance of meshes, the least over the part pairs; its meshes keep single precision."""
+    import mujoco
+
+    ones, twos = _clouds(data)
+    spec = mujoco.MjSpec()
+    for k, cloud in enumerate((*ones, *twos)):
+        mesh = spec.add_mesh(name=f"part {k}")
+        mesh.uservert = cloud.ravel().tolist()
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name)
+    model = spec.compile()
+    state = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, state)
+    most = 10.0 * float(np.ptp(np.vstack([*ones, *twos]), axis=0).max())
+    pairs = product(range(len(ones)), range(len(ones), len(ones) + len(twos)))
+    gaps = [mujoco.mj_geomDistance(model, state, i, j, most, np.zeros(6)) for i, j in pairs]
+    return {"gap": float(min(gaps))}
+
+
+def drake_distance(data: Data) -> Answer:
+    """Ask Drake's signed distance of convex geometries, the least over the part pairs, with its normal."""
+    geometry, math = import_module("pydrake.geometry"), import_module("pydrake.math")
+    shape = dataset_script("answer_drake").shape
+    graph = geometry.SceneGraph()
+    source, properties = graph.RegisterSource("scene"), geometry.ProximityProperties()
+    for role, clouds in zip(BODIES, _clouds(data), strict=True):
+        frame = graph.RegisterFrame(source, geometry.GeometryFrame(role)) if role == "one" else graph.world_frame_id()
+        for k, cloud in enumerate(clouds):
+            own = geometry.GeometryInstance(math.RigidTransform(), shape(cloud), f"{role} {k}")
+            own.set_proximity_properties(properties)
+            graph.RegisterGeometry(source, frame, own)
+    context = graph.CreateDefaultContext()
+    if poses := graph.get_source_pose_port(source):
+        from pydrake.common.value import Value
+
+        still = geometry.FramePoseVector()
+        for frame in graph.model_inspector().GetAllFrameIds():
+            if frame != graph.world_frame_id():
+                still.set_value(frame, math.RigidTransform())
+        poses.FixValue(context, Value(still))
+    found = graph.get_query_output_port().Eval(context).ComputeSignedDistancePairwiseClosestPoints()
+    least = min(found, key=lambda own: own.distance)
+    name = graph.model_inspector().GetName(least.id_A)
+    sign = 1.0 if "two" in name else -1.0  # `nhat_BA_W` points to A
+    return {"gap": float(least.distance), "normal": (sign * np.array(least.nhat_BA_W)).tolist()}
+
+
 def _manifold(manifold3d: Any, cloud: Array) -> Any:
     made = manifold3d.Manifold.hull_points(cloud)
     if made.is_empty():
@@ -357,6 +405,8 @@ METHODS: dict[str, Callable[[Data], Answer]] = {
     "coal bisection 1e-12": partial(coal_bisection, tolerance=TIGHT),
     "manifold3d gap": manifold_gap,
     "manifold3d intersection": manifold_boolean,
+    "MuJoCo distance": mujoco_distance,
+    "Drake distance": drake_distance,
     "HiGHS": partial(linear_program, solver=highs),
     "HiGHS 1e-10": partial(linear_program, solver=highs, tolerance=1e-10),
     "Clarabel": partial(linear_program, solver=clarabel),
